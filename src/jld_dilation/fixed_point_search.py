@@ -72,8 +72,8 @@ class FixedPointSearch:
     The search looks for forces whose own frozen problem they solve, so that the complementarity gap Γ, (4.3), is zero.
     `pair_from` or `attempts` run it; the other methods are its steps.
 
-    analysis: of associative friction. labels: (m,) True = dry. options: parameters of the search. solves: number of
-    programs solved so far; all programs share solvers.
+    analysis: of associative friction. options: parameters of the search. solves: number of programs solved so far; all
+    programs share solvers.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions) -> None:
@@ -545,7 +545,7 @@ def frozen_friction_bound(
 ) -> float:
     """Prove a lower bound on λ by freezing friction at the least normal force of each face.
 
-    labels: (m,) True = dry. normals: (m,) columns of N in F. force_bounds: (q + 2,), see `Statics.force_bounds`.
+    normals: (m,) columns of N in F. force_bounds: (q + 2,), see `Statics.force_bounds`.
     """
     # A solution is the optimum of the problem whose friction is frozen at its own normal forces N, and this optimum
     # grows with N. Each iteration computes the least N of all states with λ above the last bound, and freezes friction

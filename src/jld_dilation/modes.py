@@ -224,7 +224,7 @@ class Modes(LinearModes):
 def modes_of(template: Template, labels: Bits) -> Modes | None:
     """Build the complementarity problem of a planar labelling.
 
-    labels: (m,) True = dry. The result is None for spatial assemblies, and for labels under which a face may crush.
+    The result is None for spatial assemblies, and for labels under which a face may crush.
     """
     facets = template.yield_set.associative.facets(labels)
     if facets is None:

@@ -68,8 +68,8 @@ class _Bounds:
 class LowerBoundSearch:
     """Search for a lower bound on λ over all non-dilatant solutions of one planar labelling.
 
-    analysis: of the assembly. labels: (m,) True = dry. modes: complementarity problem of these labels. problem: lowest
-    solution found, time budget and log; the search updates it.
+    analysis: of the assembly. modes: complementarity problem of these labels. problem: lowest solution found, time
+    budget and log; the search updates it.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, problem: LowerBoundProblem) -> None:
@@ -183,13 +183,13 @@ def load_range(
 ) -> Proof:
     """Find the lowest and the highest certified solution, and a lower bound on all solutions.
 
-    labels: (m,) True = dry. Result: proof of the lowest solution found. `extra` also holds `lowest_found` and
-    `highest_found` (λ, None if no solution was certified), `solutions_found`, `highest` (evidence for the highest
-    solution: λ, violation, dilation, gap, forces, mechanism), and the entries of the bound. `lowest_proven`: no
-    solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic; None if no bound above zero is
-    proven. `lowest_bound`, `bound_tolerance`: the highest bound, and the relative tolerance to which it depends on a
-    solver. `proven`: `lowest_bound` equals `lowest_proven`. `closed`: `lowest_bound` meets `lowest_found` within 1e-6.
-    `floor_route`, `floor_programs`, `floor_seconds`: steps, number of programs, and processor time in seconds.
+    Result: proof of the lowest solution found. `extra` also holds `lowest_found` and `highest_found` (λ, None if no
+    solution was certified), `solutions_found`, `highest` (evidence for the highest solution: λ, violation, dilation,
+    gap, forces, mechanism), and the entries of the bound. `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by
+    certificates checked in exact arithmetic; None if no bound above zero is proven. `lowest_bound`, `bound_tolerance`:
+    the highest bound, and the relative tolerance to which it depends on a solver. `proven`: `lowest_bound` equals
+    `lowest_proven`. `closed`: `lowest_bound` meets `lowest_found` within 1e-6. `floor_route`, `floor_programs`,
+    `floor_seconds`: steps, number of programs, and processor time in seconds.
     """
     # The search ends early at the deadline of the command; solutions found until then are reported. The bound requires
     # a planar scene without crushing, effective areas, shear strength of dry faces and friction of inner faces.
@@ -233,8 +233,8 @@ def _lower_bound(
 ) -> LowerBound | None:
     """Compute a lower bound on λ of all solutions by the function `bound`.
 
-    labels: (m,) True = dry. None without any solution, without time, with effective areas, and where dry faces have
-    shear strength or inner faces friction.
+    None without any solution, without time, with effective areas, and where dry faces have shear strength or inner
+    faces friction.
     """
     # If a solution at λ = 0 is known, the bound is 0 without a search.
     found = search.found
@@ -248,10 +248,7 @@ def _lower_bound(
 
 
 def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float) -> LowerBound | None:
-    """Compute the lower bound of a planar scene; None for spatial scenes and with crushing.
-
-    labels: (m,) True = dry.
-    """
+    """Compute the lower bound of a planar scene; None for spatial scenes and with crushing."""
     found, modes = search.found, search.modes
     if modes is None:
         return None

@@ -399,8 +399,8 @@ class MultiStartSearch:
     A point (q·m + 1,) holds scaled forces and λ. `found` collects the certified solutions. Callers may add starts with
     `search_from` at any time. Methods that use linear programs do nothing in space.
 
-    analysis: analysis of associative friction. labels: (m,) True = dry. options: parameters of the fixed-point search
-    from each start. associative: associative proof of these labels.
+    analysis: analysis of associative friction. options: parameters of the fixed-point search from each start.
+    associative: associative proof of these labels.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions, associative: Proof) -> None:

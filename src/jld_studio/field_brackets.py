@@ -32,7 +32,7 @@ class FieldBracket:
 
     The constructor raises InputError if fields do not apply, or the coarsest mesh is too large to follow by hand.
 
-    labels: (m,) True = dry. gap: relative width of the bracket at which refinement ends.
+    gap: relative width of the bracket at which refinement ends.
     """
 
     def __init__(self, assembly: Assembly, labels: Bits, gap: float) -> None:
@@ -100,7 +100,7 @@ class FieldBrackets:
     def step(self, assembly: Assembly, labels: Bits, gap: float) -> dict[str, Any]:
         """Solve one more mesh of the bounds by fields of a layout, and return the bounds so far.
 
-        labels: (m,) True = dry. Result: as `FieldBracket.step`, or `refused` with the reason where fields do not apply.
+        Result: as `FieldBracket.step`, or `refused` with the reason where fields do not apply.
         """
         key = (id(assembly), labels.tobytes())
         with self._turn:

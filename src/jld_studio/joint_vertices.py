@@ -104,7 +104,7 @@ class JointVertices:
     def scene(self, base: Scene, labels: Bits, places: Floats) -> Scene:
         """Return a scene with its vertices at the places (v, 2).
 
-        labels: (m,) True = dry. Raises InputError where the places make no valid scene.
+        Raises InputError where the places make no valid scene.
         """
         return self.mover(base, labels).at(places)
 

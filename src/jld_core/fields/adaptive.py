@@ -90,7 +90,7 @@ def finer_in_space(
     """Bisect the tetrahedra with most dissipation less stress power, and most multipliers of yield.
 
     mesh: that of the scaled problem, scene units. fine: problem of the stresses, with each tetrahedron split in four.
-    labels: (m,) True = dry. Halving ends when the mesh has grown enough, or has `most` tetrahedra.
+    Halving ends when the mesh has grown enough, or has `most` tetrahedra.
     """
     own, volume = problem.mesh, problem.mesh.volume
     rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)

@@ -97,8 +97,8 @@ class Fields:
     ) -> Fields:
         """Solve for both fields of one labelling on one mesh.
 
-        labels: (m,) True = dry. velocities: False leaves the velocity field out, so that `velocity` is None. Nothing is
-        raised where a solver fails: the field is then None.
+        velocities: False leaves the velocity field out, so that `velocity` is None. Nothing is raised where a solver
+        fails: the field is then None.
         """
         problem = fine = setting.problem(mesh)
         split = mesh
@@ -175,8 +175,8 @@ class CoarseBounds:
     def upper(self, labels: Bits) -> tuple[float, FieldMechanism | None]:
         """Bound λ of one labelling from above.
 
-        labels: (m,) True = dry. Result: upper bound, scene units, inf where no velocity field was certified; and the
-        mechanism that bounds other labellings by the same field, None where it proves none.
+        Result: upper bound, scene units, inf where no velocity field was certified; and the mechanism that bounds other
+        labellings by the same field, None where it proves none.
         """
         found = self._upper.bound(labels)
         if found is None:
@@ -186,8 +186,8 @@ class CoarseBounds:
     def lower(self, labels: Bits) -> tuple[float, FieldStresses | None]:
         """Bound λ of one labelling from below.
 
-        labels: (m,) True = dry. Result: lower bound, scene units, −inf where no stress field was certified; and the
-        stresses that bound other labellings by the same field, None without a field.
+        Result: lower bound, scene units, −inf where no stress field was certified; and the stresses that bound other
+        labellings by the same field, None without a field.
         """
         found = self._lower.bound(labels)
         return (
@@ -197,8 +197,7 @@ class CoarseBounds:
     def both(self, labellings: Bits) -> tuple[Floats, Floats]:
         """Bound λ of several labellings from both sides.
 
-        labellings: (k, m) True = dry. Result: lower and upper bounds (k,), infinite where no field was certified; scene
-        units.
+        Result: lower and upper bounds (k,), infinite where no field was certified; scene units.
         """
         lower, upper = self._lower.bound_all(labellings), self._upper.bound_all(labellings)
         low = [-math.inf if found is None else self._load * found.factor for found in lower]

@@ -67,8 +67,8 @@ class LowerBound:
     def bound(self, labels: Bits) -> StressField | None:
         """Find a stress field for one labelling, and certify it.
 
-        labels: (m,) True = dry. Where the proposed field violates yield, larger margins and a mean with an interior
-        field are tried. None: the solver failed, or no attempt passed the check.
+        Where the proposed field violates yield, larger margins and a mean with an interior field are tried. None: the
+        solver failed, or no attempt passed the check.
         """
         return self._bound_by(self.propose(labels, self._margins[0]), labels)
 
@@ -117,9 +117,9 @@ class LowerBound:
     def propose(self, labels: Bits, margin: float) -> Answer:
         """Solve for the stress field of largest λ; the answer is not certified, see `certify`.
 
-        labels: (m,) True = dry. margin: slack that the solver keeps to each yield condition, scaled stress. Shear of
-        joints without friction and shear strength has no slack. `Answer.point` begins with the stresses, as
-        `StressField.stress` in C order, and ends with λ.
+        margin: slack that the solver keeps to each yield condition, scaled stress. Shear of joints without friction and
+        shear strength has no slack. `Answer.point` begins with the stresses, as `StressField.stress` in C order, and
+        ends with λ.
         """
         if self._dimension == 2:
             program, owner = self._program_with(margin)
@@ -139,15 +139,15 @@ class LowerBound:
     def _off(self, owner: Ints, labels: Bits) -> Bools:
         """Mark the rows (rows,) to switch off: those whose owner edge is not on a dry joint.
 
-        owner: (rows,) edge of each row, −1 for none. labels: (m,) True = dry.
+        owner: (rows,) edge of each row, −1 for none.
         """
         return (owner >= 0) & ~self.problem.is_dry(labels)[owner]
 
     def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
         """Project stresses onto equilibrium and check yield, without a solver for cone programs.
 
-        stress: (size,) in the order of `StressField.stress`. labels: (m,) True = dry. All are scaled. The `rate` of the
-        result is zero. None: the projected stresses violate yield, or miss equilibrium by more than rounding.
+        stress: (size,) in the order of `StressField.stress`. All are scaled. The `rate` of the result is zero. None:
+        the projected stresses violate yield, or miss equilibrium by more than rounding.
         """
         projected, rest = self._project(stress, factor, labels)
         field = projected.reshape(self._shape)
@@ -163,8 +163,8 @@ class LowerBound:
     def room(self, stress: Floats, labels: Bits) -> float:
         """Return the least distance of stresses to any yield condition, scaled stress.
 
-        stress: as in `StressField`. labels: (m,) True = dry. A negative result means that yield is violated in a block
-        or on a dry joint. Equilibrium is not checked.
+        stress: as in `StressField`. A negative result means that yield is violated in a block or on a dry joint.
+        Equilibrium is not checked.
         """
         rows = np.flatnonzero(self.problem.is_dry(labels))
         least = float(slack(self.problem.material, stress).min())
@@ -221,10 +221,7 @@ class LowerBound:
         return np.asarray(size * (corners * simplex[rows] + local[rows, corner])[:, None] + np.arange(size))
 
     def _equalities(self, labels: Bits) -> tuple[sp.csr_array, object]:
-        """Return the matrix A (rows, size) of all equations on the stresses, and a factor of A Aᵀ; both are kept.
-
-        labels: (m,) True = dry.
-        """
+        """Return the matrix A (rows, size) of all equations on the stresses, and a factor of A Aᵀ; both are kept."""
         # The equations are equilibrium, and no shear on dry joints without friction and shear strength. λ is no unknown
         # here: its dense column would fill A Aᵀ.
         smooth = self._smooth(labels)
@@ -240,7 +237,7 @@ class LowerBound:
         return self._factors[key]
 
     def _smooth(self, labels: Bits) -> Ints:
-        """Return the sides (k,) on dry joints without friction and shear strength; labels: (m,) True = dry."""
+        """Return the sides (k,) on dry joints without friction and shear strength."""
         rows = self.problem.on_faces
         return rows[self.problem.is_dry(labels)[rows] & self.frictionless[self.problem.face[rows]]]
 

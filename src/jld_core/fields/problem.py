@@ -146,7 +146,7 @@ class Problem:
         return np.flatnonzero((self.sides.b < 0) & (self.face < 0))
 
     def is_dry(self, labels: Bits) -> Bools:
-        """Return (f,) True for sides on dry interfaces; labels: (m,) True = dry."""
+        """Return (f,) True for sides on dry interfaces."""
         dry = np.zeros(len(self.face), dtype=bool)
         dry[self.on_faces] = labels[self.face[self.on_faces]]
         return dry

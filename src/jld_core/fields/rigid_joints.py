@@ -41,8 +41,8 @@ _EDGES = np.array([[0, 1], [0, 2], [1, 2]])  # local corners of the three edges 
 def fitted_joints(mesh: Mesh, problem_on: Callable[[Mesh], Problem], labels: Bits, gap: float) -> Mesh:
     """Refine the triangles of dry joints until tractions on them cost little of λ.
 
-    labels: (m,) True = dry. Result: edges of joints are halved where tractions lose most. The same mesh without dry
-    joints, and where rigid blocks have no equilibrium. It decides how near the bounds are, not whether they hold.
+    Result: edges of joints are halved where tractions lose most. The same mesh without dry joints, and where rigid
+    blocks have no equilibrium. It decides how near the bounds are, not whether they hold.
     """
     # The cost is estimated by rigid blocks: λ under linear tractions against λ under forces at the nodes,
     # docs/method.md (10.8).

@@ -40,8 +40,7 @@ class FieldMechanism:
     def bounds(self, labellings: Bits) -> Floats:
         """Return the upper bound on λ of each labelling.
 
-        labellings: (k, m) True = dry. Returns (k,): bounds, scene units; inf where the labelling has a face whose flow
-        rule the velocities violate.
+        Returns (k,): bounds, scene units; inf where the labelling has a face whose flow rule the velocities violate.
         """
         dry, inner = (np.where(np.isfinite(part), part, 0.0) for part in (self.dry, self.inner))
         found = self.constant + inner.sum() + labellings @ (dry - inner)
@@ -64,8 +63,8 @@ class FieldMechanism:
     def costs(self, labels: Bits) -> Floats:
         """Return by how much the bound rises if one face becomes undecided, (m,), units of λ.
 
-        labels: (m,) True = dry. Each face is taken alone, the others as labelled. The result is 0 or more. It is inf
-        where the other label violates its flow rule, or the present one does. Conflicts are minimised by these costs.
+        Each face is taken alone, the others as labelled. The result is 0 or more. It is inf where the other label
+        violates its flow rule, or the present one does. Conflicts are minimised by these costs.
         """
         own, other = np.where(labels, self.dry, self.inner), np.where(labels, self.inner, self.dry)
         return np.where(np.isfinite(own), np.maximum(other, own) - np.where(np.isfinite(own), own, 0.0), np.inf)
@@ -84,8 +83,7 @@ class FieldStresses:
     def bounds(self, labellings: Bits) -> Floats:
         """Return the lower bound on λ of each labelling.
 
-        labellings: (k, m) True = dry. Returns (k,): `load_factor`, or −inf for a labelling with a dry face that is not
-        in `may_be_dry`.
+        Returns (k,): `load_factor`, or −inf for a labelling with a dry face that is not in `may_be_dry`.
         """
         return np.where((labellings & ~self.may_be_dry).any(axis=1), -np.inf, self.load_factor)
 

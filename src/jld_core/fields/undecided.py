@@ -101,8 +101,8 @@ class PartialUpperBound:
     def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
         """Repair a velocity field by each of `REPAIRED` and return the one with the least bound.
 
-        velocity: (t, 3, 2), scaled. labels: (m,) True = dry. undecided: (m,) faces that may have either label. None if
-        no repair gives a finite bound.
+        velocity: (t, 3, 2), scaled. undecided: (m,) faces that may have either label. None if no repair gives a finite
+        bound.
         """
         # The first with a bound of at most `enough` (λ, scene units) ends the attempts.
         best: WeighedField | None = None

@@ -105,9 +105,9 @@ class UpperBound:
     def bound(self, labels: Bits) -> VelocityField | None:
         """Find a velocity field for one labelling, and certify it.
 
-        labels: (m,) True = dry. Where repairs cost much of λ, or in space the check fails, the program is solved again
-        with room in every flow rule. The factor is below 0 for blocks that collapse under their dead load alone. None:
-        the solver failed, or no field could be repaired, as in space for enclosed cells.
+        Where repairs cost much of λ, or in space the check fails, the program is solved again with room in every flow
+        rule. The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed, or no
+        field could be repaired, as in space for enclosed cells.
         """
         if self.problem.mesh.dimension == 2:
             return self._bound_by(self.propose(labels), labels)
@@ -131,7 +131,7 @@ class UpperBound:
     def _falling(self, labels: Bits) -> VelocityField | None:
         """Return a mechanism in space that the dead load drives, with positive live work.
 
-        labels: (m,) True = dry. None if the solver failed, or the field proves nothing.
+        None if the solver failed, or the field proves nothing.
         """
         # The factor of the field is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance;
         # the factor is at least `_RAY`, and any larger bound holds too.
@@ -149,7 +149,7 @@ class UpperBound:
     def _bound_by(self, answer: Answer, labels: Bits) -> VelocityField | None:
         """Certify an answer of the solver; try programs with margins if repairs cost much λ.
 
-        labels: (m,) True = dry. See `bound` for the result.
+        See `bound` for the result.
         """
         self.status = answer.status
         # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
@@ -164,10 +164,7 @@ class UpperBound:
         return found
 
     def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
-        """Return the field of least bound: `found`, or one of programs with room in flow rules.
-
-        labels: (m,) True = dry.
-        """
+        """Return the field of least bound: `found`, or one of programs with room in flow rules."""
         for margin in _MARGINS:
             answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))
             if not answer.usable:
@@ -196,7 +193,7 @@ class UpperBound:
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
         """Repair proposed velocities until every flow rule holds, and compute their upper bound.
 
-        velocity: (t, 3, 2), scaled. labels: (m,) True = dry.
+        velocity: (t, 3, 2), scaled.
         """
         opened = self._opened(velocity, labels)
         if opened is not None and opened.factor - expected <= _CHEAP * abs(opened.factor):
@@ -209,8 +206,7 @@ class UpperBound:
     def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
         """Open one field until every flow rule holds, and compute its bound on λ.
 
-        velocity: (t, 3, 2), scaled. labels: (m,) True = dry. None: a flow rule stays violated, or the live load does no
-        positive work.
+        velocity: (t, 3, 2), scaled. None: a flow rule stays violated, or the live load does no positive work.
         """
         rates = self.rates(velocity)
         worst, share, allowance = self._worst(rates, labels), 0.0, 0.0
@@ -229,7 +225,7 @@ class UpperBound:
     def _proven(
         self, velocity: Floats, rates: Rates, labels: Bits, allowance: float = 0.0, opened: float = 0.0
     ) -> VelocityField | None:
-        """Compute the upper bound on λ that velocities (t, d + 1, d) prove, without a solver; labels: (m,) True = dry.
+        """Compute the upper bound on λ that velocities (t, d + 1, d) prove, without a solver;
 
         None: a flow rule is violated, or the live load does no positive work.
         """
@@ -296,8 +292,8 @@ class UpperBound:
     def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
         """Return the opening that flow rules lack, scaled velocity; 0 or less where they hold.
 
-        labels: (m,) True = dry. The arrays are for triangles (t,), edges in the material (k, 2) and dry edges (j, 2),
-        with both ends in columns. −inf stands where crushing allows any rate.
+        The arrays are for triangles (t,), edges in the material (k, 2) and dry edges (j, 2), with both ends in columns.
+        −inf stands where crushing allows any rate.
         """
         p = self.problem
         dry = p.is_dry(labels)
@@ -313,10 +309,7 @@ class UpperBound:
         )
 
     def power(self, rates: Rates, labels: Bits, allowance: float = 0.0) -> Floats:
-        """Return the power dissipated in each triangle with half of its edges, (t,), scaled.
-
-        labels: (m,) True = dry.
-        """
+        """Return the power dissipated in each triangle with half of its edges, (t,), scaled."""
         # Power on a side is the mean of its corners, which bounds that of a linear jump from above: dissipation is
         # convex.
         p, s, dry = self.problem, self.problem.sides, self.problem.is_dry(labels)

@@ -22,10 +22,7 @@ Its setup is included. Source: benchmarks/results/batch_solver_single.md.
 def offer_results(
     found: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
 ) -> None:
-    """Check the batch solver's bounds of one labelling, and add the valid ones to a proof.
-
-    labels: (m,) True = dry.
-    """
+    """Check the batch solver's bounds of one labelling, and add the valid ones to a proof."""
     if found.forces is None:
         return
     if np.isfinite(found.low[0]):

@@ -117,7 +117,7 @@ class PartialLabellingBounds(ABC):
 class SharedHull:
     """Programs of partial labellings of one template whose joints may crush.
 
-    template: scaled programs of one assembly. Raises ValueError if yield rows have extra columns.
+    Raises ValueError if yield rows have extra columns.
     """
 
     def __init__(self, template: Template) -> None:

@@ -56,7 +56,7 @@ class FacialReduction:
     A self-stress is a set of forces in equilibrium without any load. Where one lies in the recession cones of the yield
     sets, no motion opens every face, and the usual repair of motions fails, docs/method.md (3.12).
 
-    template: scaled programs of one assembly. prover: checks motions and states of this template.
+    prover: checks motions and states of this template.
     """
 
     def __init__(self, template: Template, prover: Prover) -> None:
@@ -65,8 +65,8 @@ class FacialReduction:
     def repair(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
         """Project a motion onto the jumps of finite dissipation, and move it into their inside.
 
-        labels: (m,) True = dry. Result: motion whose margin is not negative, up to rounding on faces without slack.
-        None if none was found, or if the assembly is too large.
+        Result: motion whose margin is not negative, up to rounding on faces without slack. None if none was found, or
+        if the assembly is too large.
         """
         # The projection is blended with a motion strictly inside the allowed jumps, docs/method.md (3.12).
         if self.template.structure.cones and self.template.matrix.shape[0] > DENSE:
@@ -107,8 +107,8 @@ class FacialReduction:
         """Project a motion onto the jumps of those yield rows whose multipliers are positive in a solver's answer.
 
         The others are zero up to the solver's residual, as a crossover from an interior point assumes. No self-stress
-        is looked for. Programs without cones only. multipliers: (rows,) multipliers of all rows of the program. labels:
-        (m,) True = dry. Result: motion of finite dissipation, with live work 1; None if the projection has none.
+        is looked for. Programs without cones only. multipliers: (rows,) multipliers of all rows of the program. Result:
+        motion of finite dissipation, with live work 1; None if the projection has none.
         """
         program = self.template.program(labels)
         rows = kept_rows(program).linear
@@ -117,10 +117,7 @@ class FacialReduction:
         return self._blended(motion, None, program, reduced, labels, True, False, False)
 
     def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
-        """Solve the program of the rows left by facial reduction, and return its mechanism.
-
-        labels: (m,) True = dry.
-        """
+        """Solve the program of the rows left by facial reduction, and return its mechanism."""
         # More accurate than the mechanism of `program`, the program of all rows.
         if not reduced.rays:
             return None
@@ -135,8 +132,7 @@ class FacialReduction:
     def states(self, labels: Bits) -> list[State]:
         """Find states that rely on a self-stress at the boundary of the friction cones.
 
-        labels: (m,) True = dry. Result: states found, not necessarily admissible; empty if the assembly is too large or
-        has no cones.
+        Result: states found, not necessarily admissible; empty if the assembly is too large or has no cones.
         """
         # Such states serve where no other state comes near λ. With t R added to forces F, t large, |V| ≤ μN restricts F
         # only to the half-space that touches the cone along R, up to |V across R|²/(2 t |R|) (docs/method.md (3.12a)).
@@ -176,10 +172,7 @@ class FacialReduction:
         idle: bool,
         turned: bool,
     ) -> Motion | None:
-        """Project a motion onto allowed jumps; add the least share of `step` that makes it valid.
-
-        labels: (m,) True = dry.
-        """
+        """Project a motion onto allowed jumps; add the least share of `step` that makes it valid."""
         # A motion is valid if its dissipation is finite.
         live = self.template.live
         velocity = motion.velocity
@@ -260,7 +253,7 @@ class FacialReduction:
     def _measured(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
         """Compute margin and bound of velocities, with jumps of reduced faces put on their bases.
 
-        velocity: (q·free,). labels: (m,) True = dry.
+        velocity: (q·free,).
         """
         # The margin is −inf if this changes a jump by more than rounding.
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
@@ -386,7 +379,7 @@ class SelfStress:
     yield rows that restrict other forces, docs/method.md (3.14a). Small programs whose cones have three rows are
     treated; for others nothing is found.
 
-    prover: checks forces of one assembly in space. labels: (m,) True = dry.
+    prover: checks forces of one assembly in space.
     """
 
     def __init__(self, prover: Prover, labels: Bits) -> None:

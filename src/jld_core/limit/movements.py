@@ -33,8 +33,8 @@ class Movements:
     def of(self, labellings: Bits) -> Floats:
         """Compute the relative size of the jump of each face in the mechanism of each labelling.
 
-        labellings: (k, m) True = dry. Returns (k, m): largest entry of the scaled jump of a face, over the largest of
-        all faces; zero where no mechanism is found.
+        Returns (k, m): largest entry of the scaled jump of a face, over the largest of all faces; zero where no
+        mechanism is found.
         """
         if self._batch is not None:
             velocities = self._batch.solve(labellings, vectors=True).velocities

@@ -25,7 +25,7 @@ _OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as openi
 class OpeningMotions:
     """Motions that open every face of one assembly, computed once.
 
-    template: scaled programs of one assembly. prover: checks motions of this template.
+    prover: checks motions of this template.
     """
 
     def __init__(self, template: Template, prover: Prover) -> None:

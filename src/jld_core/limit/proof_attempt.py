@@ -58,10 +58,7 @@ class Analysis(Protocol):
         """Return True if the batch solver is faster for one labelling than one solver call."""
 
     def unloaded(self, labels: Bits) -> State | None:
-        """Return the state without forces at λ = 0, or None if there is dead load.
-
-        labels: (m,) True = dry.
-        """
+        """Return the state without forces at λ = 0, or None if there is dead load."""
 
     def status_of(self, proof: Proof) -> Status:
         """Return the status that a proof supports."""
@@ -73,11 +70,11 @@ class Analysis(Protocol):
 class AttemptState:
     """Bounds proven so far for one labelling, and conditions under which fallbacks are tried.
 
-    analysis: limit analysis of the assembly. labels: (m,) True = dry. proof: bounds proven so far. raw: last raw solver
-    answer, from which repairs start; None before the first. settled: True if no further fallback is to be tried.
-    batch_results: results of the batch solver; None before it was tried. reduction_tried: True if facial reduction was
-    tried. less_margin_tried: True if the program was solved with less margin. mechanism_found: True if the mechanism of
-    the last raw answer is proven without loss, so that repairs need none.
+    analysis: limit analysis of the assembly. proof: bounds proven so far. raw: last raw solver answer, from which
+    repairs start; None before the first. settled: True if no further fallback is to be tried. batch_results: results of
+    the batch solver; None before it was tried. reduction_tried: True if facial reduction was tried. less_margin_tried:
+    True if the program was solved with less margin. mechanism_found: True if the mechanism of the last raw answer is
+    proven without loss, so that repairs need none.
     """
 
     def __init__(self, analysis: Analysis, labels: Bits) -> None:

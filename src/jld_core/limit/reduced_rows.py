@@ -157,8 +157,6 @@ class EquilibriumProjectors:
     """Projectors onto the equilibrium of one template, one for each set of kept resultants.
 
     A labelling drops the resultants that its faces do not resist. Projectors are computed when first needed and kept.
-
-    template: scaled programs of one assembly.
     """
 
     def __init__(self, template: Template) -> None:
@@ -178,8 +176,8 @@ class EquilibriumProjectors:
     def with_load(self, labels: Bits) -> tuple[Projector, Floats | None]:
         """Return the projector onto equilibrium for the resultants that a labelling keeps.
 
-        labels: (m,) True = dry. Result: projector of the kept resultants, with λ as last column where any is dropped;
-        and a mask (q·m,), 1 for each kept resultant, 0 for the others, None if all are kept.
+        Result: projector of the kept resultants, with λ as last column where any is dropped; and a mask (q·m,), 1 for
+        each kept resultant, 0 for the others, None if all are kept.
         """
         active = self.template.yield_set.active(labels)
         if active.all():

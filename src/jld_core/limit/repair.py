@@ -44,7 +44,7 @@ _OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as openi
 class Repair:
     """Auxiliary programs that make answers of one template admissible.
 
-    template: scaled programs of one assembly. prover: checks states and motions of this template.
+    prover: checks states and motions of this template.
     """
 
     def __init__(self, template: Template, prover: Prover) -> None:
@@ -59,7 +59,7 @@ class Repair:
     def state(self, labels: Bits) -> State | None:
         """Find the state of largest slack at any λ.
 
-        labels: (m,) True = dry. Result: state of largest slack; None where it is not admissible.
+        Result: state of largest slack; None where it is not admissible.
         """
         state = self.prover.state(self._largest_slack_solution(labels).point[: self.template.columns], labels, passes=3)
         return state if state.admissible else None
@@ -67,8 +67,7 @@ class Repair:
     def standing_state(self, labels: Bits) -> State | None:
         """Find the state of largest least slack at λ = 0.
 
-        labels: (m,) True = dry. Result: admissible state, in which yield rows are slack where they can be; None if none
-        is found.
+        Result: admissible state, in which yield rows are slack where they can be; None if none is found.
         """
         raw = solve_auxiliary(largest_slack_program(self.template.program(labels), load_fixed=True), 1e-8)
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
@@ -78,8 +77,7 @@ class Repair:
     def stands(self, labels: Bits) -> bool | None:
         """Decide whether λ = 0 is admissible.
 
-        labels: (m,) True = dry. Result: True with an admissible state, False with a motion that gains energy, None if
-        neither is found.
+        Result: True with an admissible state, False with a motion that gains energy, None if neither is found.
         """
         found = self.proof_at_zero(labels)
         return None if found is None else isinstance(found, State)
@@ -98,10 +96,7 @@ class Repair:
         return found
 
     def _settled(self, raw: RawSolution, labels: Bits) -> State | Motion | None:
-        """Return what a solver's answer proves of λ = 0, as `proof_at_zero` does.
-
-        labels: (m,) True = dry.
-        """
+        """Return what a solver's answer proves of λ = 0, as `proof_at_zero` does."""
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         state = self.prover.state(point, labels, passes=3, held=True)
         if state.admissible:
@@ -119,16 +114,13 @@ class Repair:
     def instability_velocities(self, labels: Bits) -> Floats:
         """Find velocities that may prove that no λ ≥ 0 is admissible, docs/method.md (3.15).
 
-        They do so where the largest slack at any λ is negative; the caller has to check it. labels: (m,) True = dry.
-        Returns (≥ q·free,): raw multipliers of the program of largest slack; the velocities come first.
+        They do so where the largest slack at any λ is negative; the caller has to check it. Returns (≥ q·free,): raw
+        multipliers of the program of largest slack; the velocities come first.
         """
         return self._largest_slack_solution(labels).dual
 
     def _largest_slack_solution(self, labels: Bits) -> RawSolution:
-        """Return the raw solution of largest slack at any λ; the last one is cached.
-
-        labels: (m,) True = dry.
-        """
+        """Return the raw solution of largest slack at any λ; the last one is cached."""
         key = np.packbits(labels).tobytes()
         if self._largest_slack is None or key != self._largest_slack_key:
             self._largest_slack = solve_auxiliary(largest_slack_program(self.template.program(labels)), 1e-4)
@@ -136,10 +128,7 @@ class Repair:
         return self._largest_slack
 
     def boundary_state(self, point: Floats | None, labels: Bits, load_fixed: bool = False) -> State | None:
-        """Find an admissible state where some yield rows are tight for all admissible forces.
-
-        labels: (m,) True = dry.
-        """
+        """Find an admissible state where some yield rows are tight for all admissible forces."""
         # The point is projected onto equilibrium and the equations of the tight rows together. It is then blended with
         # a state that leaves all other rows slack. Rounding is judged per face and per row, by the size of the terms in
         # it.
@@ -191,7 +180,7 @@ class Repair:
     def _state_on_boundary(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
         """Return the state of a point on the boundary of yield sets; None if inadmissible.
 
-        labels: (m,) True = dry. edge: (m,) faces with tight rows, where violations within rounding are accepted.
+        edge: (m,) faces with tight rows, where violations within rounding are accepted.
         """
         template, sets = self.template, self.template.yield_set
         forces = y[: template.matrix.shape[1]].reshape(len(labels), -1)
@@ -211,10 +200,7 @@ class Repair:
         return State(forces, load, float(slack.min()), 0.0)
 
     def self_stress_states(self, labels: Bits) -> list[State]:
-        """Find states that rely on a self-stress at the boundary of the friction cones.
-
-        labels: (m,) True = dry.
-        """
+        """Find states that rely on a self-stress at the boundary of the friction cones."""
         inside = self._largest_slack_solution(labels).point[: self.template.columns]
         return [
             *FacialReduction(self.template, self.prover).states(labels),
@@ -226,7 +212,7 @@ class Repair:
     def ray(self, labels: Bits) -> State | None:
         """Find a ray along which the live load grows without limit.
 
-        labels: (m,) True = dry. Result: ray that holds to rounding; None where no proof is found.
+        Result: ray that holds to rounding; None where no proof is found.
         """
         # A ray R satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)). Faces that crush carry
         # no ray: drop their columns and with them their cones, which solvers satisfy only to a residual.
@@ -255,7 +241,7 @@ class Repair:
     def ray_with_self_stress(self, labels: Bits) -> State | None:
         """Find a ray that is admissible together with a self-stress that grows faster.
 
-        labels: (m,) True = dry. Result: ray that holds to rounding, see `SelfStress.ray`; None where no proof is found.
+        Result: ray that holds to rounding, see `SelfStress.ray`; None where no proof is found.
         """
         inside = self.state(labels)
         return None if inside is None or inside.slack < _OPENS else SelfStress(self.prover, labels).ray()
@@ -279,8 +265,7 @@ class Repair:
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
         """Add a small opening motion to a motion whose live work is negative by rounding.
 
-        labels: (m,) True = dry. Result: changed motion; the same one if no opening motion with positive live work
-        exists.
+        Result: changed motion; the same one if no opening motion with positive live work exists.
         """
         opening = self.opening()
         if opening is None or opening.work <= 0.0:
@@ -291,7 +276,7 @@ class Repair:
     def reduced(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
         """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12)).
 
-        labels: (m,) True = dry. Result: repaired motion; None if none was found.
+        Result: repaired motion; None if none was found.
         """
         return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)
 

@@ -451,7 +451,7 @@ class LimitAnalysisResult(Result):
 def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
     """Return the JSON entries of all faces: elements, label, local frame and size.
 
-    labels: (m,) True = dry. Values are in scene units. They suffice to check equilibrium and yield by hand.
+    Values are in scene units. They suffice to check equilibrium and yield by hand.
     """
     faces, ids = assembly.interfaces, assembly.elements.ids
     planar = assembly.dimension == 2

@@ -40,7 +40,7 @@ class WorkBalance:
 class WorkBalances:
     """Work balances of mechanisms of one template, with the support function of the hull.
 
-    template: scaled programs of one assembly. prover: measures jumps and rounding. repair: supplies the opening motion.
+    prover: measures jumps and rounding. repair: supplies the opening motion.
     """
 
     def __init__(self, template: Template, prover: Prover, repair: Repair) -> None:

@@ -88,10 +88,7 @@ class PrescribedFriction:
         return np.maximum(self.previous, 0.0), np.maximum(self.previous, -self.base.tension)
 
     def _frozen(self, labels: Bits) -> Floats:
-        """Return the part (1 − α) μ N_prev (m,) of the shear capacity, independent of N, scaled.
-
-        labels: (m,) True = dry.
-        """
+        """Return the part (1 − α) μ N_prev (m,) of the shear capacity, independent of N, scaled."""
         previous = np.where(self.base.is_dry(labels), *self._previous)
         return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
@@ -134,15 +131,14 @@ class PrescribedFriction:
     def slides(self, labels: Bits) -> Bools:
         """Return a mask (m,), True for faces that may slide without opening.
 
-        They are the dry ones, and the inner ones with friction. labels: (m,) True = dry.
+        They are the dry ones, and the inner ones with friction.
         """
         return np.asarray(self.base.is_dry(labels) | self.has_friction(labels))
 
     def shear(self, forces: Floats, labels: Bits) -> Floats:
         """Return the shear demand (m,) of forces, with torsion about effective areas.
 
-        It is compared with the shear capacity, as in `FrictionSet.shear_of`. forces: (m, q) scaled resultants. labels:
-        (m,) True = dry.
+        It is compared with the shear capacity, as in `FrictionSet.shear_of`. forces: (m, q) scaled resultants.
         """
         return self.base.shear_of(self._forces_about(forces, labels))
 
@@ -150,14 +146,14 @@ class PrescribedFriction:
         """Return the shear dissipation (m,) of scaled jumps (m, q), per unit of shear capacity.
 
         It is max(|s|, |ω|/ρ) with slip s at the centre of pressure and spin ω about the normal, both scaled; ρ is 1 for
-        whole faces. Planar faces and points have no spin term. labels: (m,) True = dry.
+        whole faces. Planar faces and points have no spin term.
         """
         return self.base.slip(self._jumps_about(jumps, labels))
 
     def price(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the friction dissipation (m,) of scaled jumps (m, q) per unit of normal force.
 
-        It is μ times `slip`, for slips without dilation. labels: (m,) True = dry.
+        It is μ times `slip`, for slips without dilation.
         """
         return np.asarray(self.base.friction_of(labels) * self.slip(jumps, labels))
 
@@ -165,7 +161,7 @@ class PrescribedFriction:
         """Return the shear demand of each face minus its capacity c + μN (m,).
 
         N is the present normal force. Negative values mean that shear stays within its capacity; faces without friction
-        have −inf. forces: (m, q) scaled resultants. labels: (m,) True = dry.
+        have −inf. forces: (m, q) scaled resultants.
         """
         capacity = self.base.capacity_of(labels) + self.base.friction_of(labels) * forces[:, 0]
         return np.where(self.has_friction(labels), self.shear(forces, labels) - capacity, -np.inf)
@@ -174,7 +170,7 @@ class PrescribedFriction:
         """Return the opening (m,) of each face beyond what its rotation requires.
 
         It is the margin of bending alone, docs/method.md (4.5); 0 for faces that cannot slide or that crush. jumps: (m,
-        q) scaled. labels: (m,) True = dry.
+        q) scaled.
         """
         beyond = self._smooth.margin(self._jumps_about(jumps, labels), labels)
         return np.where(self.slides(labels) & np.isfinite(beyond), beyond, 0.0)
@@ -183,7 +179,7 @@ class PrescribedFriction:
         """Return scaled resultants (m, q) with the torsion of dry faces about effective areas.
 
         The torsion is ρ (mT + a·V), see `EffectiveAreas`. forces: (m, q) scaled resultants, returned as they are
-        without effective areas. labels: (m,) True = dry.
+        without effective areas.
         """
         if self.areas is None:
             return forces
@@ -196,7 +192,7 @@ class PrescribedFriction:
         """Return scaled jumps (m, q) that do on `_forces_about` the work of the given jumps.
 
         Dry faces have the slip at the centre of pressure, and the spin divided by the ratio ρ. jumps: (m, q) scaled,
-        returned as they are without effective areas. labels: (m,) True = dry.
+        returned as they are without effective areas.
         """
         if self.areas is None:
             return jumps

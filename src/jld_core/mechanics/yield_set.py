@@ -66,7 +66,7 @@ class Rows(Protocol):
     def active(self, labels: Bits) -> Bools:
         """Return a mask (m, q), False where a resultant is zero in every admissible state.
 
-        Examples are shear without friction and without shear strength. labels: (m,) True = dry.
+        Examples are shear without friction and without shear strength.
         """
 
 

@@ -272,8 +272,8 @@ def least_by_fields(
 ) -> tuple[float, float]:
     """Bound the least λ under which a structure of crackable blocks stands, which may be below 0.
 
-    labels: (m,) True = dry. seconds: time for the bounds under the reversed live load, on a coarse mesh, s. Result:
-    proven bounds; NaN where one is unknown.
+    seconds: time for the bounds under the reversed live load, on a coarse mesh, s. Result: proven bounds; NaN where one
+    is unknown.
     """
     # The reversed live load that a structure carries is the opposite of that λ.
     if bounds.upper < 0.0:

@@ -112,9 +112,9 @@ _FAR: Final = 4.0
 def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Proof) -> tuple[float, float]:
     """Bound the least λ from which on a structure stands: λ is minimised by the program that maximises it.
 
-    labels: (m,) True = dry. proof: proof of the labelling, with `stands` decided. Result: proven bounds in scene units;
-    zeros where the structure stands without live load. NaN where unknown, and where friction has no dilation or areas
-    are effective, since the states under such models are not convex.
+    proof: proof of the labelling, with `stands` decided. Result: proven bounds in scene units; zeros where the
+    structure stands without live load. NaN where unknown, and where friction has no dilation or areas are effective,
+    since the states under such models are not convex.
     """
     # The structure carries its dead load with a live load λ₀ that it stands under, and reversed live load is added: of
     # that, it takes λ₀ less the least λ.

@@ -323,8 +323,8 @@ def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, 
 def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS) -> FixedPoint | None:
     """Search forces that are an optimum of the problem frozen at their own effective areas.
 
-    labels: (m,) True = dry. Result: the first one with a bracket no wider than `analysis.gap`, otherwise that with the
-    narrowest bracket; None if no path comes near, or no dry rectangle resists torsion.
+    Result: the first one with a bracket no wider than `analysis.gap`, otherwise that with the narrowest bracket; None
+    if no path comes near, or no dry rectangle resists torsion.
     """
     # Source: docs/method.md (2.16) to (2.18). Fixed points need not be unique. The weights of each start depend on the
     # structure and its loads alone.
@@ -360,10 +360,7 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
 
 
 def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
-    """Evaluate an iterate of a central path as a fixed point, with a proven bracket of λ.
-
-    labels: (m,) True = dry.
-    """
+    """Evaluate an iterate of a central path as a fixed point, with a proven bracket of λ."""
     # The bracket is that of the problem whose effective areas are held at those of the iterate. Its width is inf if an
     # end is missing.
     state, areas, frozen = under_own_areas(analysis.prover, analysis.prover.state(point.y, labels), labels)
@@ -385,7 +382,6 @@ def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPo
     """Improve the mechanism of a fixed point by an analysis at its effective areas.
 
     The mechanism of that analysis is more accurate than the multipliers of an iterate. The narrower bracket is kept.
-    labels: (m,) True = dry.
     """
     proof = analysis.with_template(found.prover.template, labels).prove(labels)
     width = (

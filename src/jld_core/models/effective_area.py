@@ -47,10 +47,7 @@ HOLDING_WEIGHT: Final = 30.0
 
 
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError if effective areas do not apply to a labelling of an assembly.
-
-    labels: (m,) True = dry.
-    """
+    """Raise InputError if effective areas do not apply to a labelling of an assembly."""
     # Effective areas do not apply to planar scenes, to dry faces of which none is a rectangle, and to dry faces with
     # a bond.
     if assembly.dimension == 2:
@@ -91,10 +88,10 @@ def prove_effective_area(
 ) -> Proof:
     """Prove the load factor with torsion on effective areas, docs/method.md (2.14) to (2.16).
 
-    labels: (m,) True = dry. Result: `extra["effective_area"]["fixed_point"]` is the change of areas that is left. The
-    status is uncertified if it exceeds 1e-8, or if the bracket is wider than the gap of the analysis.
-    `extra["effective_area"]` is None where the labelling is unstable or has no state with whole faces. Raises
-    InputError if the scene is planar, no dry face is a rectangle, or a dry face has a shear strength.
+    Result: `extra["effective_area"]["fixed_point"]` is the change of areas that is left. The status is uncertified if
+    it exceeds 1e-8, or if the bracket is wider than the gap of the analysis. `extra["effective_area"]` is None where
+    the labelling is unstable or has no state with whole faces. Raises InputError if the scene is planar, no dry face is
+    a rectangle, or a dry face has a shear strength.
     """
     # The forces of the result lie within the effective areas that they cause themselves. The bracket is that of the
     # problem with those areas frozen; in general it does not bound λ of other such solutions. λ is proven unbounded by
@@ -143,7 +140,7 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
     """Convert a fixed point to a proof: its forces and its mechanism bound λ from both sides.
 
     The bounds are those of the problem frozen at its areas. A wide bracket, or a status other than collapse, becomes
-    uncertified. labels: (m,) True = dry.
+    uncertified.
     """
     proof = Proof(state=found.state, motion=found.motion)
     frozen = analysis.with_template(found.prover.template, labels)
@@ -157,7 +154,7 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
 def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
     """Prove that λ is unbounded, by a ray and forces within their own effective areas.
 
-    labels: (m,) True = dry. None if no such ray, or no such forces along it, are found.
+    None if no such ray, or no such forces along it, are found.
     """
     ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
     if ray is None or plain.state is None:
@@ -199,10 +196,7 @@ def _proof_of_iteration(
 
 
 def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Return True if a motion proves an instability for any effective areas.
-
-    labels: (m,) True = dry.
-    """
+    """Return True if a motion proves an instability for any effective areas."""
     # If the motion does not, it is tried again with small shares of an opening motion added.
     opening = analysis.repair.opening()
     for share in (0.0, *_OPENINGS):
@@ -224,10 +218,7 @@ def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
 
 
 def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Return True if a motion has finite dissipation under any effective areas.
-
-    labels: (m,) True = dry.
-    """
+    """Return True if a motion has finite dissipation under any effective areas."""
     # At a point x of a face the motion opens by δ_x and slips by s_x, and no effective area has a torsion length above
     # c_T. The condition δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x, so it holds everywhere if it holds at the corners
     # of all dry rectangles. A dry rectangle that can crush must not twist. Other faces are not tested.
@@ -248,10 +239,7 @@ def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -
 
 
 def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None) -> State | None:
-    """Find a ray of forces within the effective areas that these forces cause.
-
-    labels: (m,) True = dry.
-    """
+    """Find a ray of forces within the effective areas that these forces cause."""
     # Along the ray the live load grows without limit.
     for _ in range(_RAYS):
         if ray is None:
@@ -269,10 +257,7 @@ def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None
 
 
 def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) -> list[str]:
-    """List sentences on dry faces that are no rectangles, and on an increase of λ.
-
-    labels: (m,) True = dry.
-    """
+    """List sentences on dry faces that are no rectangles, and on an increase of λ."""
     found = []
     odd = int(np.count_nonzero(labels & ~analysis.assembly.interfaces.rectangle))
     if odd:
@@ -296,8 +281,8 @@ def _iterate(
 ) -> tuple[State, Proof, Floats, int]:
     """Iterate on forces and effective areas until the areas belong to the forces.
 
-    labels: (m,) True = dry. forces: (m, q) scaled start. most, weight: as in `prove_effective_area`. The results are a
-    state, the proof with constant areas, the remaining change (m,) of areas, and the number of programs.
+    forces: (m, q) scaled start. most, weight: as in `prove_effective_area`. The results are a state, the proof with
+    constant areas, the remaining change (m,) of areas, and the number of programs.
     """
     # `_STEPS` free steps come first, then steps that keep the forces near those before.
     template, count = analysis.template, analysis.template.matrix.shape[1]

@@ -63,8 +63,8 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
 def area_derivatives(assembly: Assembly, forces: Floats, labels: Bits) -> tuple[Floats, Floats]:
     """Differentiate the effective areas of dry rectangles with respect to N, m1 and m2.
 
-    forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. labels: (m,) True = dry. Result: derivatives (m, 3) of c_T /
-    c_T,e, at x = 0, where |x| has a kink, the mean of both sides; and derivatives (m, 2, 3) of x / c_T.
+    forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. Result: derivatives (m, 3) of c_T / c_T,e, at x = 0, where |x|
+    has a kink, the mean of both sides; and derivatives (m, 2, 3) of x / c_T.
     """
     faces = assembly.interfaces
     labels = labels & faces.rectangle
@@ -113,10 +113,10 @@ class MovingRows:
     The program is: minimise q·y subject to E y = e, G(y) y + s = r, s in a cone. E y = e is equilibrium. G depends on y
     through the parameters ρ, ρ a1, ρ a2 of each dry rectangle, see `EffectiveAreas`.
 
-    template: template of the assembly with whole faces, spatial. labels: (m,) True = dry. objective: (n,) objective q.
-    balance, load: matrix E and right-hand side e of equilibrium. rows, rhs: matrix G for whole faces, and right-hand
-    side r of the rows. linear: number of linear rows; the rows after them are second-order cones of size three. face:
-    (rows,) face of each row; 0 for the row λ ≥ −c. torsion: (k,) rows whose coefficients depend on the areas.
+    template: template of the assembly with whole faces, spatial. objective: (n,) objective q. balance, load: matrix E
+    and right-hand side e of equilibrium. rows, rhs: matrix G for whole faces, and right-hand side r of the rows.
+    linear: number of linear rows; the rows after them are second-order cones of size three. face: (rows,) face of each
+    row; 0 for the row λ ≥ −c. torsion: (k,) rows whose coefficients depend on the areas.
     """
 
     def __init__(self, template: Template, labels: Bits) -> None:
@@ -153,8 +153,8 @@ class MovingRows:
     def _matrix(self, template: Template, labels: Bits, ratio: float, arm: tuple[float, float]) -> sp.csr_array:
         """Return the matrix of the program with one and the same effective area for all faces.
 
-        labels: (m,) True = dry. arm: (x2, −x1) / c_T with centre of pressure x, see `EffectiveAreas`. The rows are
-        those of equilibrium, of λ, and of yield.
+        arm: (x2, −x1) / c_T with centre of pressure x, see `EffectiveAreas`. The rows are those of equilibrium, of λ,
+        and of yield.
         """
         count = len(labels)
         areas = EffectiveAreas(np.full(count, ratio), np.tile(np.array(arm), (count, 1)))

@@ -64,8 +64,8 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
 
     If strengths are of the order of the loads, most blocks fail a check and are taken apart, which costs more than
     rigid blocks save. If strengths are far above the loads, the full program is slow and badly scaled, and rigid blocks
-    are exact in the first round. Measurements: docs/notes/tried.md. labels: (m,) True = dry. Result: True if the
-    weakest inner face is stronger than a threshold, relative to the force scale. False if there are no inner faces.
+    are exact in the first round. Measurements: docs/notes/tried.md. Result: True if the weakest inner face is stronger
+    than a threshold, relative to the force scale. False if there are no inner faces.
     """
     inner = ~labels & ~template.assembly.of_members
     if not inner.any():
@@ -78,8 +78,8 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
 def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
     """Join elements through inner faces into rigid blocks, except for elements in `apart`.
 
-    labels: (m,) True = dry. apart: (k,) elements that remain separate bodies. Result: condensed assembly. A block glued
-    to a support is itself a support.
+    apart: (k,) elements that remain separate bodies. Result: condensed assembly. A block glued to a support is itself a
+    support.
     """
     elements, faces = assembly.elements, assembly.interfaces
     alone = np.zeros(len(elements), dtype=bool)
@@ -100,7 +100,7 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
 def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
     """Build the condensed assembly: sum loads and weights per block, keep some interfaces.
 
-    labels: (m,) True = dry. group: (n,) block of each element. support: (blocks,) True for supports.
+    group: (n,) block of each element. support: (blocks,) True for supports.
     """
     elements, faces, d = assembly.elements, assembly.interfaces, assembly.dimension
     number = len(support)
@@ -148,10 +148,7 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
 
 
 def cracked(full: LimitAnalysis, labels: Bits, velocity: Floats) -> Ints:
-    """Return the elements (k,) of all blocks with an inner face that jumps in a motion.
-
-    labels: (m,) True = dry.
-    """
+    """Return the elements (k,) of all blocks with an inner face that jumps in a motion."""
     # A jump counts above a small share of the largest.
     count = full.template.matrix.shape[0]
     jumps = full.prover.jumps(velocity[None, :count])[0]
@@ -167,10 +164,10 @@ def cracked(full: LimitAnalysis, labels: Bits, velocity: Floats) -> Ints:
 def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None) -> Proof | None:
     """Prove the load factor with rigid blocks, taking apart blocks that fail a check.
 
-    labels: (m,) True = dry. apart: (k,) elements that are separate bodies from the first round on, for example of
-    blocks that are known to crack. Result: proof about the full model: its lower bound is a state checked in the full
-    model, and its mechanism moves each element with its block. Its bracket may be wide, or lack the lower bound. The
-    status may also be unstable, without bounds. None where the full model must be solved instead.
+    apart: (k,) elements that are separate bodies from the first round on, for example of blocks that are known to
+    crack. Result: proof about the full model: its lower bound is a state checked in the full model, and its mechanism
+    moves each element with its block. Its bracket may be wide, or lack the lower bound. The status may also be
+    unstable, without bounds. None where the full model must be solved instead.
     """
     # Source: docs/method.md (7.1), (7.2).
     assembly, own = full.assembly, full.options
@@ -236,7 +233,7 @@ def _inner_forces(
 ) -> tuple[Floats, Ints] | None:
     """Compute scaled forces (m, q) on all faces, and list blocks without admissible ones.
 
-    labels: (m,) True = dry. None if the solver returns forces that are not finite.
+    None if the solver returns forces that are not finite.
     """
     # Given boundary forces and λ, each block maximises its own least slack.
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
@@ -321,8 +318,7 @@ def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, 
 def prove_loaded_part(full: LimitAnalysis, labels: Bits, known: Proof) -> Proof | None:
     """Prove bounds by the free elements that are connected to a loaded one, in a scale of their own.
 
-    labels: (m,) True = dry. Result: proof about the whole; None where all elements are connected to a loaded one, or no
-    bounds are found.
+    Result: proof about the whole; None where all elements are connected to a loaded one, or no bounds are found.
     """
     assembly, scale = full.assembly, full.template.scaling
     elements, faces = assembly.elements, assembly.interfaces
@@ -361,8 +357,8 @@ _ROUTE: Final = Route("contact at points", STANDARD - ADHESION - {"dry crushing"
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
     """Build the assembly of concave contact: one point face per hull corner of a dry face.
 
-    labels: (m,) True = dry. Result: the assembly with m' faces, and (m',) the face of `assembly` from which each comes,
-    sorted. Raises InputError if a dry face has a compressive or shear strength, since a point has no area.
+    Result: the assembly with m' faces, and (m',) the face of `assembly` from which each comes, sorted. Raises
+    InputError if a dry face has a compressive or shear strength, since a point has no area.
     """
     # Labels are dry for point faces and inner for all others. A point face has no area, no moments and a polygon of one
     # point. Its sizes are those of its parent face; they only scale moments, which a point face does not have. Corners
@@ -565,10 +561,7 @@ def solve_labelling(
 
 
 def _proof(analysis: LimitAnalysis, labels: Bits, options: Model, stands: bool, pruning_threshold: float) -> Proof:
-    """Prove λ of one labelling under the friction of the options, on the contacts as given.
-
-    labels: (m,) True = dry.
-    """
+    """Prove λ of one labelling under the friction of the options, on the contacts as given."""
     if options.friction == "zero-dilation":
         proof: Proof = part("dilation")(analysis, labels, options, stands, pruning_threshold)
         return proof

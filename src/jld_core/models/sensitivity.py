@@ -141,10 +141,7 @@ class _Change:
 
 
 def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, str]]:
-    """List name, change and unit of each parameter that is not zero and that a labelling uses.
-
-    labels: (m,) True = dry.
-    """
+    """List name, change and unit of each parameter that is not zero and that a labelling uses."""
     stress = f"{assembly.units[1]}/{assembly.units[0]}²"
     found = []
     for name, strength, faces, unit in (
