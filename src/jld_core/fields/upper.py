@@ -225,7 +225,7 @@ class UpperBound:
     def _proven(
         self, velocity: Floats, rates: Rates, labels: Bits, allowance: float = 0.0, opened: float = 0.0
     ) -> VelocityField | None:
-        """Compute the upper bound on λ that velocities (t, d + 1, d) prove, without a solver;
+        """Compute the upper bound on λ that velocities (t, d + 1, d) prove, without a solver.
 
         None: a flow rule is violated, or the live load does no positive work.
         """
