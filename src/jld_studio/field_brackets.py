@@ -11,6 +11,7 @@ import numpy as np
 
 from jld_core import Assembly, Bits, InputError
 from jld_core.fields import bounds as fields_bounds
+from jld_core.fields import problem as fields_problem
 from jld_core.limit import governing, number
 from jld_core.models import by_fields
 
@@ -37,6 +38,7 @@ class FieldBracket:
 
     def __init__(self, assembly: Assembly, labels: Bits, gap: float) -> None:
         self._assembly = assembly
+        fields_problem.require_planar_fields(assembly)
         self._cases = [fields_bounds.FieldRefinement(case, labels, gap=gap) for case in assembly.by_case]
         largest = max(case.simplices for case in self._cases)
         if largest > LARGEST:

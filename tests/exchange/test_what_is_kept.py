@@ -12,8 +12,9 @@ from pydantic import BaseModel
 
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, solve
-from jld_core.exchange import FORMATS, Layout, export, formats, import_file
+from jld_core.exchange import FORMATS, Layout, export, import_file
 from jld_core.exchange.facts import lost
+from jld_core.exchange.formats import formats
 from jld_core.scene.uncertain import with_means
 
 LIBRARY = {"dxf": "ezdxf", "3dm": "rhino3dm", "ifc": "ifcopenshell", "obj": "meshio", "ply": "meshio", "vtk": "meshio"}

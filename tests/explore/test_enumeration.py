@@ -15,6 +15,7 @@ from cases import grid_document
 from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_explore import SearchSpace, search_space
 from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
+from jld_explore.evaluation.protocol import FAILED
 from jld_explore.space import feasible, to_string
 from jld_explore.space.labelling import canonical
 
@@ -263,7 +264,7 @@ def test_order_depends_on_the_space_alone() -> None:
             driver.count()  # looking at the whole does not disturb the asking
             part = driver.ask(limit)
             assert limit is None or len(part) <= limit
-            driver.tell(part, [])
+            driver.tell(part, [FAILED] * len(part))
             if len(part) == 0:
                 break
             parts.append(part)

@@ -131,8 +131,7 @@ def test_page_and_pictures_show_members(tmp_path: Path) -> None:
     from pydantic import TypeAdapter
 
     from jld_core.views.figures import draw_forces, draw_mechanism, figure_for
-    from jld_explore.report import page_data
-    from jld_explore.report.page_data import solution_of
+    from jld_explore.report.page_data import page_data, solution_of
 
     scene = parse_scene(wall([STRAP]))
     assembly = build_assembly(scene)

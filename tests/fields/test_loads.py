@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cases import box
-from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
@@ -120,10 +120,8 @@ def test_refused_in_one_line(words: str, scene: dict[str, Any], options: dict[st
     assert "\n" not in str(error.value)
 
 
-def test_space_cases_and_missing_strengths_are_refused() -> None:
-    """Spatial scenes, scenes with load cases, scenes without inner strengths."""
-    with pytest.raises(InputError, match="planar"):
-        bounds_by_fields(build_assembly(samples.dome()))
+def test_cases_and_missing_strengths_are_refused() -> None:
+    """Scenes with load cases, scenes without inner strengths."""
     assembly = column([{"body": [1, 0]}])
     cases = [{"name": name, "live": [{"body": [1, 0]}]} for name in "ab"]
     scene = parse_scene(

@@ -124,7 +124,7 @@ def test_a_stopped_search_writes_the_best_shape(tmp_path: Path, jld: Command, mo
         if len(told) == 3:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(shaping, "say", tell)
+    monkeypatch.setattr(shaping.streams, "say", tell)
     done = jld("move", file, "-o", out, "--joint", "key:0.025,0.35,0.05")
     assert done.code == 3
     assert f"the best so far is in {out}" in done.err

@@ -400,7 +400,7 @@ def test_a_search_that_cannot_start_takes_no_place(tmp_path: Path, monkeypatch: 
         path.write_text(text[:3])
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
-    monkeypatch.setattr("jld_studio.jobs.write_text", full)
+    monkeypatch.setattr("jld_studio.jobs.files.write_text", full)
     with pytest.raises(OSError, match="No space left"):
         jobs.start("explore", small_scene(), {"seconds": 1.0})
     assert jobs.listed() == []
@@ -419,7 +419,7 @@ def test_a_full_disk_at_the_end_of_a_search_is_reported(tmp_path: Path, monkeypa
         if len(written) > 2:  # the scene and the settings at the start still fit
             raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
-    monkeypatch.setattr("jld_studio.jobs.write_text", full)
+    monkeypatch.setattr("jld_studio.jobs.files.write_text", full)
     job = Jobs(tmp_path / "studio").start("explore", small_scene(), {"seconds": 1.0})
     until = time.monotonic() + 30.0
     while "No space left" not in job.error and time.monotonic() < until:

@@ -176,7 +176,8 @@ class VelocityProgram:
             positive.append(third)
         for column in positive:
             self._add(self._linear, [(column, -1.0)], 0.0, count)
-        self._add(self._linear, second, 0.0 if crushes else -self._margin, count, owner)
+        room = 0.0 if crushes and self.problem.mesh.dimension == 3 else -self._margin
+        self._add(self._linear, second, room, count, owner)
         return total
 
     def _simplices(self) -> None:
@@ -225,7 +226,7 @@ class VelocityProgram:
             crushed = self._new(np.where(finite, size * crush, 0.0))
             extra = [(crushed, np.where(finite, -1.0, 0.0))]
             self._add(self._linear, [(crushed, -1.0)], 0.0, count)
-        margin = np.where(finite, 0.0, -self._margin)
+        margin = np.where(finite & (len(slips) > 1), 0.0, -self._margin)
         if slid is not None:
             self._add(self._linear, [(columns, -opening), (slid, mu), *extra], margin, count)
             self._cone(self._threes, [(slid, 1.0)], columns, np.stack(slips, axis=1))

@@ -16,13 +16,14 @@ from jld_core.build.plausibility import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult, number
 from jld_core.limit.result import stands_in_words, tensions
 from jld_core.loads import resultants
-from jld_core.models.by_fields import FieldResult
 from jld_core.program import Template
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.views.advice import advice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from jld_core.models.by_fields import FieldResult  # solving by faces does not load fields
 
 
 LARGEST: Final = 1500
