@@ -151,6 +151,7 @@ def push(
     Parameters
     ----------
     specimen : Specimen
+        What is loaded.
     settled : State
         State under the dead loads; not changed.
     scale : float
@@ -246,6 +247,7 @@ def ramp(specimen: Specimen, settled: State, scale: float, first: float = 0.1, w
     Parameters
     ----------
     specimen : Specimen
+        What is loaded.
     settled : State
         State under the dead loads; not changed.
     scale : float

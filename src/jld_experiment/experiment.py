@@ -20,6 +20,7 @@ def require_one_load(assembly: Assembly) -> None:
     Parameters
     ----------
     assembly : Assembly
+        The structure.
 
     Raises
     ------
@@ -129,7 +130,9 @@ def run_experiment(
     labels : (m,) bool array, optional
         Default: the scene's own.
     joints : Joints, optional
+        Laws of the joints.
     settings : Settings, optional
+        The settings.
 
     Returns
     -------

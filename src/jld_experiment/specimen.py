@@ -163,6 +163,7 @@ class State:
     shear : (s, d − 1) float array
         Their shear stress.
     broken : (s,) bool array
+        True where a sub-contact is broken.
     before : (n, q) float array
         Unbalanced forces of the step before, for combined damping.
     work : (8,) float array
@@ -189,7 +190,9 @@ class Specimen:
     Attributes
     ----------
     assembly : Assembly
+        The structure.
     labels : (m,) bool array
+        Labels, True = dry.
     points : SubContacts
         Sub-contacts of all faces.
     system : System
@@ -201,6 +204,7 @@ class Specimen:
     geometry : Plane, Space or None
         Initial state of a moving geometry.
     settings : Settings
+        The settings.
     """
 
     assembly: Assembly
@@ -239,6 +243,7 @@ class Specimen:
         state : State
             Changed in place.
         steps : int
+            Number of time steps.
         dead, load_factor, rate : tuple of (float, float)
             Share of the dead loads, λ, and rate of live·u, whose multiplier λ then is, at the first and last step.
 
@@ -317,9 +322,13 @@ def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Sett
     Parameters
     ----------
     assembly : Assembly
+        The structure.
     labels : (m,) bool array
+        Labels, True = dry.
     joints : Joints
+        Laws of the joints.
     settings : Settings
+        The settings.
 
     Returns
     -------

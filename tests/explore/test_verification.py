@@ -240,6 +240,7 @@ def test_verification_imports_nothing_that_searches_or_solves() -> None:
         "jld_core.assembly",
         "jld_core.build",
         "jld_core.build.elements",
+        "jld_core.lazy_exports",
         "jld_core.errors",
         "jld_core.scene",
     )

@@ -96,7 +96,9 @@ class Driver(ABC):
         Parameters
         ----------
         space : SearchSpace
+            The search space.
         seed : int
+            Seed of the random choices.
         given : mapping of str to object
             Values of fields of `Options`; the others keep their defaults.
 
@@ -196,6 +198,7 @@ class Driver(ABC):
         Parameters
         ----------
         labellings : (k, m) bool array
+            Labels, True = dry.
         evaluations : sequence of Evaluation
             One of each labelling.
         """
@@ -222,6 +225,7 @@ class Driver(ABC):
         Parameters
         ----------
         labellings : (k, m) bool array
+            Labels, True = dry.
         evaluations : sequence of Evaluation, or BatchResult
             One of each labelling; a subclass is always given evaluations.
         """

@@ -66,7 +66,9 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
     name : str
         A name of `driver_kinds`; "exact" gives `MinimumCount` where `search.require` is set.
     space : SearchSpace
+        The search space.
     seed : int
+        Seed of the random choices.
     **options
         Options of the driver; None for the default.
 

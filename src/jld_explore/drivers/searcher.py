@@ -50,6 +50,7 @@ class Register:
         Parameters
         ----------
         rows : (k, m) bool array
+            Labels, True = dry.
         most : int, optional
             Largest number of classes; the first ones are taken.
         all_feasible : bool

@@ -194,7 +194,9 @@ def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> SharedEvalu
     Parameters
     ----------
     assembly : Assembly
+        The structure.
     settings : EvaluatorSettings
+        The settings.
 
     Returns
     -------

@@ -325,9 +325,11 @@ class Records:
         Parameters
         ----------
         labellings : (k, m) bool array
+            Labels, True = dry.
         multiplicities : sequence of k int
             Orbit sizes under the symmetries.
         evaluations : sequence of Evaluation
+            Evaluations.
         """
         rows = rows_of(self.type, labellings, multiplicities, evaluations)
         named = keys_of(rows)
@@ -406,8 +408,11 @@ class Records:
         Parameters
         ----------
         decided, labels : (k, m) bool array
+            Faces of each conflict, and their labels.
         bounds : sequence of k float
+            Bound of each conflict, scaled λ.
         evidence : sequence of k int
+            Kind of evidence of each.
         """
         rows = []
         packed = np.packbits(decided, axis=1), np.packbits(labels, axis=1)

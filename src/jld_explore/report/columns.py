@@ -149,6 +149,7 @@ def csv_of(table: pd.DataFrame) -> str:
     Parameters
     ----------
     table : DataFrame
+        Table of the results.
 
     Returns
     -------

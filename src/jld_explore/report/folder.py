@@ -77,6 +77,7 @@ def check_folder(folder: Path, resume: bool) -> None:
     Parameters
     ----------
     folder : Path
+        Results folder.
     resume : bool
         Whether the folder must hold a study; else it must be new or empty.
 
@@ -228,11 +229,13 @@ def write_pictures(
     Parameters
     ----------
     done : Exploration
+        The finished search.
     ending : str
         "png", "svg" or "pdf".
     out : Path, optional
         Default: the folder of the study.
     deadline : Deadline, optional
+        Deadline.
     busy : float
         Factor by which other work prolongs drawing.
     fields : float
@@ -243,6 +246,7 @@ def write_pictures(
     Returns
     -------
     written : list of Path
+        Files.
     missing : list of str
         Pictures omitted for lack of time.
 

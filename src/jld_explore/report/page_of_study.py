@@ -192,6 +192,7 @@ def write_report(
     Parameters
     ----------
     done : Exploration
+        The finished search.
     out : Path, optional
         Default: the folder of the study.
     patience : float
@@ -260,6 +261,7 @@ def show_page(done: Exploration, height: int = 900, patience: float = PATIENCE) 
     Parameters
     ----------
     done : Exploration
+        The finished search.
     height : int
         Height of the frame, pixels.
     patience : float

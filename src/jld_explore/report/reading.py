@@ -46,6 +46,7 @@ class Exploration(NotebookRepr):
     Attributes
     ----------
     scene : Scene
+        The scene.
     assembly : Assembly
         Structure without the sink of void cells.
     results : DataFrame
@@ -55,7 +56,9 @@ class Exploration(NotebookRepr):
     summary : Summary
         Best layout, proof and course of the search.
     folder : Path
+        Results folder.
     stop_reason : StopReason
+        Why the search ended.
     model : SolveOptions
         Model of the search.
     """
@@ -244,6 +247,7 @@ def read_folder(folder: str | Path) -> Exploration:
     Parameters
     ----------
     folder : str or Path
+        Results folder.
 
     Returns
     -------

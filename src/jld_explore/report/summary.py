@@ -34,15 +34,19 @@ class Summary:
     bound, gap : float or None
         Proven upper bound on λ of all layouts, and its relative distance from `best`.
     stop_reason : str
+        Why the search ended.
     classes, evaluated, labellings : int
         Layouts up to symmetry, in total and evaluated; and those evaluated with their images.
     solved, pruned, settled : int
         Classes solved in this run; not worth a solve by a bound; always 0.
     counts_by_status : dict of str to int
+        Number of classes by status.
     seconds, rate : float
         Duration, s, and classes solved per second, or None.
     driver, seed : str, int
+        Driver and its seed.
     warnings : list of str
+        Warnings.
     front : list of dict
         Points: `count`, `load_factor`, `bound`, `proven`.
     next : str or None
@@ -89,6 +93,7 @@ class Summary:
         Parameters
         ----------
         facts : mapping of str to object
+            Content of summary.json.
 
         Returns
         -------

@@ -158,6 +158,7 @@ class SearchMethod:
     options : dict
         Options of a named driver.
     seed : int
+        Seed of the random choices.
     small : int
         Number of classes up to which a space is counted, and enumerated if no driver is named; 0 omits the count.
     """

@@ -27,7 +27,9 @@ class Layouts:
     Attributes
     ----------
     assembly : Assembly
+        The structure.
     labellings : (k, m) bool array
+        Labels, True = dry.
     graph : Connectivity
         Element graph of the assembly.
     block_shapes : BlockShapes
@@ -111,6 +113,7 @@ class Count:
     noun : str
         Name of one counted item, or the word before a value that is not an integer.
     integer : bool
+        Whether the count is whole.
     unit : callable
         Maps an assembly to the unit.
     terms : callable or None
@@ -324,6 +327,7 @@ def register(count: Count) -> None:
     Parameters
     ----------
     count : Count
+        Count.
 
     Raises
     ------
@@ -341,6 +345,7 @@ def unregister(name: str) -> None:
     Parameters
     ----------
     name : str
+        Name.
 
     Raises
     ------
@@ -357,6 +362,7 @@ def count_named(name: str, where: str = "search.front.count") -> Count:
     Parameters
     ----------
     name : str
+        Name.
     where : str
         Key that gave the name, for the error message.
 
@@ -396,8 +402,11 @@ def values_of(
     Parameters
     ----------
     count : Count
+        Count.
     assembly : Assembly
+        The structure.
     labellings : (k, m) bool array
+        Labels, True = dry.
     graph : Connectivity, optional
         Element graph; built if missing.
     shapes : BlockShapes, optional

@@ -39,6 +39,7 @@ def unpack(packed: Packed, faces: int) -> Bits:
     Parameters
     ----------
     packed : (..., ceil(m / 8)) uint8 array
+        Packed labels.
     faces : int
         Number m of faces.
 
@@ -56,6 +57,7 @@ def keys(labellings: Bits) -> list[bytes]:
     Parameters
     ----------
     labellings : (k, m) bool array
+        Labels, True = dry.
 
     Returns
     -------
@@ -73,6 +75,7 @@ def to_string(labelling: Bits) -> str:
     Parameters
     ----------
     labelling : (m,) bool array
+        Labelling.
 
     Returns
     -------

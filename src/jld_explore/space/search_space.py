@@ -213,6 +213,7 @@ class SearchSpace:
     assembly : Assembly
         With `void` it includes the sink, and a face to it for each cell that may be omitted.
     search : Search
+        Search.
     candidates : (m,) bool array
         Faces that may have either label.
     fixed : (m,) bool array
@@ -337,7 +338,9 @@ def search_space(
     Parameters
     ----------
     scene : Scene
+        The scene.
     assembly : Assembly
+        The structure.
     allow_empty : bool
         Accept a space without candidates, which holds the scene's own labelling alone.
     need_materials : bool

@@ -25,7 +25,9 @@ class StepContext:
     Attributes
     ----------
     space : SearchSpace
+        The search space.
     settings : ExploreSettings
+        The settings.
     deadline : Deadline
         After it nothing long is begun.
     """

@@ -57,6 +57,7 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
     Parameters
     ----------
     path : Path
+        Path.
     scene : Scene, optional
         Scene that the certificate must be of; by default the scene it holds.
 

@@ -101,6 +101,7 @@ class SequenceConstraint:
     Parameters
     ----------
     assembly : Assembly
+        The structure.
     wish : {"translation", "standing"}
         Some order by translations must exist; "standing": every stage of it must also stand without props.
     may_join : (m,) bool array

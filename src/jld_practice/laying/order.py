@@ -109,6 +109,7 @@ class Step:
     Attributes
     ----------
     blocks : tuple of int
+        Blocks.
     direction : (d,) or (3,) array
         Unit vector along which they could be removed; (3,) for out of the plane.
     stage : Stage
@@ -187,6 +188,7 @@ def assembly_order(
     Parameters
     ----------
     assembly : Assembly
+        The structure.
     labels : (m,) bool array
         True = dry.
     wish : {"translation", "standing"}
@@ -198,6 +200,7 @@ def assembly_order(
     start : {"ground", "left", "right", "springings"}
         Where laying starts, if directions and stages allow it.
     bodies : Bodies, optional
+        Bodies.
     parts : Parts, optional
         Data of the assembly, for reuse.
 

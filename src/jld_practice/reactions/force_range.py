@@ -145,14 +145,17 @@ class Settled:
     Attributes
     ----------
     settlement : Settlement
+        Settlement.
     assembly : Assembly
         The structure under its dead load, with the settlement's share of live load added.
     labels : (m,) bool array
+        Labels, True = dry.
     stands : bool or None
         Whether it stands under this load; None where undecided.
     least, most : Thrust or None
         Ends of the range; None if it does not stand.
     seconds : float
+        Time, s.
     """
 
     settlement: built.Settlement

@@ -555,6 +555,7 @@ def operators(space: SearchSpace) -> Operators:
     Parameters
     ----------
     space : SearchSpace
+        The search space.
 
     Returns
     -------
