@@ -12,10 +12,10 @@ from scipy.optimize import linprog
 from cases import box
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Floats
-from jld_core.fields.forms import normal_map, tensors
+from jld_core.fields.forms import Material, normal_map, tensors
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.mesh import Mesh, bisect, split_at_centroids
-from jld_core.fields.problem import Material, Problem, material_of, problem_of, units_of
+from jld_core.fields.problem import Problem, material_of, problem_of, units_of
 from jld_core.fields.solids import loaded_solids
 from jld_core.fields.upper import UpperBound
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from jld_core.arrays import Floats
+from jld_core.fields.forms import Material
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.mesh import Mesh, subdivide
-from jld_core.fields.problem import Joints, Material, Problem, Units
+from jld_core.fields.problem import Joints, Problem, Units
 from jld_core.fields.upper import UpperBound
 
 SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [0.1, -0.05]])

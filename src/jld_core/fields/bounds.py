@@ -16,11 +16,11 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.adaptive import finer_in_plane, finer_in_space
-from jld_core.fields.forms import tensors
+from jld_core.fields.forms import Material, tensors
 from jld_core.fields.loads import FieldLoads, Segment, loaded_mesh
 from jld_core.fields.lower import LowerBound, StressField
 from jld_core.fields.mesh import Mesh, bisect, fanned, refine, split_at_centroids, subdivide
-from jld_core.fields.problem import Material, Problem, Units, material_of, problem_of, require_refinement, units_of
+from jld_core.fields.problem import Problem, Units, material_of, problem_of, require_refinement, units_of
 from jld_core.fields.transfer import FieldMechanism, FieldStresses, mechanism_of, stresses_of
 from jld_core.fields.upper import UpperBound, VelocityField
 
