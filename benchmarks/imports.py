@@ -1,7 +1,8 @@
 """Reading files: time and memory of bombs, and of large files.
 
-`python -m benchmarks.imports` writes the table. Each file is read by `jld import` in a process of its own: processor
-seconds of it and of the one that reads, and the larger memory of both. Bombs are small files that expand, nest or
+`python -m benchmarks.imports [shelf|bombs]` writes a table for each part. Each bomb or large file is read by `jld
+import` in a process of its own: processor seconds of it and of the one that reads, and the larger memory of both.
+Bombs are small files that expand, nest or
 branch (`tests/files/bombs.py`): each has to end in one line. Large ones are cells of lines beside a closed outline, in
 n × n cells, and blocks of solids. Memory is an upper bound: a process begins with the peak of the one that started it.
 """
@@ -19,10 +20,10 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.common import ROOT, about, load_of_machine, table, write
+from benchmarks.common import ROOT, about, load_of_machine, run_parts, table, write
 from benchmarks.scenes import cubes
-from jld_core import build_assembly
-from jld_core.exchange import Layout, export
+from jld_core import InputError, build_assembly
+from jld_core.exchange import ImportOptions, Layout, export, import_file
 
 _MB: Final = 1e6
 
@@ -67,9 +68,36 @@ def read(path: Path, out: Path, *options: str) -> tuple[float, float, int, str]:
     return used.ru_utime + used.ru_stime, 1024 * used.ru_maxrss / _MB, process.returncode, said
 
 
-def main() -> None:
-    """Read every file, and write the table."""
-    sys.path.insert(0, str(ROOT / "tests"))
+def shelf() -> None:
+    """Files as programs write them (`tests/files`): what is right, and what is read.
+
+    Right: number of elements, area (m²) or volume (m³) and unit as they were drawn, or the words of a true refusal.
+    """
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for file in import_module("files.make").shelf():
+            path = Path(folder) / file.name
+            file.write(path)
+            right = file.refused or f"{file.elements}; {file.amount:.4g}; {file.unit}"
+            try:
+                facts = import_file(path, ImportOptions(**file.options)).facts()
+                amount = facts.get("area", facts.get("volume"))
+                read = f"{facts['elements']}; {amount:.4g}; {facts['unit']}"
+                same = not file.refused and facts["elements"] == file.elements and facts["unit"] == file.unit
+                same &= abs(amount - file.amount) <= 5e-3 * abs(file.amount)
+            except InputError as error:
+                read, same = error.problem, bool(file.refused) and file.refused in str(error)
+            options = " ".join(f"{key}={value}" for key, value in file.options.items())
+            rows.append(
+                [file.name, file.program, options, right, read[:90].replace("|", "/"), "yes" if same else "**no**"]
+            )
+    count = f"{sum(row[-1] == 'yes' for row in rows)} of {len(rows)} as they were drawn."
+    head = "file | program | options | right | read | as drawn"
+    write("shelf", f"# The shelf of files\n\n{about(shelf.__doc__)}\n\n{count}\n\n{table(head, rows)}")
+
+
+def bombs_and_large() -> None:
+    """Read every bomb and every large file, and write the table."""
     bombs = import_module("files.bombs").bombs
     files: list[tuple[str, str, Callable[[Path], None]]] = [("bomb", name, one) for name, (one, _) in bombs().items()]
     files += [("large", f"wall_{count}x{count}.dxf", _walls(count)) for count in (30, 100)]
@@ -90,4 +118,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.path.insert(0, str(ROOT / "tests"))
+    run_parts(shelf=shelf, bombs=bombs_and_large)
