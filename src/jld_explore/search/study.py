@@ -35,7 +35,7 @@ from jld_explore.space import SearchSpace, cut, to_string, unpack
 if TYPE_CHECKING:
     import pandas as pd
 
-_ROW: Final = 4e-5  # seconds per recorded labelling that are reserved from a time limit for tables and page
+_ROW: Final = 1e-4  # time reserved from a limit for tables and page, s per recorded labelling; 90 000 took 9 s
 
 PORTION: Final = 128
 """Largest number of labellings requested at a time if pruning thresholds can avoid solves."""
