@@ -483,8 +483,11 @@ class ConeProgram:
         if careful not in self._solvers:
             width = len(self._objective)
             matrix = sp.csc_matrix((self._data, self._matrix.indices, self._matrix.indptr), shape=self._matrix.shape)
+            settings = _settings(
+                iterative_refinement_enable=careful, tol_gap_abs=_RESIDUAL, tol_gap_rel=_RESIDUAL, tol_feas=_RESIDUAL
+            )
             self._solvers[careful] = clarabel.DefaultSolver(
-                sp.csc_matrix((width, width)), self._objective, matrix, self._rhs, self._cones, _settings(careful)
+                sp.csc_matrix((width, width)), self._objective, matrix, self._rhs, self._cones, settings
             )
         solver = self._solvers[careful]
         if off is not None:
@@ -497,16 +500,12 @@ class ConeProgram:
         return Answer(np.array(answer.x), np.array(answer.z), float(answer.obj_val), usable, status)
 
 
-def _settings(careful: bool) -> Any:
-    """Return the settings of Clarabel; careful: with iterative refinement of linear systems."""
+def _settings(**choices: Any) -> Any:
+    """Return settings of Clarabel: silent, one thread, the program as given, and what is chosen."""
     settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.presolve_enable = False
-    settings.iterative_refinement_enable = careful
-    settings.input_sparse_dropzeros = False
-    settings.chordal_decomposition_enable = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _RESIDUAL
+    as_given = dict.fromkeys(("presolve_enable", "input_sparse_dropzeros", "chordal_decomposition_enable"), False)
+    for name, value in {"verbose": False, "max_threads": 1, **as_given, **choices}.items():
+        setattr(settings, name, value)
     return settings
 
 
@@ -543,8 +542,17 @@ def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: Con
     cones += [clarabel.SecondOrderConeT(4)] * sizes.fours
     cones += [clarabel.PSDTriangleConeT(3)] * sizes.tensors
     width = len(objective)
+    settings = _settings(
+        input_sparse_dropzeros=True,
+        max_iter=_MOST_STEPS,
+        direct_solve_method="qdldl",
+        static_regularization_constant=_ROUGH_REGULAR,
+        tol_feas=_FEASIBILITY,
+        tol_gap_abs=_GAP,
+        tol_gap_rel=_GAP,
+    )
     solver: Any = clarabel.DefaultSolver(
-        sp.csc_matrix((width, width)), objective, sp.csc_matrix(matrix), rhs, cones, _rough_settings()
+        sp.csc_matrix((width, width)), objective, sp.csc_matrix(matrix), rhs, cones, settings
     )
     answer = solver.solve()
     status = str(answer.status)
@@ -552,19 +560,3 @@ def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: Con
     point = np.array(answer.x)
     usable = usable and bool(np.isfinite(point).all())
     return Answer(point, np.array(answer.z), float(answer.obj_val), usable, status)
-
-
-def _rough_settings() -> Any:
-    """Return the settings of Clarabel for programs with semidefinite cones."""
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.presolve_enable = False
-    settings.input_sparse_dropzeros = True
-    settings.chordal_decomposition_enable = False
-    settings.max_iter = _MOST_STEPS
-    settings.direct_solve_method = "qdldl"
-    settings.static_regularization_constant = _ROUGH_REGULAR
-    settings.tol_feas = _FEASIBILITY
-    settings.tol_gap_abs = settings.tol_gap_rel = _GAP
-    return settings
