@@ -6,19 +6,18 @@ import os
 import pickle
 import time
 from concurrent.futures import Future, wait
-from contextlib import suppress
 from typing import Final
 
 import cloudpickle
 import numpy as np
 
-from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.deadline import Deadline
 from jld_core.limit import LimitAnalysis, SolveOptions
 from jld_core.limit.block_relaxation import applies_to
 from jld_core.limit.case_relaxation import relaxation_of
 from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
-from jld_explore.drivers.exact.context import possible_blocks
+from jld_explore.drivers.exact.context import listed_blocks
 from jld_explore.evaluation import Pool
 from jld_explore.evaluation.pool import is_lost
 from jld_explore.space import SearchSpace
@@ -28,7 +27,7 @@ LEAST_SECONDS: Final = 5.0  # shortest time of a search with this bound; its pro
 _SIDE_SECONDS: Final = 6e-4  # time of the program for each side of a block; 40 000 to 77 000 sides took 24 to 48 s
 _SIDE_MEMORY: Final = 16e3  # memory of the program for each side of a block, bytes
 _MEMORY_SHARE: Final = 0.4  # largest share of the memory for the program
-_LISTING_SHARE: Final = 0.1  # largest share of the time for listing the possible blocks
+_LISTED_WITHIN: Final = 0.3  # share of the time that is open to listing the possible blocks
 _CLOSE: Final = 1.0  # time before the deadline at which the solver ends, s
 _NICE: Final = 5  # the search goes first where it uses every core
 
@@ -36,7 +35,7 @@ _NICE: Final = 5  # the search goes first where it uses every core
 class BlockRoot:
     """Block relaxation of all possible blocks of a space, solved in a process of its own."""
 
-    def __init__(self, space: SearchSpace, blocks: BlockSpace, seconds: float, *, busy: bool) -> None:
+    def __init__(self, blocks: BlockSpace, seconds: float, *, busy: bool) -> None:
         self._pool = Pool(1)
         self._bound: float | None = None
         nice = _NICE if busy else 0
@@ -53,15 +52,14 @@ class BlockRoot:
             applies_to(LimitAnalysis(case)) for case in assembly.by_case
         ):
             return None
-        blocks = None
-        with suppress(DeadlinePassed), Deadline(_LISTING_SHARE * left).enforced():
-            blocks = possible_blocks(space)
+        with Deadline(_LISTED_WITHIN * left).enforced():
+            blocks = listed_blocks(space)  # in a share of that time
         if blocks is None or not len(blocks):
             return None
         sides = sides_of(space, blocks)
         if sides * _SIDE_SECONDS > deadline.remaining() or sides * _SIDE_MEMORY > _MEMORY_SHARE * memory_limit():
             return None
-        return cls(space, BlockSpace(space, blocks), deadline.remaining() - _CLOSE, busy=jobs >= (os.cpu_count() or 1))
+        return cls(BlockSpace(space, blocks), deadline.remaining() - _CLOSE, busy=jobs >= (os.cpu_count() or 1))
 
     def poll(self, seconds: float = 0.0) -> float | None:
         """Return the bound, scene units, after waiting for it up to some seconds; None without one."""
