@@ -23,10 +23,9 @@ from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.context import listed_blocks
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.evaluation import EvaluatorSettings, Pool
+from jld_explore.evaluation import Evaluator, EvaluatorSettings, Pool
+from jld_explore.evaluation.cases import Standing
 from jld_explore.evaluation.pool import is_lost
-from jld_explore.evaluation.protocol import Evaluator
-from jld_explore.evaluation.standing import Standing
 from jld_explore.space import SearchSpace
 
 LEAST_SECONDS: Final = 5.0  # shortest time of a search with a proof beside it; its process takes two seconds to start
