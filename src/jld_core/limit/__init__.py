@@ -11,6 +11,7 @@
 - `Proof`: bounds, status and solve log of one labelling
 - `Prover`: turns raw solver points and multipliers into checked bounds
 - `Result`: λ of one structure under one labelling: what all results have
+- `SampleAnalysis`: batch solver of one labelling under samples of strengths and loads
 - `SolveOptions`: name of `Model` before version 0.4
 - `State`: forces and λ with their slack and equilibrium error
 - `Status`: outcome of a limit analysis: collapse, locked, unstable, uncertified or failed
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from jld_core.limit.bounds import crossed
     from jld_core.limit.mechanism import face_jumps
     from jld_core.limit.result import effects, without_idle
+    from jld_core.limit.samples import SampleAnalysis
 
 __all__ = [
     "FIELD_SECONDS",
@@ -66,6 +68,7 @@ __all__ = [
     "Proof",
     "Prover",
     "Result",
+    "SampleAnalysis",
     "SolveOptions",
     "State",
     "Status",
@@ -88,5 +91,6 @@ export_lazily(
         "bounds": ["crossed"],
         "mechanism": ["face_jumps"],
         "result": ["effects", "without_idle"],
+        "samples": ["SampleAnalysis"],
     },
 )
