@@ -21,6 +21,7 @@
 - `most_without_cuts`: return the upper bound on λ by faces where every face that may be inner is inner
 - `read_folder`: read a results folder as an `Exploration`
 - `search_space`: build the search space of a scene
+- `sweep`: compute λ over a grid of values of a scene
 - `with_entries`: return a search with further entries of its summary and columns of its results; nothing is written
 """
 
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from jld_explore.steps.step import Step, StepContext, with_entries
     from jld_explore.steps.time_limit import busy_factor
     from jld_explore.steps.uncut import most_without_cuts
+    from jld_explore.sweep import sweep
 
 __all__ = [
     "BudgetSettings",
@@ -72,6 +74,7 @@ __all__ = [
     "most_without_cuts",
     "read_folder",
     "search_space",
+    "sweep",
     "with_entries",
 ]
 
@@ -96,5 +99,6 @@ export_lazily(
         "search.state": ["Interrupted", "Progress", "StopReason"],
         "steps.time_limit": ["busy_factor"],
         "steps.uncut": ["most_without_cuts"],
+        "sweep": ["sweep"],
     },
 )

@@ -8,6 +8,7 @@
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
 - `Model`: how a structure is modelled and solved, as on the command line
 - `Motion`: velocities with their jumps, margin and upper bound on λ
+- `Movement`: kind of movement of a face in a mechanism
 - `Proof`: bounds, status and solve log of one labelling
 - `Prover`: turns raw solver points and multipliers into checked bounds
 - `Result`: λ of one structure under one labelling: what all results have
@@ -22,6 +23,7 @@
 - `face_jumps`: compute the velocity jumps J = A_eqᵀ u of all faces in a mechanism
 - `governing`: compute the governing factor of a labelling from its load cases
 - `load_scale`: compute the λ below which differences are negligible
+- `movements`: classify the movements of all faces in several mechanisms
 - `number`: convert a float to a JSON number or null
 - `relative_width`: compute the relative width of a bracket
 - `result_of`: convert a proof to a result in scene units
@@ -52,7 +54,7 @@ from jld_core.limit.result import LimitAnalysisResult, Result, number, result_of
 
 if TYPE_CHECKING:
     from jld_core.limit.bounds import crossed
-    from jld_core.limit.mechanism import face_jumps
+    from jld_core.limit.mechanism import Movement, face_jumps, movements
     from jld_core.limit.result import effects, without_idle
     from jld_core.limit.samples import SampleAnalysis
 
@@ -65,6 +67,7 @@ __all__ = [
     "LimitAnalysisResult",
     "Model",
     "Motion",
+    "Movement",
     "Proof",
     "Prover",
     "Result",
@@ -79,6 +82,7 @@ __all__ = [
     "face_jumps",
     "governing",
     "load_scale",
+    "movements",
     "number",
     "relative_width",
     "result_of",
@@ -89,7 +93,7 @@ export_lazily(
     __name__,
     {
         "bounds": ["crossed"],
-        "mechanism": ["face_jumps"],
+        "mechanism": ["Movement", "face_jumps", "movements"],
         "result": ["effects", "without_idle"],
         "samples": ["SampleAnalysis"],
     },

@@ -1,0 +1,2 @@
+"""Borders between the mechanisms of a map."""
+def borders(): pass
