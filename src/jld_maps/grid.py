@@ -44,21 +44,32 @@ def put(document: dict[str, Any], key: str, value: Any) -> None:
     if key == ANGLE:
         _turn(document, key, float(value))
         return
-    path: list[Any] = [int(one) if one.isdigit() else one for one in re.findall(r"[^.\[\]]+", key)]
-    if len(path) < 2 and not path or path[0] in _FREE:
-        raise InputError(key, "no load factor depends on it", "a key such as materials.dry.friction_coefficient")
-    place: Any = document
-    for depth, part in enumerate(path):
-        listed, known = isinstance(place, list), isinstance(place, list | dict)
-        if not known or listed != isinstance(part, int) or (listed and part >= len(place)):
-            has = f"{len(place)} entries, from 0" if listed else "a key of the scene"
-            raise InputError(key, f"there is no {part!r} in {'.'.join(map(str, path[:depth])) or 'the scene'}", has)
-        if depth < len(path) - 1:
-            place = place[part] if listed else place.setdefault(part, {})
-    if isinstance(place, dict) and path[-1].startswith("friction_"):  # a scene states one of both
+    path = parts_of(key)
+    _, place, part = place_of(document, key)
+    if path[0] in _FREE or isinstance(place.get(part) if isinstance(place, dict) else place[part], dict):
+        raise InputError(key, "it is no number that λ depends on", "a key such as materials.dry.friction_coefficient")
+    if isinstance(place, dict) and str(part).startswith("friction_"):  # a scene states one of both
         place.pop("friction_angle", None)
         place.pop("friction_coefficient", None)
-    place[path[-1]] = value
+    place[part] = value
+
+
+def parts_of(key: str) -> list[Any]:
+    """Return the parts of a key, entries of lists as numbers."""
+    return [int(one) if one.isdigit() else one for one in re.findall(r"[^.\[\]]+", key)] or [key]
+
+
+def place_of(document: Any, key: str) -> tuple[Any, Any, Any]:
+    """Return the value of a key in a scene or None, the object that holds it, and its last part; objects are made."""
+    place, path = document, parts_of(key)
+    for depth, part in enumerate(path):
+        listed = isinstance(place, list)
+        if not isinstance(place, list | dict) or listed != isinstance(part, int) or (listed and part >= len(place)):
+            has = f"an entry from 0 to {len(place) - 1}" if listed else "a key of the scene"
+            raise InputError(key, f"there is no {part} in {'.'.join(map(str, path[:depth])) or 'the scene'}", has)
+        if depth < len(path) - 1:
+            place = place[part] if listed else place.setdefault(part, {})
+    return place[path[-1]] if isinstance(place, list) else place.get(path[-1]), place, path[-1]
 
 
 def _turn(document: dict[str, Any], key: str, degrees: float) -> None:
@@ -113,9 +124,18 @@ class Grid:
     """
 
     def __init__(self, scene: Scene, axes: dict[str, list[Any]]) -> None:
-        self.document, self.axes = scene.model_dump(mode="json", exclude_unset=True), axes
+        self.document = scene.model_dump(mode="json", exclude_unset=True)
+        self.axes = {key: [self._number(key, one) for one in values] for key, values in axes.items()}
         self.shape = tuple(map(len, axes.values()))
         self.middle = np.array([(count - 1) // 2 for count in self.shape])
+
+    def _number(self, key: str, value: Any) -> Any:
+        """Return a value as a number in scene units where it is a text with a unit."""
+        if not isinstance(value, str):
+            return value
+        document = deepcopy(self.document)
+        put(document, key, value)
+        return place_of(parse_scene(document).model_dump(mode="json"), key)[0]
 
     def scene(self, place: Any) -> Scene:
         """Return the scene at positions (axes,) of values."""

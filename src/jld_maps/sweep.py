@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import shutil
 import tempfile
 from pathlib import Path
@@ -26,6 +25,9 @@ from jld_maps.kinds import mechanism_names
 _ROUTE: Final = Route("maps", frozenset(FACTS))
 _OPTIONS: Final = Model(cracks="faces")
 _PORTION: Final = 1024  # points that are solved together
+_BOUNDS: Final = ("status", "bracket_lo", "bracket_hi")
+_STARTS: Final = 4  # starting points of the batch solver
+_FEW: Final = 16  # points that are solved one by one rather than from another starting point
 _DECIDED: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNSTABLE)
 
 
@@ -41,17 +43,20 @@ def sweep(
 ) -> pd.DataFrame:
     """Compute λ over a grid, see `jld_explore.sweep`."""
     axes = points_of(grid)
+    points = None
+    if not callable(structure):
+        points = Grid(structure if isinstance(structure, Scene) else load_scene(structure), axes)
+        axes = points.axes
     places = np.array(list(itertools.product(*(range(len(one)) for one in axes.values()))))
     columns = zip(axes.items(), places.T.tolist(), strict=True)
     table = pd.DataFrame({key: [values[k] for k in column] for (key, values), column in columns})
     one_by_one = delayed(_best if explore else _solved)
-    if callable(structure):
-        made: list[Any] = [structure(**{str(key): value for key, value in row.items()}) for row in table.to_dict("records")]
+    if points is None:
+        made = [structure(**row) for row in table.to_dict("records")]
         rows = Parallel(n_jobs=jobs)(one_by_one(one, labels, fields, seconds) for one in made)
         return table.assign(**pd.DataFrame(rows))
-    points = Grid(structure if isinstance(structure, Scene) else load_scene(structure), axes)
     states = None if explore else points.states()
-    swept = None if states is None else _Swept(points, states, labels)
+    swept = None if states is None else Swept(points, states, labels)
     if swept is None or not swept.batched:
         rows = Parallel(n_jobs=jobs)(one_by_one(points.scene(row), labels, fields, seconds) for row in places)
         return table.assign(**pd.DataFrame(rows))
@@ -111,15 +116,15 @@ def _best(structure: Any, labels: Any, fields: bool, seconds: float | None) -> d
         facts, best = done.summary, done.result(1) if done.summary.best is not None else None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    nothing = {"load_factor": np.nan, "bracket_lo": np.nan, "bracket_hi": np.nan, "status": "unstable", "mechanism": ""}
-    row = nothing if best is None else _row(best)
-    row |= {"proven": bool(facts.proven), "uncut": (facts.uncut or [np.nan, np.nan])[1], "labelling": facts.best_labelling}
+    numbers = dict.fromkeys(("load_factor", "bracket_lo", "bracket_hi"), np.nan)
+    row = {**numbers, "status": "unstable", "mechanism": ""} if best is None else _row(best)
+    row |= {"proven": bool(facts.proven), "uncut": (facts.uncut or [np.nan])[-1], "labelling": facts.best_labelling}
     if fields:
         row["fields_lo"], row["fields_hi"] = facts.by_fields or (np.nan, np.nan)
     return row
 
 
-class _Swept:
+class Swept:
     """Bounds at all points of a grid on whose values only strengths and loads depend, by the batch solver."""
 
     def __init__(self, points: Grid, states: States, labels: Any) -> None:
@@ -127,14 +132,14 @@ class _Swept:
         self.labels = assemblies.labels_of(self.assembly, labels)
         require_materials(self.assembly, self.labels, ~self.labels)
         whole = _uncut(self.assembly, self.labels)
-        self._own, self._whole = self._analyses(self.labels), None
-        if (whole != self.labels).any():
-            self._whole = self._analyses(whole)
-        self.batched = all(one.batched for one in self._own + (self._whole or []))
+        self._whole = None if (whole == self.labels).all() else whole
+        each = {one.tobytes(): one for one in (self.labels, whole)}
+        self._usual = {key: self._analyses(self.assembly, one) for key, one in each.items()}
+        self.batched = all(one.batched for each in self._usual.values() for one in each)
 
-    def _analyses(self, labels: Bits) -> list[SampleAnalysis]:
-        cases = self.assembly.by_case
-        return [SampleAnalysis(limit_analysis(case, _OPTIONS, reference=labels), labels) for case in cases]
+    @staticmethod
+    def _analyses(assembly: Assembly, labels: Bits) -> list[SampleAnalysis]:
+        return [SampleAnalysis(limit_analysis(case, _OPTIONS, reference=labels), labels) for case in assembly.by_case]
 
     def all(self, places: Ints, jobs: int) -> dict[str, Any]:
         """Return the columns of all points (k, axes)."""
@@ -145,22 +150,36 @@ class _Swept:
     @one_thread()
     def _portion(self, places: Ints) -> dict[str, Any]:
         """Return the columns of some points (k, axes)."""
-        strengths, loads = self.states.at(places)
-        cases = [self._case(one, strengths, own) for one, own in zip(self._own, loads, strict=True)]
-        found = self._governing(cases)
-        if self._whole is None:
-            found["uncut"] = found["bracket_hi"].copy()
-        else:
-            whole = [self._case(one, strengths, own, named=False) for one, own in zip(self._whole, loads, strict=True)]
-            found["uncut"] = self._governing(whole)["bracket_hi"]
+        found = self._bounds(places, self.labels)
+        whole = found if self._whole is None else self._bounds(places, self._whole, named=False)
+        high, own = whole["bracket_hi"].copy(), self.states.at(places)[0]
         # strengths that only a scene can refuse, and what the batch solver left open
-        refused = (strengths.tension * strengths.inner_friction > strengths.shear * (1 + 1e-12)).reshape(len(places), -1)
-        for k in np.flatnonzero(refused.any(axis=1) | (found["status"] == "")).tolist():
-            for name, value in _row(CaseAnalysis(self.points.assembly(places[k]), _OPTIONS, single_labelling=True).solve(self.labels)).items():
+        refused = (own.tension * own.inner_friction > own.shear * (1 + 1e-12)).reshape(len(places), -1).any(axis=1)
+        for k in np.flatnonzero(refused | (found["status"] == "")).tolist():
+            alone = CaseAnalysis(self.points.assembly(places[k]), _OPTIONS, single_labelling=True)
+            for name, value in _row(alone.solve(self.labels)).items():
                 found[name][k] = value
+        return found | {"uncut": np.where(np.isfinite(high), high, np.nan)}
+
+    def _bounds(self, places: Ints, labels: Bits, *, named: bool = True) -> dict[str, Any]:
+        """Return the columns of some points (k, axes); status "" where the batch solver leaves them open."""
+        analyses, left, found = self._usual[labels.tobytes()], np.arange(len(places)), {}
+        for _ in range(_STARTS):
+            strengths, loads = self.states.at(places[left])
+            each = zip(analyses, loads, strict=True)
+            again = self._governing([self._case(one, strengths, own, labels, named=named) for one, own in each])
+            for name, values in again.items():
+                found.setdefault(name, values)[left] = values
+            left = left[again["status"] == ""]
+            if len(left) < _FEW:
+                break
+            # a starting point among those that are left
+            analyses = self._analyses(self.points.assembly(places[left[len(left) // 2]]), labels)
         return found
 
-    def _case(self, one: SampleAnalysis, strengths: Strengths, loads: Floats, *, named: bool = True) -> dict[str, Any]:
+    def _case(
+        self, one: SampleAnalysis, strengths: Strengths, loads: Floats, labels: Bits, *, named: bool
+    ) -> dict[str, Any]:
         """Return the columns of k points under one load case; status "" where it is open. loads: (2, k, n, q)."""
         found = one.solve(strengths, *loads, vectors=named)
         bounds, scaling = one.bounds(found), one.analysis.template.scaling
@@ -173,20 +192,21 @@ class _Swept:
         falls = np.flatnonzero(columns["status"] == str(Status.COLLAPSE)) if named else np.zeros(0, dtype=np.int64)
         if len(falls):
             velocity = found.velocities[falls] / scaling.row.ravel()
-            jumps = (equilibrium_matrix(self.assembly).T @ velocity.T).T.reshape(len(falls), len(self.labels), -1)
-            friction = np.nan_to_num(strengths.friction.reshape(-1, len(self.labels))[falls])
-            kinds = movements(self.assembly, self.labels, jumps, friction)[0]
-            columns["mechanism"][falls] = mechanism_names(self.assembly, self.labels, kinds)
+            jumps = (equilibrium_matrix(self.assembly).T @ velocity.T).T.reshape(len(falls), len(labels), -1)
+            friction = np.nan_to_num(strengths.friction.reshape(-1, len(labels))[falls])
+            kinds = movements(self.assembly, labels, jumps, friction)[0]
+            columns["mechanism"][falls] = mechanism_names(self.assembly, labels, kinds)
         return columns
 
     def _governing(self, cases: list[dict[str, Any]]) -> dict[str, Any]:
         """Combine the columns of load cases."""
         found = cases[0]
         if self.assembly.cases:
-            required, count = self.assembly.required.tolist(), len(found["status"])
-            names = ("status", "bracket_lo", "bracket_hi")
-            each = [[tuple(one[name][k] for name in names) for one in cases] for k in range(count)]
-            known = [[CaseBounds(Status(s or "uncertified"), lo, hi, 0.5 * (lo + hi)) for s, lo, hi in row] for row in each]
+            required = self.assembly.required.tolist()
+            known = [
+                [CaseBounds(Status(s or "uncertified"), lo, hi, 0.5 * (lo + hi)) for s, lo, hi in row]
+                for row in zip(*(zip(*(one[name] for name in _BOUNDS), strict=True) for one in cases), strict=True)
+            ]
             decided = [governing(row, required) for row in known]
             found = {
                 "status": np.array([str(one.status).replace("uncertified", "") for one in decided], dtype=object),

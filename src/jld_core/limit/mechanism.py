@@ -149,7 +149,7 @@ def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) 
     # inner face that moves is a crack, in shear where it slips more than it opens. Slip is taken at the centroid, slip
     # by spin at the farthest corner. In space a face opens by μ max(|s|, c_T |ω|).
     faces, most = assembly.interfaces, max(map(len, assembly.interfaces.polygon), default=1)
-    corners = np.array([np.pad(one, ((0, most - len(one)), (0, 0)), mode="edge") for one in faces.polygon])
+    corners = np.array([one[np.minimum(np.arange(most), len(one) - 1)] for one in faces.polygon])
     arm = corners.reshape(len(faces), most, -1) - faces.origin[:, None]
     along = np.einsum("mcd,md->mc", arm, faces.e1)
     if assembly.dimension == 2:
@@ -164,7 +164,9 @@ def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) 
     shear = np.maximum(slip, turn)
     size = np.maximum(abs(gap).max(axis=2, initial=0.0), shear)
     cracks = np.where(shear > gap.max(axis=2, initial=-np.inf), Movement.CRACK_SHEAR, Movement.CRACK_TENSION)
-    slides = np.where(np.ptp(gap, axis=2) >= shear, Movement.HINGE, np.where(turn > slip, Movement.TWIST, Movement.SLIDE))
+    slides = np.where(
+        np.ptp(gap, axis=2) >= shear, Movement.HINGE, np.where(turn > slip, Movement.TWIST, Movement.SLIDE)
+    )
     opens = gap.min(axis=2, initial=np.inf) - dilates * rubbing > 0.05 * size
     kinds = np.where(labels, np.where(opens, Movement.OPEN, slides), cracks)
     least = SMALL * size.max(axis=1, initial=0.0)[:, None]
