@@ -140,8 +140,9 @@ class Grid:
     def scene(self, place: Any) -> Scene:
         """Return the scene at positions (axes,) of values."""
         changed = deepcopy(self.document)
-        for (key, values), k in zip(self.axes.items(), place, strict=True):
-            put(changed, key, values[k])
+        values = {key: own[k] for (key, own), k in zip(self.axes.items(), place, strict=True)}
+        for key in sorted(values, key=lambda one: one == ANGLE):  # what is turned is stated first
+            put(changed, key, values[key])
         return parse_scene(changed)
 
     @cached_property
@@ -158,6 +159,9 @@ class Grid:
 
         Raises InputError for a key on which nothing depends.
         """
+        for key in self.axes:
+            if key.split(".")[0] in ("search", "move", "design"):
+                raise InputError(key, "λ of one layout does not depend on it", "`explore=True` with it, or another key")
         middle = self.assembly(self.middle)
         if self._geometry is None or middle.cracks != "faces" or middle.face_strengths.criteria:
             return None

@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import Assembly, Bits
-from jld_core.limit import Movement
 
 _WORDS: Final = ("sliding at the base", "sliding", "rocking", "hinges", "twisting", "inner shear", "inner opening")
 
@@ -22,16 +21,16 @@ def mechanism_names(assembly: Assembly, labels: Bits, kinds: Any) -> Any:
     own = np.arange(len(labels)) < assembly.faces
     base = (support[faces.a] | support[faces.b]) & own
 
-    def found(kind: Movement, where: Any = own) -> Any:
+    def found(kind: str, where: Any = own) -> Any:
         return (kinds == kind) & where
 
-    slides, hinges = found(Movement.SLIDE), found(Movement.HINGE)
+    slides, hinges = found("slide"), found("hinge")
     elsewhere, turns = (slides & ~base).any(axis=1), hinges.any(axis=1)
     rocks = turns & ((hinges.sum(axis=1) == 1) | ~(hinges & ~base).any(axis=1))
     flags = np.column_stack([
         slides.any(axis=1) & ~elsewhere, elsewhere, rocks, turns & ~rocks,
-        *(found(kind).any(axis=1) for kind in (Movement.TWIST, Movement.CRACK_SHEAR, Movement.CRACK_TENSION)),
-        found(Movement.OPEN).any(axis=1),
+        *(found(kind).any(axis=1) for kind in ("twist", "crack in shear", "crack in tension")),
+        found("open").any(axis=1),
     ])  # fmt: skip
     patterns, each = np.unique(flags, axis=0, return_inverse=True)
     return np.array([_name(row) for row in patterns.tolist()], dtype=object)[each.ravel()]

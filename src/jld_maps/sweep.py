@@ -152,22 +152,18 @@ class Swept:
         """Return the columns of some points (k, axes)."""
         found = self._bounds(places, self.labels)
         whole = found if self._whole is None else self._bounds(places, self._whole, named=False)
-        high, own = whole["bracket_hi"].copy(), self.states.at(places)[0]
-        # strengths that only a scene can refuse, and what the batch solver left open
-        refused = (own.tension * own.inner_friction > own.shear * (1 + 1e-12)).reshape(len(places), -1).any(axis=1)
-        for k in np.flatnonzero(refused | (found["status"] == "")).tolist():
-            alone = CaseAnalysis(self.points.assembly(places[k]), _OPTIONS, single_labelling=True)
-            for name, value in _row(alone.solve(self.labels)).items():
-                found[name][k] = value
-        return found | {"uncut": np.where(np.isfinite(high), high, np.nan)}
+        return found | {"uncut": np.where(np.isfinite(whole["bracket_hi"]), whole["bracket_hi"], np.nan)}
 
     def _bounds(self, places: Ints, labels: Bits, *, named: bool = True) -> dict[str, Any]:
-        """Return the columns of some points (k, axes); status "" where the batch solver leaves them open."""
+        """Return the columns of some points (k, axes)."""
         analyses, left, found = self._usual[labels.tobytes()], np.arange(len(places)), {}
         for _ in range(_STARTS):
             strengths, loads = self.states.at(places[left])
             each = zip(analyses, loads, strict=True)
             again = self._governing([self._case(one, strengths, own, labels, named=named) for one, own in each])
+            # strengths that only a scene can refuse
+            refused = strengths.tension * strengths.inner_friction > strengths.shear * (1 + 1e-12)
+            again["status"][refused.reshape(len(left), -1).any(axis=1)] = ""
             for name, values in again.items():
                 found.setdefault(name, values)[left] = values
             left = left[again["status"] == ""]
@@ -175,6 +171,10 @@ class Swept:
                 break
             # a starting point among those that are left
             analyses = self._analyses(self.points.assembly(places[left[len(left) // 2]]), labels)
+        for k in left.tolist():
+            alone = CaseAnalysis(self.points.assembly(places[k]), _OPTIONS, single_labelling=True).solve(labels)
+            for name, value in _row(alone).items():
+                found[name][k] = value
         return found
 
     def _case(

@@ -29,7 +29,7 @@ ORDER = [
     ["jld_dilation"],
     ["jld_explore.cli"],
     ["jld_explore"],
-    ["jld_explore.explore"],
+    ["jld_explore.explore", "jld_explore.sweep"],
     ["jld_explore.steps"],
     ["jld_explore.report"],
     ["jld_explore.search"],

@@ -3,12 +3,10 @@
 - `FIELD_SECONDS`: default time for the bounds of one load case by fields, seconds
 - `BatchAnalysis`: batch solver of one limit analysis
 - `CaseBounds`: status and bounds of one load case
-- `EffectiveAreas`: convergence of effective areas
 - `LimitAnalysis`: limit analysis of one assembly, reusable for many labellings
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
 - `Model`: how a structure is modelled and solved, as on the command line
 - `Motion`: velocities with their jumps, margin and upper bound on λ
-- `Movement`: kind of movement of a face in a mechanism
 - `Proof`: bounds, status and solve log of one labelling
 - `Prover`: turns raw solver points and multipliers into checked bounds
 - `Result`: λ of one structure under one labelling: what all results have
@@ -42,7 +40,6 @@ from jld_core.limit.mechanism import displacement
 from jld_core.limit.options import (
     FIELD_SECONDS,
     CaseBounds,
-    EffectiveAreas,
     Model,
     SolveOptions,
     Status,
@@ -54,7 +51,7 @@ from jld_core.limit.result import LimitAnalysisResult, Result, number, result_of
 
 if TYPE_CHECKING:
     from jld_core.limit.bounds import crossed
-    from jld_core.limit.mechanism import Movement, face_jumps, movements
+    from jld_core.limit.mechanism import face_jumps, movements
     from jld_core.limit.result import effects, without_idle
     from jld_core.limit.samples import SampleAnalysis
 
@@ -62,12 +59,10 @@ __all__ = [
     "FIELD_SECONDS",
     "BatchAnalysis",
     "CaseBounds",
-    "EffectiveAreas",
     "LimitAnalysis",
     "LimitAnalysisResult",
     "Model",
     "Motion",
-    "Movement",
     "Proof",
     "Prover",
     "Result",
@@ -93,7 +88,7 @@ export_lazily(
     __name__,
     {
         "bounds": ["crossed"],
-        "mechanism": ["Movement", "face_jumps", "movements"],
+        "mechanism": ["face_jumps", "movements"],
         "result": ["effects", "without_idle"],
         "samples": ["SampleAnalysis"],
     },

@@ -10,8 +10,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, blocks_of
 from jld_core.limit import LimitAnalysisResult, displacement
-from jld_core.limit import Movement
-from jld_core.limit.mechanism import face_motions
+from jld_core.limit.mechanism import Movement, face_motions
 from jld_core.loads import resultants
 from jld_core.mechanics import scaling_of, yield_set
 
