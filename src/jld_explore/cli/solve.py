@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 import typer
 
+from jld_core import plugins
 from jld_core.build import build_robust
 from jld_core.build.loads import settlements_of
 from jld_core.errors import ParameterError, error_context
@@ -94,6 +95,9 @@ SolutionRange = Annotated[
 FloorSeconds = Annotated[
     float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
 ]
+Geometric = Annotated[
+    bool, typer.Option("--geometric", help="Also the thickness over the least one at which it stands (dead loads).")
+]
 ResultFolder = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result.json and pictures.")]
 Sensitivities = Annotated[
     bool | None,
@@ -124,6 +128,7 @@ def solve(
     cracks: Cracks = None,
     seconds: CaseSeconds = None,
     sensitivities: Sensitivities = None,
+    geometric: Geometric = False,
     as_json: AsJson = False,
 ) -> None:
     """Compute the collapse load factor of one layout, with a two-sided bracket.
@@ -180,9 +185,15 @@ def solve(
         spent = {"start": begun, **result.seconds, "total": begun + result.seconds["total"]}
         result = replace(result, seconds=spent)
         result = with_rates(result, asked=sensitivities, vertices=as_json or out is not None)
+    told = {}
+    if geometric:
+        with error_context(scene):
+            safety = plugins.part("geometric_safety")(laid.scene, laid.labels)
+        result.facts["geometric"] = safety.to_json()
+        told = {"geometric safety": str(safety)}
     if out is not None:
         _write_result(result, out)
-    say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result)))
+    say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result) | told))
     if result.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
 
