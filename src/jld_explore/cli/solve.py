@@ -18,7 +18,7 @@ from jld_core.build.loads import settlements_of
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
 from jld_core.limit import LimitAnalysisResult, Model, Result, Status
-from jld_core.limit.options import FLOOR_SECONDS, Friction
+from jld_core.limit.options import FLOOR_SECONDS, Friction, Start
 from jld_core.mechanics import require_materials
 from jld_core.models import cost_estimate, require_cracks, require_model, rigid, sensitivities, solve_rigid
 from jld_core.models.case_analysis import solve_cracked
@@ -95,6 +95,13 @@ SolutionRange = Annotated[
 FloorSeconds = Annotated[
     float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
 ]
+StartForces = Annotated[
+    Start, typer.Option(help="With --friction zero-dilation: forces that the iteration starts from.")
+]
+Share = Annotated[float, typer.Option(help="Without dilation: share of the present N at the first step.")]
+History = Annotated[
+    Path | None, typer.Option(help="Without dilation: every step of the iteration as CSV, and a picture beside it.")
+]
 Geometric = Annotated[
     bool, typer.Option("--geometric", help="Also the thickness over the least one at which it stands (dead loads).")
 ]
@@ -116,6 +123,9 @@ def solve(
     friction: FrictionModel = "associative",
     range_: SolutionRange = False,
     floor_seconds: FloorSeconds = FLOOR_SECONDS,
+    start: StartForces = "associative",
+    alpha: Share = Model.alpha,
+    history: History = None,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
     inner_bending: Bending = "uncoupled",
@@ -143,6 +153,8 @@ def solve(
         "friction": friction,
         "range": range_,
         "floor_seconds": floor_seconds,
+        "start": start,
+        "alpha": alpha,
         "effective_area": effective_area,
         "contact": contact,
         "inner_bending": inner_bending,
@@ -174,6 +186,11 @@ def solve(
             warn_of(scene, assembly)
         if not by_fields and (long := cost_estimate(elements).long) is not None and not as_json:
             warn(f"jld: {long}")
+        if history is not None:
+            if model.friction != "zero-dilation" or by_fields:
+                problem = "only friction without dilation of whole faces iterates"
+                raise ParameterError("history", problem, '`friction="zero-dilation"` with it')
+            plugins.part("dilation_history")(elements, labels, model, history)
         begun = time.process_time()
         result: Result
         if by_fields:
@@ -209,10 +226,8 @@ def _laid_out(path: Path, rank: int | None, strict: bool, own: bool) -> LaidOut:
 
 
 def _model(model: Model, options: dict[str, Any]) -> Model:
-    """Return a model with the options given; with friction alone, the range of a search without dilation goes."""
-    alone = options.get("friction") == "associative"
-    without: dict[str, Any] = {"range": False, "floor_seconds": FLOOR_SECONDS} if alone else {}
-    return replace(model, **(without | options))
+    """Return a model with the options given; with associative friction those of a search without dilation go."""
+    return replace(model.dilating if options.get("friction") == "associative" else model, **options)
 
 
 def _facts(result: Result) -> dict[str, str]:
