@@ -154,3 +154,11 @@ def test_the_command_writes_table_borders_and_picture(jld: Command, tmp_path: Pa
     assert sum(told["regions"].values()) == 36
     assert (tmp_path / "map.png").stat().st_size > 10_000
     assert list(pd.read_csv(tmp_path / "borders.csv").columns) == [MU, TAU, "along", "one", "other", "load_factor"]
+
+
+def test_figure_4_of_the_page_of_the_article() -> None:
+    from studies.article import figure_4
+
+    found = [figure_4(tension, 9) for tension in (0.0, 1.0)]
+    assert set(NAMES) <= found[0][0] | found[1][0]
+    assert max(error for _, *errors in found for error in errors) < 1e-6
