@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from jld_core import Scene, build_assembly, parse_scene
-from jld_core.deadline import Deadline
+from jld_core import Deadline, Scene, build_assembly, parse_scene
 from jld_core.limit import SolveOptions
 from jld_explore import explore
 from jld_explore.drivers.block_root import BlockRoot
