@@ -14,7 +14,7 @@ import pytest
 
 from cases import every_layout, grid_document
 from jld_core import Assembly, Scene, Status, build_assembly, parse_scene
-from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, StopReason, search_space
+from jld_explore import Driver, Evaluation, ExploreSettings, Interrupted, SearchSpace, StopReason, search_space
 from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.report import tables

@@ -25,10 +25,22 @@ from benchmarks.claims import time_limits
 
 from cases import every_layout, grid_document
 from command import Command, running
-from jld_core import InputError, Scene, SolveOptions, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core import (
+    Deadline,
+    DeadlinePassed,
+    InputError,
+    Scene,
+    SolveOptions,
+    build_assembly,
+    checkpoint,
+    load_scene,
+    parse_scene,
+    samples,
+    solve,
+    time_left,
+)
 from jld_core.batch import chosen
-from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
-from jld_explore import Driver, ExploreSettings, explore, read_folder, search_space
+from jld_explore import Driver, ExploreSettings, Interrupted, explore, read_folder, search_space
 from jld_explore import __main__ as entry
 from jld_explore.cli import command, ending, streams
 from jld_explore.cli.command import main
