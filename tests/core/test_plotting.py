@@ -45,8 +45,9 @@ from jld_core.assembly import Interfaces
 from jld_core.build.loads import settlements_of
 from jld_core.models import solve_by_fields
 from jld_core.samples import box
-from jld_core.strengths import FaceStrengths, Strengths
-from jld_core.views import animation, figures as animation, quantities
+from jld_core.strengths import FaceStrengths
+from jld_core.views import figures as animation
+from jld_core.views import quantities
 from jld_core.views import quantities as marks
 from jld_core.views.annotations import legend_inches
 from jld_core.views.figures import (

@@ -56,7 +56,6 @@ from jld_explore.evaluation.field_evaluator import FieldPool
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import folder, page_of_study, write_pictures, write_report
 from jld_explore.search.driver_choice import choose_driver
-from jld_explore.search.study import Interrupted
 from jld_explore.space import feasible
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range

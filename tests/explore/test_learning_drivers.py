@@ -14,9 +14,7 @@ from benchmarks.claims import Tally, trials
 from cases import grid_document
 from command import SCENES
 from jld_core import Deadline, LimitAnalysis, SolveOptions, Status, build_assembly, load_scene, parse_scene
-from jld_core.deadline import Deadline
 from jld_core.limit.mechanism import Movements
-from jld_core.limit.movements import Movements
 from jld_explore import Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import BufferedRandom, Genetic, make_driver, operators
 from jld_explore.drivers.anneal import Anneal
