@@ -48,8 +48,15 @@ def cases(**loads: list[dict[str, Any]]) -> dict[str, Any]:
 ARCH: Final = ROOT / "scenes" / "flat_beam_arch.json"
 OPENING: Final = ["aaaaaaa", "aaaaaaa", "aa...aa", "aa...aa", "#######"]
 WEAK: Final = {"dry": {"friction_angle": 30, "cohesion": 500}, "inner": {**strength(2e4), "friction_coefficient": 0.4}}
-AXLE: Final = {"name": "axle", "path": [[0.05, 0.3], [0.65, 0.3]], "axles": [{"weight": 1}], "step": 0.1}
-AWAY: Final = [{"element": "c4r0", "force": [1, -1]}]
+AXLE: Final = {"name": "axle", "path": [[0.05, 0.3], [0.65, 0.3]], "axles": [{"weight": 1}], "steps": 4}
+AWAY: Final = [{"element": "c4r0", "force": [-1, -1]}]
+
+
+def pushed(course: int) -> dict[str, Any]:
+    """A push outwards at the free end of the upper course of a corner."""
+    return {"live": [{"element": f"p0k{course}", "force": [1, 0.3, 0]}]}
+
+
 FIELDS: Final = {"kind": "fields", "gap": 0.1}
 
 PROBLEMS: Final[dict[str, Callable[[], Scene]]] = {
@@ -83,7 +90,7 @@ PROBLEMS: Final[dict[str, Callable[[], Scene]]] = {
     "bridge-7x3-moving": changed(wall(7, 3, base="##...##", block_cells=[2, 6]), "bridge under a moving load",
                                  loads={"moving": [AXLE]}),
     "wall-5x4-three": changed(wall(5, 4, block_cells=[1, 4]), "wall, three loads",
-                              loads=cases(right=PUSH, left=[{"body": [-1, 0]}], top=AWAY)),
+                              loads=cases(right=[TOP], left=AWAY, both=[TOP, *AWAY])),
     # other limits
     "wall-4x4-two-shapes": wall(4, 4, block_cells=[2, 3], shapes=[1, 2]),
     "wall-4x4-many-joints": wall(4, 4, dry_faces=[14, None]),
@@ -92,7 +99,7 @@ PROBLEMS: Final[dict[str, Callable[[], Scene]]] = {
     # others' structures
     "cap-wall-4x4": published_wall.wall,
     "arch-2x8": lambda: polar_grid_arch(2, 8, 0.16, [{"body": [1, 0]}], {"block_cells": [2, 4]}),
-    "arch-2-rings": lambda: samples.arch(rings=2, voussoirs=14, thickness=0.24, bond="running"),
+    "arch-2-rings": lambda: samples.arch(rings=2, voussoirs=14, thickness=0.24, bond="running", load="quarter"),
     # blocks that crack anywhere
     "lintel-3x2-fields": changed(wall(3, 2, middle(1), "#.#"), "lintel, cracks by fields", cracks=FIELDS),
     "wall-3x3-fields": changed(wall(3, 3, block_cells=[2, 4]), "wall, cracks by fields", cracks=FIELDS),
@@ -100,8 +107,8 @@ PROBLEMS: Final[dict[str, Callable[[], Scene]]] = {
     "cubes-2": lambda: cubes(2),
     "cubes-3": lambda: cubes(3, search={"block_cells": [2, 6]}),
     "vault-9x3": vault,
-    "corner-2": lambda: corner(2, 2.5, None, {"block_cells": [1, 3]}),
-    "corner-4": lambda: corner(4, 2.5, None, {"block_cells": [1, 3]}),
-    "dome": lambda: samples.dome(),
+    "corner-2": changed(lambda: corner(2, 0.0, None, {"block_cells": [1, 3]}), "corner-2", loads=pushed(1)),
+    "corner-4": changed(lambda: corner(4, 0.0, None, {"block_cells": [1, 3]}), "corner-4", loads=pushed(3)),
+    "dome": lambda: samples.dome(load="crown"),
 }  # fmt: skip
 """Name → scene of each problem."""

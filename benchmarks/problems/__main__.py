@@ -23,7 +23,8 @@ from benchmarks.problems.milp import milp
 from jld_core import InputError, Scene, build_assembly, files, load_scene, solve, solve_many
 from jld_explore import explore, search_space
 from jld_explore.drivers import make_driver
-from jld_explore.space import Layouts, from_string, to_string, values_of
+from jld_explore.space import from_string, to_string
+from jld_explore.space.counts import counts
 
 RECORDS: Final = FOLDER / "records.json"
 CERTIFICATE: Final = 300_000  # largest size of a certificate that is kept, bytes
@@ -34,19 +35,19 @@ DRAWN: Final = ("wall-4x4", "wall-5x4", "wall-6x5", "wall-8x6", "beam-arch", "br
 EACH: Final = 10_000  # layouts drawn of each
 
 
-def written(name: str) -> Path:
-    """The scene of a problem, written where it is missing or has changed."""
+def written(name: str) -> bool:
+    """Write the scene of a problem; whether it was missing or has changed."""
     path = FOLDER / f"{name}.json"
     text = json.dumps(PROBLEMS[name]().model_dump(mode="json", exclude_unset=True) | {"name": name}, ensure_ascii=False)
-    if not path.exists() or path.read_text("utf-8") != text + "\n":
+    changed = not path.exists() or path.read_text("utf-8") != text + "\n"
+    if changed:
         path.write_text(text + "\n", "utf-8")
-    return path
+    return changed
 
 
 def record_of(name: str, seconds: float) -> dict[str, Any]:
     """Search a problem by the exact driver, or by the genetic one where it is large, and state what was found."""
-    path = written(name)
-    scene = load_scene(path)
+    scene = load_scene(FOLDER / f"{name}.json")
     assembly = build_assembly(scene)
     candidates = int(search_space(scene, assembly).candidates.sum())
     driver = "exact" if candidates <= 60 and scene.cracks == "faces" else None if candidates <= 60 else "genetic"
@@ -62,7 +63,7 @@ def record_of(name: str, seconds: float) -> dict[str, Any]:
         if kept:
             (FOLDER / "certificates").mkdir(exist_ok=True)
             (FOLDER / "certificates" / f"{name}.jsonl").write_bytes(proof.read_bytes())
-    labels = from_string(summary.best_labelling)
+    labels = from_string(summary.best_labelling or "")
     low, high = solve(assembly, labels).bracket
     return {
         "faces": assembly.faces,
@@ -122,17 +123,18 @@ def layouts(path: Path, each: int) -> pd.DataFrame:
         scene: Scene = load_scene(FOLDER / f"{name}.json")
         assembly = build_assembly(scene)
         space = search_space(scene, assembly)
-        driver, rows = make_driver("random", space, 0), []
-        while sum(map(len, rows)) < each and (asked := driver.ask(1024)) is not None and len(asked):
+        driver = make_driver("random", space, 0)
+        rows: list[Any] = []
+        while sum(len(one) for one in rows) < each and (asked := driver.ask(1024)) is not None and len(asked):
             rows.append(np.asarray(asked))
             driver.tell(asked, [])
         labels = np.concatenate(rows)[:each]
         start = time.perf_counter()
         found = solve_many(assembly, labels)
-        drawn = Layouts(labels, assembly)
+        counted = counts(assembly, labels, space.graph)
         part = {"problem": name, "labels": [to_string(one) for one in labels], "load_factor": found.load_factor}
         part |= {"bracket_lo": found.low, "bracket_hi": found.high, "status": [str(one) for one in found.status]}
-        parts.append(pd.DataFrame(part | {one: values_of(one, drawn) for one in ("dry_faces", "blocks")}))
+        parts.append(pd.DataFrame(part | {one: counted[one] for one in ("dry_faces", "blocks")}))
         print(f"{name}: {len(labels)} layouts in {time.perf_counter() - start:.1f} s", flush=True)
     table = pd.concat(parts, ignore_index=True)
     table.to_parquet(path, index=False)
@@ -159,9 +161,9 @@ def main() -> None:
         return
     records = json.loads(RECORDS.read_text("utf-8")) if RECORDS.exists() else {}
     for name in given.names or PROBLEMS:
-        written(name)
+        old = None if written(name) else records.get(name)  # a changed scene has no record yet
         if not given.scenes:
-            records[name] = better(record_of(name, given.seconds), records.get(name))
+            records[name] = better(record_of(name, given.seconds), old)
             print(name, {key: value for key, value in records[name].items() if key != "labels"}, flush=True)
             ordered = {one: records[one] for one in PROBLEMS if one in records}
             RECORDS.write_text(json.dumps(ordered, indent=1) + "\n", "utf-8")
