@@ -19,19 +19,21 @@ import pandas as pd
 
 from benchmarks.common import RESULTS, machine
 from benchmarks.problems import FOLDER, PROBLEMS
-from benchmarks.problems.milp import milp
+from benchmarks.problems.milp import METHODS, plain
 from jld_core import InputError, Scene, build_assembly, files, load_scene, solve, solve_many
 from jld_explore import explore, search_space
-from jld_explore.drivers import make_driver
+from jld_explore.drivers import BufferedRandom, Register, operators
 from jld_explore.space import from_string, to_string
 from jld_explore.space.counts import counts
 
 RECORDS: Final = FOLDER / "records.json"
 CERTIFICATE: Final = 300_000  # largest size of a certificate that is kept, bytes
-COMPARED: Final = ("lintel-3x2", "wall-4x4", "wall-5x4", "beam-arch", "bridge-7x3", "wall-8x6", "cubes-2")
+COMPARED: Final = ("lintel-3x2", "bridge-7x2", "wall-4x4", "overhang-6x3", "beam-arch", "leonardo-9x2", "bridge-7x3",
+                   "wall-8x6", "cubes-2")  # fmt: skip
 DRIVERS: Final = ("enumeration", "random", "hillclimb", "anneal", "genetic", "optuna", "exact")
-DRAWN: Final = ("wall-4x4", "wall-5x4", "wall-6x5", "wall-8x6", "beam-arch", "bridge-7x3", "leonardo-9x2", "bridge-8x6",
-                "cubes-2", "corner-4")  # fmt: skip
+DRAWN: Final = ("wall-4x4", "wall-5x4", "wall-6x5", "wall-8x6", "wall-6x4-corner", "bridge-7x3", "bridge-8x6",
+                "arch-2-rings", "cubes-3", "corner-4")  # fmt: skip
+IDLE: Final = 20  # draws without a new layout after which a problem has no more
 EACH: Final = 10_000  # layouts drawn of each
 
 
@@ -109,9 +111,17 @@ def drivers(seconds: float) -> pd.DataFrame:
                 f", proven in {done.summary.seconds:.1f} s" if done.summary.proven else ""
             )
             print(name, driver, row[driver], f"{time.perf_counter() - start:.1f} s", flush=True)
-        value, took, optimal = milp(scene, seconds)
-        row["MILP (HiGHS)"] = f"{value / records[name]['best']:.4f}" + (f", optimal in {took:.1f} s" if optimal else "")
-        print(name, "MILP", row["MILP (HiGHS)"], flush=True)
+        problem = plain(scene)
+        for method, run in METHODS.items():
+            try:
+                value, took, optimal = (math.nan, 0.0, False) if problem is None else run(problem, seconds)
+            except ImportError:
+                row[method] = "not installed"
+                continue
+            reached = "none" if problem is not None else "not stated"
+            reached = reached if math.isnan(value) else f"{value / records[name]['best']:.4f}"
+            row[method] = reached + (f", optimal in {took:.1f} s" if optimal else "")
+            print(name, method, row[method], f"{took:.1f} s", flush=True)
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -123,11 +133,12 @@ def layouts(path: Path, each: int) -> pd.DataFrame:
         scene: Scene = load_scene(FOLDER / f"{name}.json")
         assembly = build_assembly(scene)
         space = search_space(scene, assembly)
-        driver = make_driver("random", space, 0)
+        moves, register, random = operators(space), Register(space), BufferedRandom(np.random.default_rng(0))
         rows: list[Any] = []
-        while sum(len(one) for one in rows) < each and (asked := driver.ask(1024)) is not None and len(asked):
-            rows.append(np.asarray(asked))
-            driver.tell(asked, [])
+        idle = 0
+        while sum(len(one) for one in rows) < each and idle < IDLE:
+            rows.append(register.admit(moves.draw(1024, random)))
+            idle = 0 if len(rows[-1]) else idle + 1
         labels = np.concatenate(rows)[:each]
         start = time.perf_counter()
         found = solve_many(assembly, labels)
