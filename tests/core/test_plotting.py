@@ -557,7 +557,7 @@ def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.Monk
         assert [file.stat().st_size > 1000 for file in tmp_path.iterdir()] == [True]
         return
     assert isinstance(figure, Figure)
-    figure.savefig(tmp_path / "figure.png")
+    figure.savefig(tmp_path / "figure.png", dpi=40)
     assert (tmp_path / "figure.png").stat().st_size > 1000
 
 
