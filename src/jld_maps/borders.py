@@ -89,10 +89,9 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
     before = np.where(low - step < values.min(), low + _NEAR * step, low - step)
     after = np.where(high + step > values.max(), high - _NEAR * step, high + step)
     ends: Any = [at(x) for x in (before, low, high, after)]
-    far, near, other, beyond = (
-        np.where(one["mechanism"] == side, one["load_factor"], np.nan)
-        for one, side in zip(ends, (name, name, ends[2]["mechanism"], ends[2]["mechanism"]), strict=True)
-    )
+    far, near, other, beyond = (one["load_factor"].copy() for one in ends)
+    far[(before > low) & (ends[0]["mechanism"] != name)] = np.nan
+    beyond[(after < high) & (ends[3]["mechanism"] != ends[2]["mechanism"])] = np.nan
     slopes = (near - far) / (low - before), (beyond - other) / (after - high)
     with np.errstate(divide="ignore", invalid="ignore"):
         x = low + (other - near - slopes[1] * step) / (slopes[0] - slopes[1])
