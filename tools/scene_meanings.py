@@ -28,6 +28,7 @@ _SHEAR: Final = Meaning("stress", "τ of the inner face.")
 _CRITERION: Final = {
     "criterion": Meaning("", "Name of a criterion that an installed package adds, in place of the standard strengths."),
     "parameters": Meaning("", "Parameters of the criterion, scene units."),
+    "surface": Meaning("", "Yield surface in place of the standard strengths, see docs/guide/yield_surfaces.md."),
 }
 _CRUSHING: Final = Meaning("stress", "σc of the face; without it nothing is crushed.")
 _COHESION: Final = Meaning("stress", "Shear strength of a dry face where nothing presses it: c + μ N/A.")

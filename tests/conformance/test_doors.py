@@ -483,6 +483,23 @@ ROWS["materials.faces.between"] = Row(
     )
 )
 
+
+
+def surface(within: str, coefficient: float, tension: float, cohesion: float) -> Document:
+    """The standard criterion as a yield surface."""
+    bending = {"within": within, "tensile_strength": tension}
+    return {"surface": {"friction": {"coefficients": coefficient, "cohesion": cohesion}, "bending": bending}}
+
+
+SURFACES = {
+    "dry": (STACK, [surface("edges", mu, 0.0, 0.0) for mu in (0.3, 0.2)], ["a", "b"]),
+    "inner": (CANTILEVER, [surface("kern", 0.0, tension, 1e5) for tension in (9e4, 8e4)], ["s", "a"]),
+}
+for part, (scene, both, pair) in SURFACES.items():
+    ROWS[f"materials.{part}.surface"] = of(scene, **{f"materials__{part}": tuple(both)})
+    entries = tuple([{"between": pair, part: one}] for one in both)
+    ROWS[f"materials.faces.{part}.surface"] = of(scene, materials__faces=entries)
+
 NAMES = {
     "name", "units.length", "units.force", "source", "notes", "expected", "elements.id", "elements.faces",
     "loads.cases.name", "loads.moving.name", "loads.pushes.name", "members.name",

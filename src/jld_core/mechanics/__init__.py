@@ -8,6 +8,7 @@
 - `Parameter`: parameter of a yield criterion
 - `Scaling`: factors between scene values and scaled values
 - `YieldSet`: interface of a yield set, as proofs use it
+- `enclosing_rows`: rows of the closed hull of vertices and rays
 - `equilibrium_matrix`: assemble A_eq
 - `load_vectors`: return b and b_λ
 - `maps_criteria`: tell whether a symmetry maps the yield criteria of plug-ins
@@ -29,6 +30,7 @@ from jld_core.mechanics.bending import InnerBending
 from jld_core.mechanics.compiled_rows import maps_criteria, yield_set
 from jld_core.mechanics.criteria import FaceGeometry, FaceRows, Gauge
 from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
+from jld_core.mechanics.polytopes import enclosing_rows
 from jld_core.mechanics.scaling import Scaling, scaling_of
 from jld_core.mechanics.yield_set import YieldSet, require_materials
 from jld_core.strengths import Parameter
@@ -48,6 +50,7 @@ __all__ = [
     "Parameter",
     "Scaling",
     "YieldSet",
+    "enclosing_rows",
     "equilibrium_matrix",
     "load_vectors",
     "maps_criteria",

@@ -245,7 +245,11 @@ class Scene(Part, Showable):
             del content["fill"]
         if self.loads.pushes is None:
             del content["loads"]["pushes"]
-        dry = [content["materials"]["dry"], *(one["dry"] for one in content["materials"]["faces"])]
+        sides = [content["materials"], *content["materials"]["faces"]]
+        for own in [one[label] for one in sides for label in ("dry", "inner") if one[label] is not None]:
+            if own["surface"] is None:
+                del own["surface"]
+        dry = [one["dry"] for one in sides]
         for one in dry:  # the same for joints without bond
             if one is not None and not one["tensile_strength"]:
                 del one["tensile_strength"]
