@@ -17,9 +17,10 @@ _WIDE = 10.0  # side of a half-plane, unit squares
 
 def shape_of(section: Section) -> shapely.Geometry:
     """Return the cross-section about the middle of its face, which is a unit square."""
-    parts = [shapely.Polygon(ring) for ring in section.polygons]
-    shape = shapely.union_all(parts).difference(shapely.union_all([shapely.Polygon(ring) for ring in section.holes]))
-    if not all(part.is_valid for part in parts) or not shape.area > 0.0:
+    solid, holes = ([shapely.Polygon(ring) for ring in rings] for rings in (section.polygons, section.holes))
+    valid = all(part.is_valid for part in (*solid, *holes))
+    shape = shapely.union_all(solid).difference(shapely.union_all(holes)) if valid else shapely.Polygon()
+    if not shape.area > 0.0:
         raise InputError(".section", "its polygons hold no area", "simple polygons with corners in order")
     if not shapely.box(-1e-9, -1e-9, 1 + 1e-9, 1 + 1e-9).covers(shape):
         raise InputError(".section", "it reaches beyond its face", "corners from 0 to 1")

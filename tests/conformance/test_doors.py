@@ -484,7 +484,6 @@ ROWS["materials.faces.between"] = Row(
 )
 
 
-
 def surface(within: str, coefficient: float, tension: float, cohesion: float) -> Document:
     """The standard criterion as a yield surface."""
     bending = {"within": within, "tensile_strength": tension}

@@ -13,7 +13,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.mechanics.bending import Bending, InnerBending, bending_of
 from jld_core.mechanics.criteria import FaceRows, Gauge, geometry_of, rows_of
-from jld_core.mechanics.polytopes import corners, enclosing_rows
+from jld_core.mechanics.polytopes import Vector, corners, enclosing_rows, exact_corners
 from jld_core.mechanics.row_yield import LabelRows, RowYield
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.standard import ROUTE_OF_ROWS, scaled_strengths, standard_rows, standard_yield
@@ -109,6 +109,33 @@ def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
     return bool(np.allclose(numbers[to], numbers, rtol=1e-9, atol=0.0))
 
 
+def exact_sets(assembly: Assembly) -> dict[tuple[int, bool], tuple[tuple[Vector, ...], tuple[Gauge, ...]]]:
+    """Return the yield sets that criteria of plug-ins state, in stresses, exact for the numbers of their rows.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+
+    Returns
+    -------
+    dict
+        For each face and label, True = dry, with a criterion: vertices (x w, w) and rays (x, 0) of the core as
+        integers, and gauges with numbers of this face.
+    """
+    numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
+    if assembly.dimension == 3:
+        none = np.zeros(len(assembly.interfaces), dtype=bool)
+        bending = bending_of(assembly.interfaces, none, "uncoupled", np.isfinite(numbers.side(dry=False).crush))
+    found = {}
+    for dry in (True, False):
+        for which, rows in _rows(assembly, numbers, bending, dry)[1:]:
+            for place, face in enumerate(which.tolist()):
+                gauges = tuple(_taken(gauge, np.arange(len(which)) == place) for gauge in rows.gauges)
+                found[face, dry] = exact_corners(rows.C[place], rows.d[place]), gauges
+    return found
+
+
 def _standard(numbers: Strengths, bending: Bending | None, *, dry: bool) -> FaceRows:
     """Return the rows of the standard criterion under one label, in stresses; in the plane they limit V too."""
     point = np.zeros(len(numbers.friction), dtype=bool)
@@ -178,7 +205,6 @@ def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Fl
     # Gauges are divided by the larger of the size of B and k. Where rows limit shear, B is zero.
     shear, coupled = np.zeros((count, 2, 2)), np.zeros(count, dtype=bool)
     numbers = np.zeros((3, count, 2))
-    numbers[0] = any(rows.gauges for _, rows in groups)  # in the plane, rows limit V
     for which, rows in groups:
         for gauge in rows.gauges:
             torsion, capacity, friction = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
