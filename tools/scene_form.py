@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from jld_core.scene import FillLoad, PointLoad, Scene, cracks, design, fill, loads, materials, move, search
 from jld_core.scene import part as members
 from jld_core.scene import schema as structure
-from jld_core.scene.loads import BodyLoad, FaceLoad
+from jld_core.scene.loads import BodyLoad, FaceLoad, TiltLoad
 from jld_core.scene.units import QUANTITIES
 from tools.scene_meanings import MEANINGS, Meaning
 
@@ -80,7 +80,7 @@ def key_tables() -> str:
             kind = _kind(value).replace("|", "\\|")
             lines.append(f"| `{key}` | {kind} | {meaning.unit} | {default} | {meaning.text} |")
         title = f"## `{path}`" if path else "## The scene"
-        if model in (PointLoad, BodyLoad, FaceLoad, FillLoad):
+        if model in (PointLoad, BodyLoad, FaceLoad, FillLoad, TiltLoad):
             title += f" with `{node['required'][0]}`"
         pages.append("\n".join([title, "", *lines]))
     return "\n\n".join(pages) + "\n"

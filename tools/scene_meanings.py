@@ -264,6 +264,15 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     loads.BodyLoad: {
         "body": Meaning("", "On every free element its weight, as a positive number, times this vector."),
     },
+    loads.TiltLoad: {
+        "tilt": Meaning(
+            "", "A table on which the structure is tilted: weights turn, and λ is the tangent of an angle."
+        ),
+    },
+    loads.Tilt: {
+        "towards": Meaning("", "Horizontal direction in which it leans more and more."),
+        "pivot": Meaning("length", "A point, in space two points, of the line it turns about; it changes no force."),
+    },
     loads.Settling: {
         "name": Meaning("", "What it is called."),
         "supports": Meaning("", "Which supports move, and how; supports that are not named stay."),

@@ -50,6 +50,7 @@ from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.space.labelling import orbit_sizes
 from jld_explore.steps.field_check import FieldCheck, plan_check
 from jld_explore.steps.step import Step, StepContext, run_steps, steps_of
+from jld_explore.steps.tilting import Tilting
 from jld_explore.steps.time_limit import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
 from jld_explore.steps.uncut import Uncut
 
@@ -233,7 +234,7 @@ def _search(
     kind, make = _makers(scene, assembly, settings, void=space.void is not None)
     plan = plan_check(scene, assembly, space, settings)
     tabled: list[Step] = [] if plan is None else [FieldCheck(plan)]  # results are written with its columns
-    steps = steps_of(settings, scene, space.assembly, [Uncut()])
+    steps = steps_of(settings, scene, space.assembly, [Uncut(), Tilting()])
 
     def say() -> None:
         """Announce the messages, each once."""

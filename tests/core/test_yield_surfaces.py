@@ -81,7 +81,9 @@ def test_the_standard_criterion_as_a_surface(seed: int) -> None:
     one, two = (build_assembly(parse_scene(each)) for each in (document, as_surfaces(document)))
     for labels in rng.random((2, len(one.interfaces))) < 0.5:
         expected, found = (solve(each, labels, gap=1e-11) for each in (one, two))
-        assert found.load_factor == pytest.approx(expected.load_factor, rel=1e-9, abs=1e-9, nan_ok=True)
+        wide = np.nan_to_num(np.ptp(found.bracket) + np.ptp(expected.bracket))  # what a conic solver leaves
+        assert found.load_factor == pytest.approx(expected.load_factor, rel=1e-9, abs=1e-9 + wide, nan_ok=True)
+        assert wide < 1e-8
 
 
 def test_a_surface_is_stated_in_units_and_by_pairs() -> None:

@@ -209,6 +209,10 @@ class Scene(Part, Showable):
             raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')
         if self.grid is not None and self.thickness is not None:
             raise InputError(".thickness", 'it is given together with "grid"', 'the thickness inside "grid"')
+        if self.loads.tilts:
+            beside = {"fill": self.fill is not None, "members": any(one.prestress for one in self.members)}
+            for key in (key for key, stands in beside.items() if stands):
+                raise InputError(f".{key}", "it has forces that do not turn on a tilting table", "no tilt")
         require_unique_names(".settlements", [one.name for one in self.settlements])
         require_unique_names(".members", [one.name for one in self.members if one.name is not None])
         if self.elements is not None:
