@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch.batch_solver import FALLS, LOCKED, BatchSolver
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import crossed
@@ -74,20 +74,9 @@ class BatchAnalysis:
 
     @classmethod
     def of(cls, analysis: LimitAnalysis) -> BatchAnalysis | None:
-        """Create the batch solver of an analysis.
-
-        Parameters
-        ----------
-        analysis : LimitAnalysis
-            Analysis of the assembly.
-
-        Returns
-        -------
-        BatchAnalysis or None
-            Batch solver; None where the analysis has none, see `LimitAnalysis.batch`. Inner faces of spatial scenes
-            that may crush have that of faces that do not: its upper bounds hold, and its states where they are
-            admissible.
-        """
+        """Create the batch solver of an analysis, or None, see `LimitAnalysis.batch`."""
+        # Inner faces in space that may crush take the solver of faces that do not: its upper bounds hold, and its
+        # states where they are admissible.
         if analysis.batch is not None:
             return cls(analysis, analysis.batch)
         relaxed = _without_inner_crushing(analysis)
@@ -99,20 +88,7 @@ class BatchAnalysis:
         return self.batch.settled_fraction >= 0.8
 
     def prove(self, labellings: Bits) -> BatchBounds:
-        """Compute bounds for many labellings.
-
-        A labelling counts as settled only where `LimitAnalysis.status_of` would reach the same status.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        BatchBounds
-            Scaled bounds and statuses.
-        """
+        """Compute scaled bounds for labellings (k, m), settled where `LimitAnalysis.status_of` would agree."""
         found = self.batch.solve(labellings, vectors=self._prover is not None)
         low, high = found.low, found.high
         falls, locked = found.verdict == FALLS, found.verdict == LOCKED
@@ -121,6 +97,24 @@ class BatchAnalysis:
             for k, labels in enumerate(labellings):
                 state = self._prover.state(np.append(found.forces[k], low[k]), labels) if np.isfinite(low[k]) else None
                 low[k] = state.load if state is not None and state.admissible else -np.inf
+        return self.judged(low, high, np.where(locked, LOCKED, np.where(falls, FALLS, 0)))
+
+    def judged(self, low: Floats, high: Floats, verdict: Ints) -> BatchBounds:
+        """Judge scaled bounds (k,) with the verdicts (k,) of the batch solver.
+
+        Parameters
+        ----------
+        low, high : (k,) array
+            Bounds.
+        verdict : (k,) int array
+            Verdicts.
+
+        Returns
+        -------
+        BatchBounds
+            Bounds and statuses.
+        """
+        falls, locked = verdict == FALLS, verdict == LOCKED
         size = np.maximum(abs(low), abs(high))
         with np.errstate(invalid="ignore"):
             # Require a width relative to λ itself. A bracket that contains zero is compared with the load scale

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, Final, Literal, get_args
 
@@ -24,6 +24,9 @@ Contacts = Literal["convex", "concave"]
 Condense = Literal["auto", "on", "off"]
 """When uncracked blocks are modelled as rigid bodies; "auto" does so where inner faces are very strong."""
 
+Start = Literal["associative", "gravity", "vertex"]
+"""Forces from which the iteration without dilation starts."""
+
 FLOOR_SECONDS: Final = 60.0
 """Default processor time, in seconds, for the lower bound on λ over all non-dilatant solutions."""
 
@@ -31,7 +34,13 @@ FIELD_SECONDS: Final = 60.0
 """Default time for the bounds of one load case by fields, s. No mesh is begun that is not expected to end in it."""
 
 # Allowed values of each option that takes one of several words
-_WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": InnerBending, "condense": Condense}
+_WORDS: Final = {
+    "friction": Friction,
+    "start": Start,
+    "contact": Contacts,
+    "inner_bending": InnerBending,
+    "condense": Condense,
+}
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,11 @@ class Model:
         Compute the lowest and the highest λ found with zero dilation, and a lower bound on all of them.
     floor_seconds : float
         Processor time for that lower bound, seconds; 0 omits the bound.
+    start : {"associative", "gravity", "vertex"}
+        Forces from which the iteration without dilation starts: those with dilation, the least ones under dead load,
+        or a vertex of the problem with dilation (planar).
+    alpha : float
+        Share of the present normal force in friction at the first step of that iteration, 0 to 1.
     contact : {"convex", "concave"}
         "convex": resultants at the centre of pressure. "concave": point contacts at the corners of dry faces.
     effective_area : bool
@@ -75,6 +89,8 @@ class Model:
     friction: Friction = "associative"
     range: bool = False
     floor_seconds: float = FLOOR_SECONDS
+    start: Start = "associative"
+    alpha: float = 0.01
     contact: Contacts = "convex"
     effective_area: bool = False
     inner_bending: InnerBending = "uncoupled"
@@ -96,6 +112,13 @@ class Model:
             raise ParameterError(
                 "range", "λ of associative friction is one number", '`friction="zero-dilation"` with it'
             )
+        for key in ("start", "alpha"):
+            if getattr(self, key) != getattr(Model, key) and self.friction != "zero-dilation":
+                raise ParameterError(
+                    key, "friction with dilation needs no iteration", '`friction="zero-dilation"` with it'
+                )
+        if not (_is_number(self.alpha) and 0.0 <= self.alpha <= 1.0):
+            raise ParameterError("alpha", f"{_shown(self.alpha)} is no share", "a number from 0 to 1")
         if self.effective_area and self.contact == "concave":
             raise ParameterError(
                 "effective_area", "point contacts have no effective area", '`contact="convex"` with it'
@@ -113,16 +136,19 @@ class Model:
 
     @property
     def supports_bounds_over_labellings(self) -> bool:
-        """Return True if λ of rigid elements is that of associative friction on whole faces.
-
-        Bounds over many labellings hold only under these options.
-        """
+        """Return True if bounds over many labellings hold: associative friction on whole faces."""
         return not self.beyond_whole_faces
+
+    @property
+    def dilating(self) -> Model:
+        """Return the model with associative friction, without the options of friction without dilation."""
+        plain = {name: getattr(Model, name) for name in ("friction", "range", "floor_seconds", "start", "alpha")}
+        return replace(self, **plain)
 
     @property
     def beyond_whole_faces(self) -> dict[str, Any]:
         """Return the options that differ from associative friction on whole faces, by name."""
-        plain = ("friction", "range", "floor_seconds", "contact", "effective_area", "inner_bending")
+        plain = ("friction", "range", "floor_seconds", "start", "alpha", "contact", "effective_area", "inner_bending")
         return {name: getattr(self, name) for name in plain if getattr(self, name) != getattr(Model, name)}
 
     @property
@@ -141,13 +167,7 @@ class Model:
         return self.range and self.floor_seconds > 0.0
 
     def facts(self) -> dict[str, Any]:
-        """Return the fields as plain values, with a solver object replaced by its name.
-
-        Returns
-        -------
-        dict of str to object
-            One entry for each field that is not None.
-        """
+        """Return the fields that are not None as plain values, a solver object by its name."""
         solver = self.solver if isinstance(self.solver, str) else self.solver.name
         found = {name: value for name, value in vars(self).items() if value is not None}
         return found | {"solver": solver} | ({"cracks": cracks_to_json(cracks_of(self.cracks))} if self.cracks else {})
@@ -221,13 +241,7 @@ class ZeroDilation:
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> ZeroDilation | None:
-        """Return the evidence in the facts of a result; None for associative friction.
-
-        Parameters
-        ----------
-        facts : mapping of str to object
-            Facts of the model, as in the JSON output and in `LimitAnalysisResult.facts`.
-        """
+        """Return the evidence in the facts of a result; None for associative friction."""
         if "complementarity_gap" not in facts:
             return None
         named = {name: facts[name] for name in cls.__dataclass_fields__ if name in facts}
@@ -252,13 +266,7 @@ class EffectiveAreas:
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> EffectiveAreas | None:
-        """Return the convergence in the facts of a result; None without effective areas.
-
-        Parameters
-        ----------
-        facts : mapping of str to object
-            Facts of the model, as in the JSON output.
-        """
+        """Return the convergence in the facts of a result; None without effective areas."""
         if "effective_area" not in facts:
             return None
         areas = facts["effective_area"]
@@ -311,20 +319,9 @@ class CaseBounds:
 
 @dataclass(frozen=True)
 class Governing:
-    """Status and bounds of the governing factor of a structure.
+    """Status and bounds of the governing factor; case: index of least upper bound, the first of equal ones."""
 
-    Attributes
-    ----------
-    status : Status
-        Outcome of the structure.
-    low, high : float
-        Proven bounds on the governing factor; NaN where a bound is missing.
-    load_factor : float
-        Governing factor; NaN where there is none.
-    case : int
-        Index of the governing case: the one of least upper bound. Of several with the same, as far as brackets tell, it
-        is the first. Two solution methods that find the same λ thus name the same case.
-    """
+    # With the first of equal cases, methods that find the same λ name the same case.
 
     status: Status
     low: float
@@ -388,11 +385,7 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
 
 
 def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limit: float, extra: dict[str, Any]) -> str:
-    """Explain which bound of a result is missing, and why, or how far its bounds are apart.
-
-    bracket: lower and upper bound, NaN where missing. Result: one sentence without a full stop; "" where nothing is
-    missing and the bracket is as narrow as asked.
-    """
+    """Say which bound is missing and why, or how far they are apart; "" where nothing is missing."""
     apart = f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
     if status is not Status.UNCERTIFIED:
         return apart if status is Status.COLLAPSE and gap > gap_limit else ""

@@ -2,7 +2,6 @@
 
 Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver reports.
 
-- `LARGE`: number of equations from which `auto` chooses the solver `schur`
 - `SOLVERS`: names of the solvers
 - `ClarabelSolver`: Clarabel's interior-point method, updated in place, with an optional proximal term
 - `HighsSolver`: simplex and interior-point methods of HiGHS for linear programs
@@ -26,7 +25,7 @@ from typing import TYPE_CHECKING, Final
 from jld_core.errors import ParameterError, SolverError
 from jld_core.lazy_exports import export_lazily
 from jld_core.program import ConicProgram
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver
@@ -161,7 +160,6 @@ def is_large(structure: Structure) -> bool:
 
 
 __all__ = [
-    "LARGE",
     "SOLVERS",
     "ClarabelSolver",
     "HighsSolver",
