@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Final, Literal
 
@@ -149,6 +150,15 @@ class _Parts:
             raise InputError(f".{part}.direction", "it stands across a face", "a direction along the faces")
         return np.asarray(along / size[:, None])
 
+    def _signs(self, direction: list[float]) -> Floats:
+        """Return whether e1 (k,) of planar faces runs along a direction, 1, or against it, −1."""
+        if len(direction) != 2:
+            raise InputError(".section.direction", f"it has {len(direction)} numbers", "2 in this scene")
+        along = self.faces.e1 @ np.array(direction)
+        if not any(direction) or abs(along).min(initial=1.0) < 1e-6 * math.hypot(*direction):
+            raise InputError(".section.direction", "it stands across a face", "a direction along the faces")
+        return np.asarray(np.sign(along))
+
     def _cone(self, cone: Cone, part: str) -> None:
         """Add the gauge of a cone."""
         along = self._along(cone.direction, part)
@@ -207,9 +217,9 @@ class _Parts:
         sides = self._inside(sides, "section")
         table = np.zeros((len(faces), len(rows), len(self.names)))
         if faces.dimension == 2:
-            if section.direction is not None:
-                raise InputError(".section.direction", "it is for spatial scenes", "a section along the face")
             table[:, :, [0, 2]] = rows
+            if section.direction is not None:
+                table[:, :, 2] *= self._signs(section.direction)[:, None]
         else:
             turn = self._along(section.direction, "section")
             if abs(abs(turn).max(axis=1, initial=1.0) - 1.0).max(initial=0.0) > 1e-6:

@@ -166,6 +166,27 @@ def test_a_plastic_section() -> None:
     assert lam(1.0, polygons=[lean], **hollow) != pytest.approx(lam(-1.0, polygons=[lean], **hollow), rel=1e-3)
 
 
+@pytest.mark.parametrize("space", [False, True])
+def test_a_section_lies_where_its_direction_says(space: bool) -> None:
+    """On the half of its base at −x a block turns about that end, pushed there, and about the middle, pushed away."""
+    half = {"polygons": [[[0, 0], [0.5, 0], [0.5, 1], [0, 1]]], "shear_strength": 1e9}
+    found = []
+    for way in (-1.0, 1.0):
+        for direction in ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]):
+            if space:
+                document = scene(
+                    [GROUND, box("a", [-1, -0.5, 0], [1, 0.5, 1])], loads={"live": [{"body": [way, 0, 0]}]}
+                )
+            else:
+                document = grid_document(["a", "#"], live=[{"body": [way, 0.0]}])
+                direction = direction[:2]
+            document["materials"]["gravity"] = 1.0
+            given = with_surface(document, "dry", section={**half, "direction": direction})
+            found.append(solve(given, np.array([True])).load_factor)
+    edge = 2.0 if space else 1.0
+    assert found == pytest.approx([edge, 0.0, 0.0, edge], rel=1e-9, abs=1e-7)
+
+
 # --- sets of six resultants --------------------------------------------------------------------------------
 
 
