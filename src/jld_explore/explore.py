@@ -68,7 +68,6 @@ from jld_explore.steps.step import (
     search_deadline,
     steps_of,
 )
-from jld_explore.steps.tilting import Tilting
 
 # Expected time of the bound on all labellings, as a multiple of the time of one labelling. The bound is omitted if it
 # would be late.
@@ -250,7 +249,7 @@ def _search(
     kind, make = _makers(scene, assembly, settings, void=space.void is not None)
     plan = plan_check(scene, assembly, space, settings)
     tabled: list[Step] = [] if plan is None else [FieldCheck(plan)]  # results are written with its columns
-    steps = steps_of(settings, scene, space.assembly, [Uncut(), Tilting()])
+    steps = steps_of(settings, scene, space.assembly, [Uncut()])
 
     def say() -> None:
         """Announce the messages, each once."""

@@ -28,6 +28,7 @@ ORDER = [
     ["jld_formats"],
     ["jld_dilation"],
     ["jld_surfaces"],
+    ["jld_tilting"],
     ["jld_explore.cli"],
     ["jld_explore"],
     ["jld_explore.explore", "jld_explore.sweep"],
@@ -72,7 +73,7 @@ FLOOR = {wing: len(ORDER) - floor for floor, wings in enumerate(ORDER) for wing 
 
 # packages that are one wing: add-ons, which core and explore never import
 FLAT = ["jld_studio", "jld_practice", "jld_geometry", "jld_experiment", "jld_dilation", "jld_formats", "jld_maps"]
-FLAT += ["jld_surfaces"]
+FLAT += ["jld_surfaces", "jld_tilting"]
 
 # modules that load what is slow are imported by name, also where their package exports the name
 SLOW = ["jld_core.views.", "jld_explore.report.pictures"]

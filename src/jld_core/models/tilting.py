@@ -110,7 +110,9 @@ def tilt_in_words(facts: Mapping[str, Any], name: str = "") -> dict[str, str]:
     if "tilt_bracket" not in facts:
         return {}
     angle, *ends = ("none" if end is None else f"{end:.9g}" for end in (facts["tilt_angle"], *facts["tilt_bracket"]))
-    return {f"tilt angle{name}": f"{angle}°   (bracket {' '.join(ends)})"}
+    bound = facts.get("tilt_bound")
+    most = "" if bound is None else f"; no layout tilts beyond {bound:.6g}°, proven"
+    return {f"tilt angle{name}": f"{angle}°   (bracket {' '.join(ends)}{most})"}
 
 
 def tilt_facts(ends: Bracket) -> dict[str, Any]:
