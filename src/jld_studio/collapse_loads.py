@@ -61,7 +61,7 @@ def _text(entry: loads.LoadEntry, scene: Scene, weight: float, factor: float | N
     if factor is None or not np.isfinite(factor):
         return ""
     force, length = scene.units.force, scene.units.length
-    if isinstance(entry, loads.BodyLoad):
+    if isinstance(entry, loads.BodyLoad | loads.TiltLoad):
         return _size(factor * weight * float(np.linalg.norm(entry.body)), force)
     if isinstance(entry, FillLoad):
         return _size(factor * entry.weight, force)
