@@ -13,8 +13,7 @@ from cases import CASES, grid_assembly
 from command import SCENES
 from jld_core import LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
 from jld_core.limit import face_jumps
-from jld_core.limit.mechanism import Movement
-from jld_core.limit.mechanism import face_motions
+from jld_core.limit.mechanism import Movement, face_motions
 from proofs import flow_rule, work_balance
 
 

@@ -12,8 +12,7 @@ from studies.families import semicircular_arch
 
 from cases import all_inner, box, dry_and_inner, grid_assembly
 from jld_core import LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
-from jld_core.limit.mechanism import Movement
-from jld_core.limit.mechanism import face_motions
+from jld_core.limit.mechanism import Movement, face_motions
 
 
 def column(width: float, height: float, count: int, friction: float, live: list[dict[str, Any]]) -> LimitAnalysisResult:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +19,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import interface, library
 from jld_core.batch.library import dry_shares, narrow, samples, tries_of
-from jld_core.batch.rows import BatchRows, pattern_of, rows_of
+from jld_core.batch.rows import BatchRows, factor_pattern, pattern_of, rows_of
 from jld_core.mechanics.yield_set import Rows
 from jld_core.program import Template
 
@@ -32,7 +33,7 @@ CARRIED: Final = _FATES["CARRIED"]
 
 @dataclass(frozen=True)
 class MinimizationOptions:
-    """Options of conflict minimisation: decided faces become undecided while λ is still proven below the threshold."""
+    """Options of conflict minimisation: faces become undecided while λ is proven below the threshold."""
 
     # further minimisations per refuted labelling; each starts with one face of its conflict undecided
     neighbours: int = 0
@@ -180,13 +181,11 @@ class _Start:
 
 
 class BatchSolver:
-    """Batch solver for the labellings of one template.
+    """Batch solver for the labellings of one template; ValueError without a library or for unsupported rows (`fits`).
 
-    opening: (q·free,) velocities that open every face under any labelling, if any. load_scale: scaled λ relative to
-    which a bracket about zero counts as narrow. undecided: rows of undecided faces, in place of those of dry ones.
-    sampled_start: start near the mean solution of random labellings, of which `settled_fraction` got a verdict; False:
-    from least-norm forces, cheaper for a few labellings. Raises ValueError without a library, or for rows of an
-    unsupported shape (see `fits`).
+    opening: (q·free,) velocities that open every face. load_scale: scaled λ relative to which a bracket about zero is
+    narrow. undecided: rows of undecided faces. sampled_start: start near the mean solution of random labellings, of
+    which `settled_fraction` got a verdict; False: from least-norm forces, cheaper for a few labellings.
     """
 
     def __init__(
@@ -256,10 +255,7 @@ class BatchSolver:
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
-        """Store ends, matrix block and equilibrium entries of each face, in elimination order.
-
-        A, b: −1 for a support.
-        """
+        """Store ends, matrix block and equilibrium entries of each face, in elimination order."""
         place = np.full(len(self.pattern.order) + 1, -1, dtype=np.int64)
         place[self.pattern.order] = np.arange(len(self.pattern.order))
         a, b = place[a], place[b]  # −1 stays −1
@@ -290,9 +286,8 @@ class BatchSolver:
         thresholds: Floats | None = None,
         vectors: bool = False,
     ) -> BatchResults:
-        """Compute bounds on λ for labellings; each result depends on its own labelling alone.
+        """Compute bounds on λ of labellings (k, m), each by its own alone, until above thresholds (k,).
 
-        labellings, undecided: (k, m). thresholds: (k,) scaled λ; iterations end once it is known to be exceeded.
         vectors: return forces, velocities, rays and the diagnosis as well.
         """
         labels = np.ascontiguousarray(labellings, dtype=np.uint8)
@@ -328,7 +323,7 @@ class BatchSolver:
     def solve_samples(
         self, rows: BatchRows, dead: Floats, live: Floats, thresholds: Floats | None, *, vectors: bool = False
     ) -> BatchResults:
-        """Compute bounds on λ of one labelling for samples of its strengths and loads (k, q·free); all scaled."""
+        """Compute bounds on λ of one labelling for scaled samples of strengths and loads (k, q·free)."""
         other = copy(self)
         other._rows, other._keep, other._bows = rows.rows, rows.keep, rows.parabolas
         other._dead, other._live = (np.ascontiguousarray(loads[:, self._ends]) for loads in (dead, live))
@@ -419,3 +414,144 @@ class BatchSolver:
             own_loads=int(self._own_loads),
             **arrays,
         )
+
+
+SOLVED: Final = interface.codes("JldBlockState")["SOLVED"]
+"""State of a choice whose multipliers are accurate enough to give a bound (`BlockAnswers.state`)."""
+
+_Q: Final = 3  # shared rows of one node
+_GAP: Final = 1e-5  # relative gap at which iterations end; the bounds are only compared with one another
+
+_NEAR: Final = 1e-4  # relative distance of λ from its threshold below which `_FINE` replaces `_GAP`
+_FINE: Final = 1e-8  # relative gap at which iterations end close to the threshold
+
+_BLOCK_ROOM: Final = 1e-6  # error of the multipliers at which iterations end; the caller repairs the remaining error
+
+_MOST: Final = 50  # largest number of iterations of one choice; 15 to 30 were measured from the common starting point
+
+
+@dataclass(frozen=True)
+class BlockColumns:
+    """Coefficients of one block p in the linear program of the relaxation by blocks (6.5).
+
+    Variables: share x_p, load λ x_p, a multiplier ≥ 0 per column. Rows: its own, then three of each shared node.
+    """
+
+    own: int  # number of rows that belong to this block alone
+    shared: Ints  # (s,) rows that the block shares with others: 3·node + row, numbered over all nodes
+    columns: tuple[tuple[Ints, Floats], ...]  # row numbers and entries of each column
+    of_x: Floats  # (own + s,) coefficients of x_p in all rows of the block
+    of_load: Floats  # (own + s,) coefficients of λ x_p in all rows of the block
+
+
+@dataclass(frozen=True)
+class BlockAnswers:
+    """Results for k choices of allowed blocks."""
+
+    own: Floats  # (k, own rows of all blocks) multipliers of the blocks' own rows
+    shared: Floats  # (k, shared rows) multipliers of the shared rows
+    share: Floats  # (k, p) shares of the blocks
+    load: Floats  # (k,) load factor λ
+    iterations: NDArray[np.int32]  # (k,) iterations
+    state: NDArray[np.uint8]  # (k,) 0 open, 1 `SOLVED`, 2 below the threshold
+
+
+class BatchBlockSolver:
+    """Batch solver that maximises λ over the variables of the allowed blocks; ValueError without one.
+
+    Shared rows sum to `rhs` (3·nodes,), those of `load` with −λ. places: (nodes, d).
+    """
+
+    def __init__(self, blocks: Sequence[BlockColumns], places: Floats, rhs: Floats, load: Ints) -> None:
+        name = library.chosen()
+        if name is None:
+            raise ValueError("no kernel is built or in use")
+        self._library = library.library(name)
+        self.width = int(self._library.jld_width())
+        self._blocks = len(blocks)
+        nodes = len(places)
+        pairs = {pair for one in blocks for pair in combinations(np.unique(one.shared // _Q).tolist(), 2)}
+        a, b = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2).T
+        self.pattern = pattern = factor_pattern(a, b, places)
+        place = np.empty(nodes, dtype=np.int64)
+        place[pattern.order] = np.arange(nodes)
+        self._back = (_Q * place[:, None] + np.arange(_Q)).ravel()
+        entries = [column for one in blocks for column in one.columns]
+        self._arrays: dict[str, Any] = {
+            "own_start": _starts([one.own for one in blocks]),
+            "shared_start": _starts([len(one.shared) for one in blocks]),
+            "shared": _flat([self._back[one.shared] for one in blocks]),
+            "column_start": _starts([len(one.columns) for one in blocks]),
+            "entry_start": _starts([len(rows) for rows, _ in entries]),
+            "entry_row": _flat([rows for rows, _ in entries]),
+            "entry": np.concatenate([values for _, values in entries]),
+            "of_x": np.concatenate([one.of_x for one in blocks]),
+            "of_load": np.concatenate([one.of_load for one in blocks]),
+        }
+        put = [self._places(self._back[one.shared]) for one in blocks]
+        self._arrays |= {"place_start": _starts([len(one) for one in put]), "place": _flat(put)}
+        right = np.zeros(_Q * nodes)
+        right[self._back] = rhs
+        self._rhs, self._load = right, self._back[load].astype(np.int32)
+        self._own, self._shared = int(self._arrays["own_start"][-1]), _Q * nodes
+
+    @staticmethod
+    def supports(blocks: Sequence[BlockColumns]) -> bool:
+        """Return True if no block has more rows than the compiled solver can hold."""
+        return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
+
+    def _places(self, rows: Ints) -> Ints:
+        """Return the factor positions of products of shared rows (r,); −1 − position off the diagonal blocks."""
+        starts, below = self.pattern.column_start, self.pattern.row
+        found = []
+        for k, one in enumerate(rows.tolist()):
+            for other in rows[: k + 1].tolist():
+                (high, r), (low, c) = divmod(max(one, other), _Q), divmod(min(one, other), _Q)
+                if high == low:
+                    found.append(6 * high + r * (r + 1) // 2 + c)
+                else:
+                    block = starts[low] + np.searchsorted(below[starts[low] : starts[low + 1]], high)
+                    found.append(-1 - (9 * int(block) + 3 * r + c))
+        return np.array(found, dtype=np.int64)
+
+    def solve(self, allowed: Bools, thresholds: Floats, least: Floats, most: Floats) -> BlockAnswers:
+        """Solve the programs of choices (k, p), least ≤ λ ≤ most (k,), until λ stays below thresholds (k,)."""
+        count = len(allowed)
+        chosen = np.ascontiguousarray(allowed, dtype=np.uint8)
+        dual, share, load = (
+            np.zeros((count, self._own + self._shared)),
+            np.zeros((count, self._blocks)),
+            np.zeros(count),
+        )
+        spent, state = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.uint8)
+        problem = library.Blocks(
+            blocks=self._blocks,
+            nodes=len(self.pattern.order),
+            pattern=self.pattern.as_ctypes(),
+            loads=len(self._load),
+            **library.pointers(**self._arrays, rhs=self._rhs, load=self._load),
+        )
+        bounds = {"thresholds": thresholds, "least_load": least, "most_load": most}
+        known = {name: np.ascontiguousarray(one, dtype=float) for name, one in bounds.items()}
+        task = library.BlockTask(
+            count=count,
+            gap=_GAP,
+            near=_NEAR,
+            fine_gap=_FINE,
+            error=_BLOCK_ROOM,
+            iterations=_MOST,
+            **library.pointers(allowed=chosen, **known),
+            **library.pointers(dual=dual, share=share, load=load, iterations_used=spent, state=state),
+        )
+        library.require_success(self._library.jld_solve_blocks(problem, task))
+        shared = dual[:, self._own :][:, self._back]
+        return BlockAnswers(dual[:, : self._own], shared, share, load, spent, state)
+
+
+def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
+    """Return where each of several consecutive ranges starts, then where the last one ends."""
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+
+
+def _flat(lists: Sequence[Ints]) -> NDArray[np.int32]:
+    return np.concatenate(list(lists)).astype(np.int32)

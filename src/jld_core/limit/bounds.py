@@ -8,20 +8,169 @@ and checked, and gives no bound if the check fails. All quantities here are scal
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit.reduced_rows import EquilibriumProjectors, error_or_inf, projected_onto, rows_by_element, usable
-from jld_core.linalg.projection import dense_if_small
+from jld_core.limit.auxiliary_programs import LargestSupport, slack_rows
+from jld_core.linalg.projection import Projector, dense_if_small
 from jld_core.mechanics import reference_load
-from jld_core.program import Template
+from jld_core.program import ConicProgram, Template, pack
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Yield rows left after facial reduction, which alone may have multipliers beside a self-stress."""
+
+    linear: Ints  # (k,) linear inequalities that are kept, as rows of the program
+    cones: tuple[int, ...]  # indices of the cones that are kept
+    # for each cone, by index, whose multipliers are only a ray: the direction of the self-stress in it, a unit vector
+    rays: dict[int, Floats] = field(default_factory=dict)
+
+
+def kept_rows(program: ConicProgram) -> Reduced:
+    """Return all yield rows but that of λ, from which facial reduction starts."""
+    s = program.structure
+    return Reduced(slack_rows(s)[: s.linear - 1], tuple(range(len(s.cones))))
+
+
+def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
+    """Return a program with the yield rows of `reduced` alone; right: False sets their right-hand sides to zero."""
+    # The new rows are the equations, the row that bounds λ, the kept inequalities, one inequality s₀ ≥ d·s for each ray
+    # of direction d, and the kept cones. Here s₀ is the first slack of the cone, s are the others.
+    s = program.structure
+    first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
+    cones = [np.arange(s.heads[cone], s.heads[cone] + s.cones[cone]) for cone in reduced.cones]
+    last = np.concatenate(cones or [np.empty(0)]).astype(np.int64)
+    pick = [sp.eye_array(s.shape[0]).tocsr()[first]]
+    if reduced.rays:
+        ways = sp.lil_array((len(reduced.rays), s.shape[0]))
+        for row, (cone, direction) in enumerate(reduced.rays.items()):
+            ways[row, s.heads[cone]] = 1.0
+            for place, value in enumerate(direction, start=1):
+                ways[row, s.heads[cone] + place] = -value
+        pick.append(ways.tocsr())
+    chosen: sp.csr_array = sp.vstack([*pick, sp.eye_array(s.shape[0]).tocsr()[last]]).tocsr()
+    rhs = np.asarray(chosen @ program.rhs) if right else np.zeros(chosen.shape[0])
+    linear = 1 + len(reduced.linear) + len(reduced.rays)
+    sizes = tuple(s.cones[cone] for cone in reduced.cones)
+    return pack(chosen @ program.matrix.tocsr(), rhs, program.objective, s.equalities, linear, sizes, s.places)
+
+
+def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
+    """Return the program of forces that are admissible once a large self-stress (columns,) is added."""
+    # The program is `program_of_rows` with one more cone for each ray, docs/method.md (3.12a). In a cone on whose
+    # boundary the self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V
+    # across d|², where s = t − d·V.
+    left = program_of_rows(program, reduced, right=True)
+    s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
+    rows, ends = [left.matrix.tocsr()], [left.rhs]
+    last = own.equalities + own.linear - len(reduced.rays)
+    for number, (cone, way) in enumerate(reduced.rays.items()):
+        at = slice(s.heads[cone], s.heads[cone] + s.cones[cone])
+        touch, end = left.matrix.tocsr()[[last + number]], left.rhs[last + number]
+        size = float(-(matrix[[s.heads[cone]]][:, : len(stress)] @ stress)[0])
+        across = sp.csr_array(la.null_space(way[None]).T) * (2.0 / np.sqrt(2.0 * size))
+        rows += [touch, across @ matrix[at][1:], touch]
+        ends += [np.array([end + 1.0]), np.asarray(across @ program.rhs[at][1:]), np.array([end - 1.0])]
+    sizes = own.cones + tuple(s.cones[cone] for cone in reduced.rays)
+    tall = sp.vstack(rows)
+    return pack(tall, np.concatenate(ends), program.objective, own.equalities, own.linear, sizes, own.places)
+
+
+def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
+    """Return the yield rows that are left once a large self-stress acts; None if all are."""
+    # Rows in which the self-stress has slack are removed. A cone on whose boundary it lies becomes a ray.
+    sizes = [program.structure.cones[cone] for cone in reduced.cones]
+    linear = len(reduced.linear) + len(reduced.rays)
+    loose: Bools = found.slack > 0.5
+    kept = reduced.linear[~loose[: len(reduced.linear)]]
+    turned = dict(zip(reduced.rays, loose[len(reduced.linear) : linear], strict=True))
+    rays = {cone: way for cone, way in reduced.rays.items() if not turned[cone]}
+    cones = []
+    starts = len(found.values) - sum(sizes) + np.cumsum([0, *sizes])[:-1]
+    for cone, start, size, free in zip(reduced.cones, starts, sizes, loose[linear:], strict=True):
+        if free:
+            continue
+        way = found.boundary_direction(start, size)
+        if way is None:
+            cones.append(cone)
+        else:
+            rays[cone] = way
+    if len(kept) == len(reduced.linear) and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
+        return None
+    return Reduced(kept, tuple(cones), rays)
+
+
+def rows_by_element(rows: Floats, freedoms: int) -> Floats:
+    """Reshape a vector (q·free,) to (free, q); each further entry gets a row of its own."""
+    whole = len(rows) // freedoms * freedoms
+    more = np.zeros((len(rows) - whole, freedoms))
+    more[:, 0] = rows[whole:]
+    return np.concatenate([rows[:whole].reshape(-1, freedoms), more])
+
+
+def projected_onto(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
+    """Project a vector (columns,) onto rows·y = target: vector, residual (rows,), error estimate."""
+    for _ in range(passes):
+        vector = vector - projector.correction(projector.rows @ vector - target)
+    left = projector.rows @ vector - target
+    return vector, left, float(abs(projector.correction(left)).max())
+
+
+def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
+    """Return an error estimate, or inf if the residual (rows,) exceeds rounding, so no equilibrium exists."""
+    much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
+    return np.inf if much else error
+
+
+def usable(vector: Floats) -> bool:
+    """Return True if a vector is below 1e30, unlike those that a failed solve may leave."""
+    return not vector.size or bool(abs(vector).max() < 1e30)
+
+
+class EquilibriumProjectors:
+    """Cached projectors onto the equilibrium of one template, for each set of kept resultants."""
+
+    def __init__(self, template: Template) -> None:
+        self.template = template
+        self._known: dict[bytes, Projector] = {}
+        self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
+
+    def with_template(self, template: Template) -> EquilibriumProjectors:
+        """Return these projectors for another template of the same equilibrium matrix, cache shared."""
+        other = copy.copy(self)
+        other.template = template
+        return other
+
+    def with_load(self, labels: Bits) -> tuple[Projector, Floats | None]:
+        """Return the projector of the resultants that a labelling keeps, and their mask (q·m,); None: all."""
+        active = self.template.yield_set.active(labels)
+        if active.all():
+            active = self._everything
+        key = np.packbits(active).tobytes()
+        mask = None if active is self._everything else active.ravel().astype(float)
+        if key not in self._known:
+            matrix, places = self.template.matrix, self.template.structure.places
+            if mask is not None:
+                places = None
+                live = sp.csc_array(self.template.live[:, None])
+                matrix = sp.csc_array(sp.hstack([matrix @ sp.diags_array(mask), live]))
+            if len(self._known) >= 16:
+                self._known.pop(next(iter(self._known)))
+            self._known[key] = Projector(sp.csc_array(matrix), places)
+        return self._known[key], mask
+
+    def of_forces(self, mask: Floats) -> Projector:
+        """Return a new projector onto equilibrium at fixed λ, of the kept resultants (q·m,)."""
+        return Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places)
 
 
 @dataclass(frozen=True)
@@ -111,79 +260,32 @@ class Prover:
 
     @cached_property
     def exact(self) -> float:
-        """Return the largest violation, relative to its face, that counts as rounding.
-
-        It is `tolerances.EXACT`, or the last digits of the coordinates relative to the size of the assembly, if those
-        are larger.
-        """
+        """Return the violation of a face that counts as rounding: `EXACT`, or the last digits of coordinates."""
         elements = self.template.assembly.elements
         far = max(float(abs(elements.lower).max()), float(abs(elements.upper).max()))
         return max(tolerances.EXACT, _LAST_DIGITS * far / self.template.assembly.size)
 
     def is_ray(self, ray: State) -> bool:
-        """Return True if equilibrium and recession cones hold up to rounding.
-
-        Parameters
-        ----------
-        ray : State
-            Ray as `ray` returns it.
-
-        Returns
-        -------
-        bool
-            True if the slack is at least −`exact` and the error at most `exact`. Where all cones have enough slack to
-            absorb it, a larger error is allowed (`tolerances.ROUNDING`).
-        """
+        """Return True if equilibrium and recession cones hold to `exact`, or to `ROUNDING` where slack absorbs it."""
         left = tolerances.ROUNDING if ray.slack >= 2.0 * tolerances.ROUNDING else self.exact
         return ray.slack >= -self.exact and ray.error <= left
 
     def with_template(self, template: Template) -> Prover:
-        """Return this prover for another template of the same matrix, with shared projectors.
-
-        Parameters
-        ----------
-        template : Template
-            Template with the same equilibrium matrix.
-
-        Returns
-        -------
-        Prover
-            Copy of this prover.
-        """
+        """Return this prover for another template of the same matrix, with shared projectors."""
         other = copy.copy(self)
         other.template = template
         other._projectors = self._projectors.with_template(template)
         return other
 
     def state(self, point: Floats, labels: Bits, passes: int = 2, held: bool = False) -> State:
-        """Project a raw point onto equilibrium and measure its slack.
-
-        Parameters
-        ----------
-        point : (≥ q·m + 1,) float array
-            Forces, further variables, and λ as the last entry, scaled.
-        labels : (m,) bool array
-            Labels, True = dry.
-        passes : int
-            Number of projections.
-        held : bool
-            Keep λ fixed. Otherwise λ is projected with the forces where resultants are dropped.
-
-        Returns
-        -------
-        State
-            Projected forces; with slack −inf and error inf if the point is unusable.
-        """
+        """Project a point (≥ q·m + 1,), λ last, onto equilibrium; slack −inf and error inf if unusable."""
         if not usable(point):
             return self._nothing()
         return self._state(point[: self._columns], float(point[-1]), labels, passes, held)
 
     def state_within(self, forces: Floats, labels: Bits, inside: Bools) -> State:
-        """Project forces (m, q) at λ = 0 onto equilibrium, with forces on the faces `inside` (m,) alone.
-
-        Faces without forces are exactly at the apex of their yield sets: only the slack of the others must exceed the
-        rounding error.
-        """
+        """Project forces (m, q) at λ = 0 onto equilibrium, with forces on the faces `inside` (m,) alone."""
+        # Faces without forces are exactly at the apex of their sets: only the slack of the others must exceed rounding.
         mask = np.repeat(inside, forces.shape[1]).astype(float)
         dead, projector = self.template.dead, self._projectors.of_forces(mask)
         projected, left, error = projected_onto(projector, forces.ravel() * mask, -dead, 3)
@@ -194,27 +296,10 @@ class Prover:
         return State(table, 0.0, least if outside >= 0.0 else outside, error_or_inf(error, left, projected))
 
     def ray(self, point: Floats, labels: Bits) -> State:
-        """Project a raw ray onto A R + b_λ = 0 and measure its slack in the recession cones.
-
-        Resultants that are rounding of others are set to zero where this turns the result into a ray, see `is_ray`.
-
-        Parameters
-        ----------
-        point : (≥ q·m + 1,) float array
-            Ray with a positive last entry (its λ), scaled.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        State
-            Ray for one unit of λ; with slack −inf and error inf if the point is unusable.
-
-        Notes
-        -----
-        The slack of a face is divided by its largest resultant where that is below 1. The error is that of `imbalance`.
-        Rounding errors of large live loads elsewhere must not hide the forces that a small load needs.
-        """
+        """Project a point, λ > 0 last, onto A R + b_λ = 0 and measure its recession slack per unit of λ."""
+        # Slack of a face is divided by its largest resultant where that is below 1: rounding of large loads elsewhere
+        # must not hide the forces that a small load needs. Resultants that are rounding of others become zero where
+        # that makes a ray.
         if not usable(point) or not point[-1] > 0.0:
             return self._nothing()
         active = self.template.yield_set.recession_active(labels)
@@ -229,10 +314,7 @@ class Prover:
         return found
 
     def _ray(self, forces: Floats, active: Bools, labels: Bits) -> State:
-        """Project forces onto A R + b_λ = 0, with some resultants fixed at zero, and measure them.
-
-        forces: (q·m,) scaled. active: (m, q) True for resultants that may differ from zero. labels: (m,) True = dry.
-        """
+        """Project forces (q·m,) onto A R + b_λ = 0, only `active` ones (m, q) not zero, and measure them."""
         mask, live = active.ravel().astype(float), self.template.live
         forces, left, error = projected_onto(self._projectors.of_forces(mask), forces * mask, -live, 3)
         table = forces.reshape(self._everything.shape)
@@ -247,23 +329,8 @@ class Prover:
         return State(table, 1.0, float(slack.min()), max(error_or_inf(error, left, forces), share))
 
     def imbalance(self, forces: Floats, load: Floats) -> float:
-        """Return the largest residual of A F + load, relative to the terms at its element.
-
-        A small load is thus not taken for the rounding error of a large one elsewhere.
-
-        Parameters
-        ----------
-        forces : (q·m,) float array
-            Forces F, scaled.
-        load : (q·free,) float array
-            Load on the elements, scaled.
-
-        Returns
-        -------
-        float
-            Largest relative residual of all elements. Each equation of an element has a sum of absolute terms. The
-            largest of these sums, but at most 1, divides the residual of the element.
-        """
+        """Return the largest residual of A F + load of an element, relative to its terms but at most 1."""
+        # A small load is thus not taken for the rounding error of a large one elsewhere.
         freedoms = self._everything.shape[1]
         left, met = self.template.matrix @ forces + load, self._magnitudes @ abs(forces) + abs(load)
         # Judge element by element: a moment that is zero may be rounding of forces times arms.
@@ -296,24 +363,8 @@ class Prover:
         return State(table, load, float(template.yield_set.slack(table, labels).min()), error)
 
     def blend(self, state: State, inside: State, labels: Bits) -> State:
-        """Move a state towards a strictly admissible one, just far enough to become admissible.
-
-        Yield sets are convex and equilibrium is linear, λ included, so every blend is a state (docs/method.md (3.10)).
-
-        Parameters
-        ----------
-        state : State
-            State to be repaired.
-        inside : State
-            State with positive slack in every yield set.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        State
-            Blended state; it may still be inadmissible if four attempts fail.
-        """
+        """Move a state towards one with slack until admissible (3.10); it may still not be after four attempts."""
+        # Yield sets are convex and equilibrium is linear, λ included, so every blend is a state.
         need = 4.0 * max(state.error, inside.error)
         if state.slack >= need or inside.slack <= need:
             return state
@@ -328,21 +379,9 @@ class Prover:
         return mixed
 
     def motion(self, velocity: Floats, labels: Bits, normalise: bool = True) -> Motion:
-        """Compute jumps, margin and bound of velocities.
+        """Compute jumps, margin and bound of velocities (≥ q·free,), of live work 1 if positive and asked.
 
-        Parameters
-        ----------
-        velocity : (≥ q·free,) float array
-            Velocities, scaled; further entries are ignored.
-        labels : (m,) bool array
-            Labels, True = dry.
-        normalise : bool
-            Scale the velocities to b_λ·u = 1 if their work is positive.
-
-        Returns
-        -------
-        Motion
-            Velocities with their bound; with margin −inf if the velocities are unusable.
+        Or margin −inf.
         """
         template = self.template
         velocity = velocity[: template.matrix.shape[0]]
@@ -355,101 +394,30 @@ class Prover:
         return self.measure(velocity, jumps, work, labels)
 
     def measure(self, velocity: Floats, jumps: Floats, work: float, labels: Bits) -> Motion:
-        """Compute margin and bound of velocities with known jumps.
-
-        Parameters
-        ----------
-        velocity : (q·free,) float array
-            Velocities, scaled.
-        jumps : (m, q) float array
-            Their jumps, scaled.
-        work : float
-            Their live work b_λ·u, scaled.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        Motion
-            Velocities with margin, bound and rounding error.
-        """
+        """Compute margin and bound of velocities (q·free,) with known jumps (m, q) and live work."""
         sets = self.template.yield_set
         margin = float(sets.margin(jumps, labels).min())
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
         return Motion(velocity, jumps, work, margin, bound, self.noise(velocity, bound))
 
     def noise(self, velocity: Floats, bound: float) -> float:
-        """Estimate the rounding error of the bound of one motion.
-
-        Parameters
-        ----------
-        velocity : (q·free,) float array
-            Velocities, scaled.
-        bound : float
-            Bound of these velocities, scaled.
-
-        Returns
-        -------
-        float
-            Sum of the rounding errors of the bound and of the velocities, scaled.
-        """
+        """Estimate the rounding error of the bound of one motion, scaled."""
         return float(self.noises(velocity[None], np.array([bound]))[0])
 
     def noises(self, velocities: Floats, bounds: Floats) -> Floats:
-        """Estimate the rounding errors of the bounds of k motions.
-
-        Parameters
-        ----------
-        velocities : (k, q·free) float array
-            Velocities, scaled.
-        bounds : (k,) float array
-            Bound of each row of velocities, scaled.
-
-        Returns
-        -------
-        (k,) float array
-            Rounding errors, see `noise`.
-        """
+        """Estimate the rounding errors (k,) of the bounds of k motions, scaled."""
         speed = abs(velocities)
         sizes = (speed * self._weight).sum(axis=1) + abs(bounds) + 1e-3 * self._total * speed.max(axis=1)
         return np.asarray(tolerances.ROUNDING * sizes)
 
     def jumps(self, velocities: Floats) -> Floats:
-        """Compute the jumps of velocities.
-
-        Parameters
-        ----------
-        velocities : (k, q·free) float array
-            Velocities, scaled.
-
-        Returns
-        -------
-        (k, m, q) float array
-            Jumps, scaled.
-        """
+        """Compute the jumps (k, m, q) of velocities (k, q·free), scaled."""
         # Multiply one by one: a matrix product rounds differently from a matrix-vector product.
         each = [self._jumps @ velocity for velocity in velocities]
         return np.array(each).reshape(-1, *self._everything.shape)
 
     def add_opening(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
-        """Add just enough of an opening motion to make the dissipation finite.
-
-        See docs/method.md (3.11).
-
-        Parameters
-        ----------
-        motion : Motion
-            Motion to be repaired; it is returned as it is if its margin is ≥ 0 or not finite.
-        opening : Motion
-            Motion with positive margin on every face.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        Motion
-            Repaired motion; its margin may still be negative if four attempts fail.
-        """
+        """Add an opening motion until the dissipation is finite (3.11); it may still not be after four attempts."""
         opening = self.measure(opening.velocity, opening.jumps, opening.work, labels)
         if not np.isfinite(motion.margin) or motion.margin >= 0.0 or not opening.margin > 0.0:
             return motion
@@ -528,11 +496,7 @@ def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
 
 
 def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Return True if two brackets of the same λ are disjoint.
-
-    one, other: (float, float) lower and upper bound in any one unit; NaN or infinite where unknown. Result: True if the
-    lower bound of either exceeds the upper bound of the other by more than rounding.
-    """
+    """Return True if two brackets of the same λ, in one unit, are disjoint by more than rounding."""
     return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
 
 

@@ -12,9 +12,12 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, faces_of
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.bounds import usable
 from jld_core.limit.result import LimitAnalysisResult
 from jld_core.mechanics import equilibrium_matrix
+from jld_core.solvers import make_solver
 from jld_core.strengths import CRITERIA, STANDARD, Route
 
 _ROUTE: Final = Route("movements of faces", STANDARD | CRITERIA)
@@ -24,10 +27,7 @@ SMALL: Final = 0.01
 
 
 class Movement(StrEnum):
-    """Kind of movement of a face in a mechanism.
-
-    Cracks are movements of inner faces; hinge, slide, open and twist are movements of dry faces. Either may be closed.
-    """
+    """Movement of a face: crack (inner), hinge, slide, open or twist (dry), or closed."""
 
     CLOSED = "closed"
     HINGE = "hinge"
@@ -101,10 +101,7 @@ def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
 
 
 def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
-    """Classify the movement of each face in the mechanism of a result.
-
-    Result: movement of each of the m faces. Raises ValueError if the result holds no mechanism.
-    """
+    """Classify the movement of each face (m,) in a mechanism; ValueError without one."""
     if result.mechanism is None:
         raise ValueError("the result holds no mechanism")
     assembly, faces = result.assembly, result.assembly.interfaces
@@ -172,3 +169,48 @@ def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) 
     least = SMALL * size.max(axis=1, initial=0.0)[:, None]
     named = np.array([Movement(one) for one in np.where(size <= least, Movement.CLOSED, kinds).ravel()], dtype=object)
     return named.reshape(size.shape), size, gap
+
+
+# Residual requested from the solver where there is no batch solver; a heuristic needs no more digits
+_RESIDUAL: Final = 1e-8
+
+
+class Movements:
+    """Movements of all faces at collapse for many labellings: hints for searches, nothing proven."""
+
+    def __init__(self, analysis: LimitAnalysis) -> None:
+        self.template, self._prover = analysis.template, analysis.prover
+        self._batch = analysis.batch
+        self._solver = make_solver("clarabel", tolerance=_RESIDUAL)
+
+    def of(self, labellings: Bits) -> Floats:
+        """Compute the jump of each face over the largest, (k, m); zero where no mechanism is found."""
+        if self._batch is not None:
+            velocities = self._batch.solve(labellings, vectors=True).velocities
+        else:
+            rows = self.template.matrix.shape[0]
+            velocities = np.array([self._solver.solve(self.template.program(row)).dual[:rows] for row in labellings])
+        found = np.zeros(labellings.shape)
+        for k, velocity in enumerate(velocities):
+            if usable(velocity):
+                size = abs(self._prover.motion(velocity, labellings[k], normalise=False).jumps).max(axis=1)
+                found[k] = size / max(float(size.max()), 1e-300)
+        return found
+
+
+def result_of_faces(result: LimitAnalysisResult) -> LimitAnalysisResult:
+    """Return a result whose interfaces, labels and forces are those of faces, not of members."""
+    # Figures and tables of faces use it. A result without members is returned as it is.
+    assembly = faces_of(result.assembly)
+    if assembly is result.assembly:
+        return result
+    rows = slice(assembly.faces)
+    forces, unbounded = (None if one is None else one[rows] for one in (result.forces, result.unbounded_forces))
+    return replace(
+        result,
+        assembly=assembly,
+        labels=result.labels[rows],
+        forces=forces,
+        unbounded_forces=unbounded,
+        cases={name: result_of_faces(one) for name, one in result.cases.items()},
+    )

@@ -136,10 +136,7 @@ class Model:
 
     @property
     def supports_bounds_over_labellings(self) -> bool:
-        """Return True if λ of rigid elements is that of associative friction on whole faces.
-
-        Bounds over many labellings hold only under these options.
-        """
+        """Return True if bounds over many labellings hold: associative friction on whole faces."""
         return not self.beyond_whole_faces
 
     @property
@@ -170,13 +167,7 @@ class Model:
         return self.range and self.floor_seconds > 0.0
 
     def facts(self) -> dict[str, Any]:
-        """Return the fields as plain values, with a solver object replaced by its name.
-
-        Returns
-        -------
-        dict of str to object
-            One entry for each field that is not None.
-        """
+        """Return the fields that are not None as plain values, a solver object by its name."""
         solver = self.solver if isinstance(self.solver, str) else self.solver.name
         found = {name: value for name, value in vars(self).items() if value is not None}
         return found | {"solver": solver} | ({"cracks": cracks_to_json(cracks_of(self.cracks))} if self.cracks else {})
@@ -250,13 +241,7 @@ class ZeroDilation:
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> ZeroDilation | None:
-        """Return the evidence in the facts of a result; None for associative friction.
-
-        Parameters
-        ----------
-        facts : mapping of str to object
-            Facts of the model, as in the JSON output and in `LimitAnalysisResult.facts`.
-        """
+        """Return the evidence in the facts of a result; None for associative friction."""
         if "complementarity_gap" not in facts:
             return None
         named = {name: facts[name] for name in cls.__dataclass_fields__ if name in facts}
@@ -281,13 +266,7 @@ class EffectiveAreas:
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> EffectiveAreas | None:
-        """Return the convergence in the facts of a result; None without effective areas.
-
-        Parameters
-        ----------
-        facts : mapping of str to object
-            Facts of the model, as in the JSON output.
-        """
+        """Return the convergence in the facts of a result; None without effective areas."""
         if "effective_area" not in facts:
             return None
         areas = facts["effective_area"]
@@ -340,20 +319,9 @@ class CaseBounds:
 
 @dataclass(frozen=True)
 class Governing:
-    """Status and bounds of the governing factor of a structure.
+    """Status and bounds of the governing factor; case: index of least upper bound, the first of equal ones."""
 
-    Attributes
-    ----------
-    status : Status
-        Outcome of the structure.
-    low, high : float
-        Proven bounds on the governing factor; NaN where a bound is missing.
-    load_factor : float
-        Governing factor; NaN where there is none.
-    case : int
-        Index of the governing case: the one of least upper bound. Of several with the same, as far as brackets tell, it
-        is the first. Two solution methods that find the same λ thus name the same case.
-    """
+    # With the first of equal cases, methods that find the same λ name the same case.
 
     status: Status
     low: float
@@ -417,11 +385,7 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
 
 
 def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limit: float, extra: dict[str, Any]) -> str:
-    """Explain which bound of a result is missing, and why, or how far its bounds are apart.
-
-    bracket: lower and upper bound, NaN where missing. Result: one sentence without a full stop; "" where nothing is
-    missing and the bracket is as narrow as asked.
-    """
+    """Say which bound is missing and why, or how far they are apart; "" where nothing is missing."""
     apart = f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
     if status is not Status.UNCERTIFIED:
         return apart if status is Status.COLLAPSE and gap > gap_limit else ""

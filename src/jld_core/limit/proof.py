@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
 
 from jld_core import tolerances
-from jld_core.limit.bounds import Motion, State, relative_width
+from jld_core.arrays import Bits
+from jld_core.batch.batch_solver import LOCKED, BatchResults
+from jld_core.limit.bounds import Motion, Prover, State, relative_width
 from jld_core.limit.options import Status
 
 
@@ -66,15 +71,8 @@ class Proof:
     notes: list[str] = field(default_factory=list)
 
     def offer_state(self, state: State) -> None:
-        """Keep an admissible state if its λ is the highest so far.
-
-        A λ that exceeds that of an exact state (error zero) by less than rounding proves no more than the exact state.
-
-        Parameters
-        ----------
-        state : State
-            State of the labelling, scaled; ignored if it is not admissible.
-        """
+        """Keep an admissible state if its λ is the highest so far, by more than rounding."""
+        # A λ above that of an exact state (error zero) by less than rounding proves no more than the exact state.
         if not state.admissible:
             return
         known = self.state
@@ -83,13 +81,7 @@ class Proof:
             self.state = state
 
     def offer_motion(self, motion: Motion) -> None:
-        """Keep a motion if its bound is the lowest so far.
-
-        Parameters
-        ----------
-        motion : Motion
-            Motion, scaled, with b_λ·u = 1. It is ignored unless its margin is ≥ 0 and its live work positive.
-        """
+        """Keep a motion of live work 1 and margin ≥ 0 if its bound is the lowest so far."""
         if motion.margin >= 0.0 and motion.work > 0.0 and (self.motion is None or motion.bound < self.motion.bound):
             self.motion = motion
 
@@ -127,10 +119,7 @@ class Proof:
 
     @property
     def bracket(self) -> tuple[float, float]:
-        """Return the proven lower and upper bound on λ, scaled.
-
-        A bound is NaN if it is unproven or infinite, or if it is proven that no λ exists.
-        """
+        """Return the proven bounds on λ, scaled; NaN if unproven or infinite, or if no λ exists."""
         low = self.low if math.isfinite(self.low) else math.nan
         high = self.high if math.isfinite(self.high) else math.nan
         if self.status is Status.UNSTABLE:
@@ -139,11 +128,7 @@ class Proof:
 
     @property
     def load_factor(self) -> float:
-        """Return λ, scaled; NaN where there is none.
-
-        It is the λ of the forces found, else the middle of a narrow bracket or the lower end of a wide one, else the
-        guess.
-        """
+        """Return λ of the forces found, else of the bracket: its middle if narrow, its lower end; else the guess."""
         if self.status in (Status.UNSTABLE, Status.LOCKED):
             return math.nan
         if self.found is not None:
@@ -153,3 +138,27 @@ class Proof:
             return self.guess if self.status is Status.UNCERTIFIED else math.nan
         wide = relative_width(low, high, tolerances.GAP_FLOOR) > tolerances.GAP
         return low if wide else 0.5 * (low + high)
+
+
+FACES_WHERE_BATCH_IS_FASTER: Final = (48, 400)
+"""Least and largest number of faces of a spatial assembly for which the batch solver is faster for one labelling.
+
+Its setup is included. Source: benchmarks/results/batch_solver_single.md.
+"""
+
+
+def offer_results(
+    found: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
+) -> None:
+    """Check the batch solver's bounds of one labelling, and add the valid ones to a proof."""
+    if found.forces is None:
+        return
+    if np.isfinite(found.low[0]):
+        proof.offer_state(prover.state(np.append(found.forces[0], found.low[0]), labels))
+    if found.verdict[0] == LOCKED and found.rays is not None:
+        ray = prover.ray(np.append(found.rays[0], 1.0), labels)
+        proof.ray = ray if prover.is_ray(ray) else proof.ray
+    elif found.velocity is not None and found.velocity[0].any():
+        motion = prover.motion(found.velocity[0], labels)
+        wider = opening() if motion.margin < 0.0 else None
+        proof.offer_motion(motion if wider is None else prover.add_opening(motion, wider, labels))

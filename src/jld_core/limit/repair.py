@@ -1,10 +1,9 @@
-"""Auxiliary programs that make a solver's answer admissible.
-
-They supply states strictly inside all yield sets, motions that open every face, and rays. They are small programs,
-solved only where the first answer does not prove its own bounds.
-"""
+"""Auxiliary programs that make a solver's answer admissible where it does not prove its own bounds."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,6 +11,7 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit.auxiliary_programs import (
+    interior_motion,
     largest_slack_program,
     largest_support,
     maximise_slacks,
@@ -21,14 +21,105 @@ from jld_core.limit.auxiliary_programs import (
     slack_rows,
     without_small_components,
 )
-from jld_core.limit.bounds import Motion, Prover, State
+from jld_core.limit.bounds import Motion, Prover, State, usable
 from jld_core.limit.facial_reduction import FacialReduction, SelfStress
-from jld_core.limit.opening_motions import OpeningMotions
-from jld_core.limit.reduced_rows import usable
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.program import Template
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 from jld_core.solvers import RawSolution, is_large, solve_auxiliary
+from jld_core.strengths import Route, Strengths
+
+_ROUTE: Final = Route("opening motions")
+
+_TIMES = (1.0, 10.0, 100.0)  # Factors on the velocity component along gravity, tried for a simple opening motion.
+_OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as opening.
+
+
+class OpeningMotions:
+    """Motions that open every face of one assembly, computed once.
+
+    prover: checks motions of this template.
+    """
+
+    def __init__(self, template: Template, prover: Prover) -> None:
+        self.template, self.prover = template, prover
+        self._opening: Motion | None = None
+        self._opening_known = False
+        self._expansion: Motion | None = None
+        self._expansion_known = False
+
+    def opening(self) -> Motion | None:
+        """Find a motion with positive margin on every face; None if the assembly is confined."""
+        # Every face is taken as dry. A dry face has a stricter condition on jumps (δ ≥ |θ| l/2 + μ|s|) than an inner
+        # one (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings
+        # of the assembly, and is cached.
+        if not self._opening_known:
+            every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
+            template = self._steepest()
+            program = template.program(every)
+            inside = interior_motion(program, program.structure.shape[1] - 1)
+            self._opening = None if inside is None else self._under_both(inside)
+            self._opening_known = True
+        return self._opening
+
+    def _under_both(self, velocity: Floats) -> Motion:
+        """Return a motion with its margin under the label that has the lesser one; velocity: scaled."""
+        every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
+        motions = [self.prover.motion(velocity, labels, normalise=False) for labels in (every, ~every)]
+        return min(motions, key=lambda motion: motion.margin)
+
+    def expansion(self) -> Motion | None:
+        """Find an opening motion without a program: courses separate as they leave the supports.
+
+        None if none opens all.
+        """
+        # None also without supports or weight, with a further equation, and where joints crush or inner faces have the
+        # larger friction.
+        if not self._expansion_known:
+            self._expansion, self._expansion_known = self._expanding(), True
+        return self._expansion
+
+    def _expanding(self) -> Motion | None:
+        """Compute the motion that `expansion` returns and stores; None as there."""
+        template = self.template
+        elements, faces = template.assembly.elements, template.assembly.interfaces
+        held = elements.support[faces.a] | elements.support[faces.b]
+        weight = template.assembly.dead[elements.free, : template.assembly.dimension].sum(axis=0)
+        size = float(np.linalg.norm(weight))
+        if template.beside is not None or self._steepest() is not template or not held.any() or size == 0.0:
+            return None
+        every = np.ones(len(faces), dtype=bool)
+        away, down = elements.centroid[elements.free] - faces.origin[held].mean(axis=0), weight / size
+        if abs(away).max() <= tolerances.ROUNDING * template.assembly.size:
+            return None  # A single element in the middle of its supports has nowhere to go.
+        for times in _TIMES:
+            speed = np.zeros((len(away), template.assembly.freedoms))
+            speed[:, : len(down)] = away + (times - 1.0) * (away @ down)[:, None] * down
+            motion = self.prover.motion((speed / abs(speed).max()).ravel(), every, normalise=False)
+            if motion.margin > _OPENS:
+                return motion
+        return None
+
+    def _steepest(self) -> Template:
+        """Return a template with the strictest conditions on jumps of both labels."""
+        # The template has no crushing, since a crushing face has finite dissipation for every jump, and the larger
+        # friction of both labels. Its dry faces are therefore at least as strict as inner ones. Strengths of members
+        # stay.
+        assembly, scaling = self.template.assembly, self.template.scaling
+        if assembly.face_strengths.criteria:
+            rows = self.template.yield_set.hull()
+            return self.template if rows is None else self.template.with_rows(rows)
+        strengths = assembly.strengths(_ROUTE)
+        # A member has finite dissipation for every jump, as it stands.
+        bounded, dry, inner = assembly.of_members, strengths.side(dry=True), strengths.side(dry=False)
+        crushes = bool((strengths.crushes & ~bounded).any())
+        if not crushes and not (inner.friction > np.nan_to_num(dry.friction)).any():
+            return self.template
+        endless = np.full(len(assembly.interfaces), np.inf)
+        steep = replace(dry, friction=np.fmax(dry.friction, inner.friction), crush=endless)
+        strengths = Strengths.of(steep, replace(inner, crush=np.where(bounded, inner.crush, endless)))
+        return Template(assembly.with_strengths(strengths), scaling, beside=self.template.beside)
+
 
 _SIMPLEX = 800  # Number of columns up to which rays are sought by simplex first; its time grows by their cube.
 _LEAST_SLACK = 1e-5  # Slack, scaled, that every row can have at once if it can have any.
@@ -38,15 +129,9 @@ _LEAST_SLACK = 1e-5  # Slack, scaled, that every row can have at once if it can 
 _RAYS = ((0.0, 0.0), (0.0, 1e-5), (1e3, 1e-5), (1e2, 1e-4), (1e1, 1e-6))
 _SNAP = 1e-4  # Component of a direction on the boundary of a cone below which it is set to zero.
 _NO_FORCE = 1e-3  # Head of a cone, scaled, below which a point counts as the tip of the cone.
-_OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as opening.
 
 
 class Repair:
-    """Auxiliary programs that make answers of one template admissible.
-
-    prover: checks states and motions of this template.
-    """
-
     def __init__(self, template: Template, prover: Prover) -> None:
         self.template, self.prover = template, prover
         self._openings = OpeningMotions(template, prover)
@@ -57,36 +142,27 @@ class Repair:
     # --- states -----------------------------------------------------------------------------------------
 
     def state(self, labels: Bits) -> State | None:
-        """Find the state of largest slack at any λ.
-
-        Result: state of largest slack; None where it is not admissible.
-        """
+        """Find the state of largest slack at any λ; None where it is not admissible."""
         state = self.prover.state(self._largest_slack_solution(labels).point[: self.template.columns], labels, passes=3)
         return state if state.admissible else None
 
     def standing_state(self, labels: Bits) -> State | None:
-        """Find the state of largest least slack at λ = 0.
-
-        Result: admissible state, in which yield rows are slack where they can be; None if none is found.
-        """
+        """Find an admissible state at λ = 0, with slack where possible; None if none is found."""
         raw = solve_auxiliary(largest_slack_program(self.template.program(labels), load_fixed=True), 1e-8)
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         state = self.prover.state(point, labels, passes=3, held=True)
         return state if state.admissible else self.boundary_state(raw.point, labels, load_fixed=True)
 
     def stands(self, labels: Bits) -> bool | None:
-        """Decide whether λ = 0 is admissible.
+        """Decide whether λ = 0 is admissible: by a state, or not, by a motion that gains energy.
 
-        Result: True with an admissible state, False with a motion that gains energy, None if neither is found.
+        None: neither found.
         """
         found = self.proof_at_zero(labels)
         return None if found is None else isinstance(found, State)
 
     def proof_at_zero(self, labels: Bits) -> State | Motion | None:
-        """Return what proves whether λ = 0 is admissible for a labelling (m,).
-
-        It is an admissible state, or a motion that gains energy; None if neither is found.
-        """
+        """Return the state or motion that decides whether λ = 0 is admissible; None if neither is found."""
         program = largest_slack_program(self.template.program(labels), load_fixed=True)
         # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
         for gap in (1e-2, 1e-8) if is_large(program.structure) else (1e-8,):
@@ -112,11 +188,7 @@ class Repair:
         return self.boundary_state(raw.point, labels, load_fixed=True)
 
     def instability_velocities(self, labels: Bits) -> Floats:
-        """Find velocities that may prove that no λ ≥ 0 is admissible, docs/method.md (3.15).
-
-        They do so where the largest slack at any λ is negative; the caller has to check it. Returns (≥ q·free,): raw
-        multipliers of the program of largest slack; the velocities come first.
-        """
+        """Find velocities (≥ q·free,) that may prove that no λ ≥ 0 is admissible (3.15), unchecked."""
         return self._largest_slack_solution(labels).dual
 
     def _largest_slack_solution(self, labels: Bits) -> RawSolution:
@@ -156,10 +228,7 @@ class Repair:
         return None
 
     def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
-        """Return matrices (k, rows) whose products with the slacks vanish where rows are tight.
-
-        tight: True for tight rows of `slack_rows`. values: (rows,) slacks of a point.
-        """
+        """Return matrices (k, rows) whose products with slacks vanish where rows are tight."""
         # A tight linear row gives one equation. On the boundary of a cone away from its tip, the tail is a fixed
         # direction times the head. At the tip all rows of the cone are zero.
         tips, linear = slack_rows(s), s.linear - 1
@@ -178,10 +247,7 @@ class Repair:
         return found
 
     def _state_on_boundary(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
-        """Return the state of a point on the boundary of yield sets; None if inadmissible.
-
-        edge: (m,) faces with tight rows, where violations within rounding are accepted.
-        """
+        """Return the state of a point, with rounding accepted on faces `edge` (m,); None if inadmissible."""
         template, sets = self.template, self.template.yield_set
         forces = y[: template.matrix.shape[1]].reshape(len(labels), -1)
         forces = np.where(sets.active(labels), forces, 0.0)
@@ -210,10 +276,7 @@ class Repair:
     # --- rays and self-stress ---------------------------------------------------------------------------
 
     def ray(self, labels: Bits) -> State | None:
-        """Find a ray along which the live load grows without limit.
-
-        Result: ray that holds to rounding; None where no proof is found.
-        """
+        """Find a ray along which the live load grows without limit; None where no proof is found."""
         # A ray R satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)). Faces that crush carry
         # no ray: drop their columns and with them their cones, which solvers satisfy only to a residual.
         program = self.template.program(labels)
@@ -239,34 +302,19 @@ class Repair:
         return None
 
     def ray_with_self_stress(self, labels: Bits) -> State | None:
-        """Find a ray that is admissible together with a self-stress that grows faster.
-
-        Result: ray that holds to rounding, see `SelfStress.ray`; None where no proof is found.
-        """
         inside = self.state(labels)
         return None if inside is None or inside.slack < _OPENS else SelfStress(self.prover, labels).ray()
 
     # --- motions ----------------------------------------------------------------------------------------
 
     def opening(self) -> Motion | None:
-        """Find a motion that strictly opens every face; None if the assembly is confined.
-
-        The result is cached.
-        """
         return self._openings.opening()
 
     def expansion(self) -> Motion | None:
-        """Find an opening motion of simple form, without a program; None if none opens every face.
-
-        The result is cached.
-        """
         return self._openings.expansion()
 
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
-        """Add a small opening motion to a motion whose live work is negative by rounding.
-
-        Result: changed motion; the same one if no opening motion with positive live work exists.
-        """
+        """Add a small opening motion to one whose live work is negative by rounding; the same if none helps."""
         opening = self.opening()
         if opening is None or opening.work <= 0.0:
             return motion
@@ -274,12 +322,7 @@ class Repair:
         return self.prover.motion(motion.velocity + share * opening.velocity, labels, normalise=False)
 
     def reduced(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
-        """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12)).
-
-        Result: repaired motion; None if none was found.
-        """
         return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)
 
     def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
-        """Repair a motion by the signs of multipliers."""
         return FacialReduction(self.template, self.prover).of_positive_multipliers(motion, multipliers, labels)

@@ -15,7 +15,7 @@ import numpy as np
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
-from jld_core.mechanics.bending import Bending
+from jld_core.mechanics.standard import Bending
 from jld_core.strengths import Parameter, StatedCriterion, criterion_of
 
 
@@ -125,10 +125,7 @@ class Criterion(Protocol):
     """Parameters that a scene states."""
 
     def rows(self, faces: FaceGeometry, values: Mapping[str, float]) -> FaceRows:
-        """Return the yield set of faces.
-
-        Result: rows of k faces, or of one for all of them.
-        """
+        """Return the yield set as rows of k faces, or of one for all of them."""
 
 
 def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None) -> FaceGeometry:
@@ -146,9 +143,9 @@ def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None) -> Face
 
 
 def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
-    """Return the checked rows of a criterion: arrays of all k faces.
+    """Return the checked rows of a criterion for k faces.
 
-    Raises InputError if shapes are wrong, numbers are not finite, d is negative, or shear in space is not limited.
+    InputError: wrong shapes, numbers not finite, negative d, shear in space without limit.
     """
     key, k = f"materials.{one.label}.criterion", len(geometry)
     criterion = criterion_of(one.name, f"materials.{one.label}")
@@ -187,7 +184,6 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
 
 
 def _arrays(gauge: Gauge, k: int) -> Gauge:
-    """Return a gauge with arrays of k faces."""
     shear = None if gauge.shear is None else np.array(np.broadcast_to(np.asarray(gauge.shear, dtype=float), (k, 2, 2)))
     numbers = (gauge.torsion, gauge.capacity, gauge.friction)
     return Gauge(shear, *(np.array(np.broadcast_to(np.asarray(one, dtype=float), (k,))) for one in numbers))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -64,20 +64,14 @@ class Rows(Protocol):
         """Return the sparsity and numbers of the yield rows of all faces."""
 
     def active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is zero in every admissible state.
-
-        Examples are shear without friction and without shear strength.
-        """
+        """Return a mask (m, q), False where a resultant is zero in every admissible state."""
 
 
 @dataclass(frozen=True)
 class Hull:
-    """Yield rows of undecided faces: they enclose the dry and the inner yield set.
+    """Yield rows of undecided faces that enclose both sets, in the places of rows of dry faces, docs/method.md (6.3).
 
-    Relaxations use them in the places of the rows of dry faces, docs/method.md (6.3).
-
-    pattern: yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
-    either: (m, q) scaled resultants, q per face, that at least one of the labels allows to be non-zero.
+    pattern: `dry` and `h_dry` hold the enclosing rows. either: (m, q) resultants that a label allows to be non-zero.
     """
 
     pattern: RowPattern
@@ -111,12 +105,9 @@ class ParabolicBending:
 
 @dataclass(frozen=True)
 class CoulombWedge:
-    """Yield sets of planar faces of one label without compressive strength, scaled.
+    """Planar sets of one label without crushing: bending·|m| ≤ N + tension, |V| ≤ shear + friction·N.
 
-    Bending: bending·|m| ≤ N + tension; shear: |V| ≤ shear + friction·N. Directions of recession are N (1, ±μ,
-    ±1/bending).
-
-    tension, friction, shear: (m,) strengths. bending: 1 (dry) or 3 (inner), the same for all faces.
+    bending: 1 (dry) or 3 (inner). Directions of recession are N (1, ±μ, ±1/bending).
     """
 
     tension: Floats
@@ -125,27 +116,17 @@ class CoulombWedge:
     shear: Floats
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the margin δ − μ|s| − |θ|/bending (k,) of scaled jumps (δ, s, θ).
-
-        The dissipation of a jump is finite where its margin is ≥ 0. jumps: (k, 3). faces: (k,) index of the face of
-        each jump.
-        """
+        """Return δ − μ|s| − |θ|/bending (k,) of scaled jumps (δ, s, θ) (k, 3): finite dissipation where ≥ 0."""
         slip, turn = abs(jumps[:, 1]), abs(jumps[:, 2])
         return np.asarray(jumps[:, 0] - turn / self.bending - self.friction[faces] * slip)
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the dissipation σt (δ − μ|s|) + c|s| (k,) of scaled jumps (δ, s, θ).
-
-        The value holds where `margin` is ≥ 0. jumps: (k, 3). faces: (k,) index of the face of each jump.
-        """
+        """Return σt (δ − μ|s|) + c|s| (k,) of scaled jumps (k, 3), where `margin` ≥ 0."""
         slip = abs(jumps[:, 1])
         return np.asarray(self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.shear[faces] * slip)
 
     def strength(self, faces: Ints) -> Floats:
-        """Return the sum of tensile and shear strength (k,) of faces (k,).
-
-        It is the largest dissipation of a jump of size 1.
-        """
+        """Return tensile plus shear strength (k,) of faces: the largest dissipation of a jump of size 1."""
         return np.asarray(self.tension[faces] + self.shear[faces])
 
 
@@ -158,39 +139,19 @@ class YieldSet(Rows, Protocol):
     """
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least slack (m,) of the yield conditions of each face under given forces.
-
-        It is 0 on the boundary of the yield set and negative outside. forces: (m, q) scaled resultants. labels: (m,)
-        True = dry.
-        """
+        """Return the least slack (m,) of forces (m, q): 0 on the boundary, negative outside."""
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of forces in the recession cone of each face.
-
-        The recession cone holds the directions in which a face can be loaded without limit. Resultants outside
-        `recession_active` count as zero. forces: (m, q) scaled resultants. labels: (m,) True = dry.
-        """
+        """Return the slack (m,) of forces (m, q) in the recession cone; only `recession_active` ones count."""
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
-
-        A resultant that is bounded, whatever the others are, is zero in every recession direction. labels: (m,) True =
-        dry.
-        """
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone."""
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the dissipation D(J) = sup −F·J (m,) of the jump J of each face.
-
-        F are the forces in the yield set of the face. The value holds where `margin` is ≥ 0. jumps: (m, q) scaled
-        velocity jumps. labels: (m,) True = dry.
-        """
+        """Return the dissipation D(J) = sup −F·J (m,) of jumps (m, q), valid where `margin` is ≥ 0."""
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the least slack (m,) of the conditions for finite dissipation of a jump.
-
-        The dissipation is finite where the margin is ≥ 0. The margin is +inf where the dissipation is finite for every
-        jump. jumps: (m, q) scaled velocity jumps. labels: (m,) True = dry.
-        """
+        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q); inf if always finite."""
 
     def strength(self, labels: Bits) -> Floats:
         """Return the largest dissipation (m,) of a jump of size 1, up to a factor of order one.
@@ -199,44 +160,23 @@ class YieldSet(Rows, Protocol):
         """
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
-        """Return the share of its strength (m,) that each face uses, or None if unknown.
-
-        The share is 0 without force and 1 on the boundary of the yield set. forces: (m, q) scaled resultants. labels:
-        (m,) True = dry.
-        """
+        """Return the share of its strength (m,) that each face uses, 1 on the boundary, or None if unknown."""
 
     def hull(self) -> Rows | None:
-        """Return yield rows that enclose the sets of both labels of each face.
-
-        They have the sparsity of `pattern`. The result is None if no such rows are known.
-        """
+        """Return yield rows that enclose both labels' sets, with the sparsity of `pattern`; None if unknown."""
 
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
-        """Return the parabolic yield sets of planar faces whose dry joints crush.
-
-        undecided: True for sets that enclose the yield sets of both labels, False for those of the dry label. The
-        result is None where the sets are unknown.
-        """
+        """Return the parabolic sets of planar joints that crush, or those of both labels; None if unknown."""
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the yield sets of all faces under one label as wedges.
-
-        dry: True for the dry label, False for the inner one. The result is None if a face has a compressive strength.
-        """
+        """Return the sets of one label as wedges; None if a face has a compressive strength."""
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Return the linear yield rows C F + d ≥ 0 of each face: C (m, 4, 3) and d (m, 4).
-
-        F are the scaled resultants (N, V, m) of the face. The first two rows limit bending, the last two shear. The
-        result is None if a face has other rows. labels: (m,) True = dry.
-        """
+        """Return rows C F + d ≥ 0 of (N, V, m): C (m, 4, 3), two of bending, two of shear; None for other rows."""
 
     @property
     def associative(self) -> FrictionSet:
-        """Return the set with associative friction from which this set was made.
-
-        It is this set itself if its friction is associative. Raises TypeError if there is none.
-        """
+        """Return the set of associative friction that this one was made from, maybe itself; TypeError if none."""
 
 
 class FrictionSet(YieldSet, Protocol):
@@ -274,34 +214,19 @@ class FrictionSet(YieldSet, Protocol):
         """
 
     def shear_of(self, forces: Floats) -> Floats:
-        """Return the shear demand (m,) of scaled resultants (m, q).
-
-        It is compared with the shear capacity c + μN: |V| in the plane and |V| + |mT| in space.
-        """
+        """Return the shear demand (m,) of resultants (m, q), to compare with c + μN: |V|, in space |V| + |mT|."""
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return the shear dissipation (m,) of scaled jumps (m, q), per unit of shear capacity.
-
-        The value is |s| in the plane and max(|s|, |ω|) in space, with slip s and spin ω about the normal.
-        """
+        """Return the dissipation (m,) of jumps (m, q) per shear capacity: |s|, in space max(|s|, |ω|)."""
 
     def with_strengths(self, sets: Strengths) -> FrictionSet:
-        """Return the yield sets of the same faces with other strengths, and their rows.
-
-        sets: scaled strengths (m,); the same ones are infinite as before.
-        """
+        """Return the sets of the same faces with other scaled strengths (m,), infinite as before, and rows."""
 
     def with_friction(self, share: float) -> FrictionSet:
-        """Return a copy of the set with all friction coefficients multiplied by `share`.
-
-        It serves proofs only: the rows in `pattern` stay those of the original set.
-        """
+        """Return a copy with all μ multiplied by `share`, for proofs only: `pattern` stays."""
 
     def without_shear_limit(self) -> FrictionSet:
-        """Return a copy of the set without any limit on shear, for tests of bending alone.
-
-        It serves proofs only: the rows in `pattern` stay those of the original set.
-        """
+        """Return a copy without any limit on shear, for proofs only: `pattern` stays."""
 
 
 def used(demand: Floats, capacity: Floats, least: float) -> Floats:
@@ -348,3 +273,88 @@ def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
         lacking = np.flatnonzero(mask & np.isnan(values) & ~np.any([~mask & mask, *own], axis=0))
         if lacking.size:
             raise InputError(key, "missing", f"this material, since face {assembly.pair(lacking[0])} may be {name}")
+
+
+Term = tuple[Ints, list[Floats]]
+"""Columns (k,) of a family of rows, and their coefficients (k,) in each of the sets."""
+
+Row = tuple[list[Term], list[Floats]]
+"""Terms of a family of rows, and their right-hand sides (k,) in each of the sets."""
+
+
+class Sheet:
+    """Rows of two or three `sets` of `faces` faces, collected family by family; further numbers are left out."""
+
+    def __init__(self, faces: int, freedoms: int, sets: int) -> None:
+        self.faces, self.freedoms, self.sets, self.rows, self.extra = faces, freedoms, sets, 0, 0
+        self._entries: list[tuple[Ints, Ints, Ints, Floats]] = []
+        self._sides: list[tuple[Ints, Ints, Floats]] = []
+        self._capacity: list[Ints] = []
+        self._length = self._cones = 0
+
+    def column(self, face: Ints, resultant: int) -> Ints:
+        """Return the columns of one resultant of the faces (k,)."""
+        return self.freedoms * face + resultant
+
+    def new_columns(self, count: int) -> Ints:
+        """Return the columns of `count` new variables beyond the resultants."""
+        columns = self.freedoms * self.faces + self.extra + np.arange(count)
+        self.extra += count
+        return columns
+
+    def add(
+        self,
+        face: Ints,
+        terms: list[Term],
+        sides: list[Floats],
+        place: Ints | None = None,
+        *,
+        limits_shear: bool = False,
+    ) -> None:
+        """Add one row for each face (k,), by default after the present ones; limits_shear: the first term is −μN."""
+        if place is None:
+            place = self.rows + np.arange(len(face))
+            self.rows += len(face)
+        for number, (column, values) in enumerate(terms):
+            table = np.array(values[: self.sets])
+            # Planar entries stay if they are zero: they hold the columns of a face together.
+            used = np.any(table != 0.0, axis=0)
+            if used.all() or (limits_shear and self.freedoms == 3):
+                entries = place, column, face, table
+            else:
+                entries = place[used], column[used], face[used], table[:, used]
+            if len(entries[0]):
+                self._entries.append(entries)
+            if limits_shear and number == 0:
+                self._capacity.append(self._length + np.arange(len(entries[0])))
+            self._length += len(entries[0])
+        self._sides.append((place, face, np.array(sides[: self.sets])))
+
+    def cones(self, face: Ints, rows: list[Row], *, limits_shear: bool = False) -> None:
+        """Add one second-order cone per face (k,); limits_shear: True if its first row begins with −μN."""
+        for offset, (terms, sides) in enumerate(rows):
+            place, limits = self.rows + len(rows) * np.arange(len(face)) + offset, limits_shear and offset == 0
+            self.add(face, terms, sides, place, limits_shear=limits)
+        self.rows += len(rows) * len(face)
+        self._cones += len(face)
+
+    def patterns(self, linear: int) -> tuple[RowPattern, ...]:
+        """Return the rows of both labels, and those with enclosing rows in place of dry ones."""
+        row, column, face, values = (np.concatenate(part, axis=-1) for part in zip(*self._entries, strict=True))
+        order = np.argsort(np.concatenate([place for place, _, _ in self._sides]))
+        h = np.concatenate([side for _, _, side in self._sides], axis=1)[:, order]
+        plain = RowPattern(
+            row=row,
+            column=column,
+            face=face,
+            dry=values[0],
+            inner=values[1],
+            h_dry=h[0],
+            h_inner=h[1],
+            row_face=np.concatenate([faces for _, faces, _ in self._sides])[order],
+            linear=linear,
+            cones=(3,) * self._cones,
+            capacity=np.concatenate([np.zeros(0, dtype=np.int64), *self._capacity]),
+            extra=self.extra,
+        )
+        return plain, *(replace(plain, dry=one, h_dry=side) for one, side in zip(values[2:], h[2:], strict=True))

@@ -19,15 +19,100 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly, Labels, checked_labels, labels_of, with_members
 from jld_core.build import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.errors import ParameterError, error_context
+from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit import FIELD_SECONDS, LimitAnalysis, LimitAnalysisResult, Model, Proof, Result, Status, result_of
 from jld_core.limit.result import governing_result
 from jld_core.mechanics import require_materials
-from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.rigid_blocks import limit_analysis, require_model, require_solver_accepts, solve_labelling
 from jld_core.parameters import shown_value
 from jld_core.scene import Scene, load_scene
+from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_of
 from jld_core.threads import one_thread
+
+_DIVIDES: Final = 1e-9  # relative error that a whole number of cells may have
+
+
+def under(assembly: Assembly, model: Model | None = None) -> Assembly:
+    """Return an assembly with the crack model that a model names, else with its own."""
+    cracks = assembly.cracks if model is None or model.cracks is None else cracks_of(model.cracks)
+    return assembly if cracks == assembly.cracks else replace(assembly, cracks=cracks)
+
+
+def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
+    """Raise InputError if an assembly cannot be analysed with its crack model.
+
+    Cells must divide the grid. With cracks by fields no option may ask for another model or solver, and
+    `require_fields` must pass.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    model : Model, optional
+        Model; None: the default.
+    """
+    if isinstance(assembly.cracks, CellCracks):
+        _require_cells(assembly, assembly.cracks.cell, model)
+    if not isinstance(assembly.cracks, FieldCracks):
+        return
+    model = model or Model()
+    asked = [*model.beyond_whole_faces]
+    asked += [name for name in ("condense", "solver") if getattr(model, name) != getattr(Model, name)]
+    for name in asked:
+        raise ParameterError(name, "cracks by fields do not support it", "the default, or cracks by faces")
+    from jld_core.fields.problem import require_fields  # `jld check` without fields is to start quickly
+
+    require_fields(assembly)
+
+
+def rigid(assembly: Assembly, labels: Bits, what: str = "") -> tuple[Assembly, Bits]:
+    """Return the rigid elements under a crack model: those of the assembly, or the finer cells.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with its crack model, see `under`.
+    labels : (m,) or (k, m) bool array
+        Labels, True = dry.
+    what : str
+        What needs rigid elements, to refuse cracks by fields; "" where fields are left as they are.
+
+    Returns
+    -------
+    (Assembly, (M,) or (k, M) bool array)
+        Elements that are solved as rigid, and their labels.
+
+    Raises
+    ------
+    InputError
+        Blocks crack by fields and `what` is given, or no cells can be cut.
+    """
+    if what and isinstance(assembly.cracks, FieldCracks):
+        raise InputError("cracks", f"{what} needs rigid cells, and fields have none", '"faces" or "cells"')
+    if not isinstance(assembly.cracks, CellCracks):
+        return assembly, labels
+    from jld_core.refinement.refine import cells_of
+
+    require_cracks(assembly)
+    cells = cells_of(assembly, assembly.cracks.cell)
+    return cells.fine, cells.labels(labels)
+
+
+def _require_cells(assembly: Assembly, cell: float, model: Model | None) -> None:
+    """Raise InputError unless cells of size `cell` divide the grid of an assembly's scene."""
+    # Of general elements any size is accepted here. The message names the parameter where the model states the cells.
+    grid = None if assembly.scene is None else assembly.scene.grid
+    if grid is None:
+        return
+    for name, length in zip(("width", "height"), grid.cell, strict=True):
+        parts = length / cell
+        if round(parts) < 1 or abs(parts - round(parts)) > _DIVIDES * parts:
+            stated = model is not None and model.cracks is not None
+            raise (ParameterError if stated else InputError)(
+                "cracks",
+                f"cells of {cell:g} do not divide the {name} {length:g} of a cell of the grid",
+                f"{length:g} over a whole number, as {length / max(2, round(parts)):g}",
+            )
 
 
 class CaseAnalysis:
@@ -110,14 +195,10 @@ _FAR: Final = 4.0
 
 
 def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Proof) -> tuple[float, float]:
-    """Bound the least λ from which on a structure stands: λ is minimised by the program that maximises it.
-
-    proof: proof of the labelling, with `stands` decided. Result: proven bounds in scene units; zeros where the
-    structure stands without live load. NaN where unknown, and where friction has no dilation or areas are effective,
-    since the states under such models are not convex.
-    """
+    """Bound the least λ in scene units, zeros where it stands; NaN where unknown, or states are not convex."""
     # The structure carries its dead load with a live load λ₀ that it stands under, and reversed live load is added: of
     # that, it takes λ₀ less the least λ.
+    # Minimised by the program that maximises λ. Without dilation, or with effective areas, states are not convex.
     unknown = math.nan, math.nan
     if proof.stands:
         return 0.0, 0.0
@@ -146,10 +227,7 @@ Structure = str | Path | Mapping[str, Any] | Scene | Assembly
 
 
 def assembly_of(structure: Structure) -> Assembly:
-    """Return the assembly of a scene file, of a dict or a scene, or an assembly itself.
-
-    Raises InputError if the file or the scene cannot be used, or the object is none of these.
-    """
+    """Return the assembly of a scene file, dict, `Scene` or `Assembly`; InputError for others."""
     if isinstance(structure, Assembly):
         return structure
     if isinstance(structure, Scene):
@@ -165,11 +243,7 @@ def assembly_of(structure: Structure) -> Assembly:
 
 
 def labellings_of(assembly: Assembly, labellings: ArrayLike | Iterable[Labels]) -> Bits:
-    """Return several labellings as a checked bool array.
-
-    labellings: (k, m) each row as in `labels_of`. Returns (k, m). Raises InputError if a row has a wrong number of
-    labels, or a label has another value.
-    """
+    """Return several labellings (k, m) as a checked bool array; InputError as `labels_of`."""
     expected = f"rows of {assembly.faces} labels"
     if isinstance(labellings, np.ndarray) and labellings.ndim == 2 and labellings.dtype == np.bool_:
         if labellings.shape[1] not in (assembly.faces, len(assembly.interfaces)):
@@ -186,10 +260,7 @@ R = TypeVar("R")
 
 
 def model_of(model: Model | None, options: dict[str, Any]) -> Model:
-    """Return a model with some of its fields replaced.
-
-    Raises InputError: a name is no field of the model, or a value is not allowed.
-    """
+    """Return a model with fields replaced; InputError for an unknown name or value."""
     if model is not None and not isinstance(model, Model):
         raise ParameterError("model", f"{type(model).__name__!r} is no model", "a `Model`")
     names = [one.name for one in fields(Model)]
@@ -202,10 +273,7 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
 
 
 def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors.
-
-    Result: the same function.
-    """
+    """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors."""
     signature = inspect.signature(function)
     own = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
     kind = inspect.Parameter.KEYWORD_ONLY
@@ -262,26 +330,9 @@ def solve(
 
 
 def solve_cracked(assembly: Assembly, labels: Bits, model: Model) -> Result:
-    """Compute λ of one labelling under the crack model of an assembly.
+    """Compute λ of one labelling under the crack model of an assembly, whatever `cracks` of the model.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with its crack model.
-    labels : (m,) bool array
-        Labels, True = dry.
-    model : Model
-        Model; its `cracks` does not count any more.
-
-    Returns
-    -------
-    Result
-        Result in scene units.
-
-    Raises
-    ------
-    InputError
-        As `solve`.
+    InputError as `solve`.
     """
     require_cracks(assembly, model)
     by_fields = replace(model, cracks=assembly.cracks).by_fields

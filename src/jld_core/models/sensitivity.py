@@ -127,10 +127,7 @@ class _Change:
     strength: str = ""  # field of `Strengths`; "" for weight
 
     def of(self, assembly: Assembly, step: float) -> Assembly:
-        """Return an assembly with the parameter increased by `step`.
-
-        A strength increases at all faces that are no members. Weight increases by this share of itself.
-        """
+        """Return an assembly with a strength of all faces but members, or the share of weight, increased by `step`."""
         if self.strength:
             strengths = assembly.strengths(_ROUTE)
             values = getattr(strengths, self.strength) + step * ~assembly.of_members
@@ -231,10 +228,7 @@ class SolvedProgram:
         return Template(assembly, self._template.scaling).program(self.labels)
 
     def _by_steps(self, change: _Change) -> tuple[float, float, float, float]:
-        """Compute the left and the right rate of scaled λ from chords at two steps to either side.
-
-        Returns both rates, the size of the kink, and the rounding error.
-        """
+        """Compute left and right rate of scaled λ, size of the kink, rounding error, from chords at two steps."""
         # The size of the kink excludes curvature, which vanishes as steps shrink, and rounding, which is estimated from
         # the difference of primal and dual values.
         here, noise = self._value(self.program)
@@ -252,10 +246,7 @@ class SolvedProgram:
         return left + share * (left - far_left), right + share * (right - far_right), bent, min(noises)
 
     def _value(self, program: ConicProgram) -> tuple[float, float]:
-        """Return λ of a program and the difference of its primal and dual λ, scaled.
-
-        Both are NaN if the program has no solution.
-        """
+        """Return λ of a program and primal less dual λ, scaled; NaN without a solution."""
         raw = self._solver.solve(program)
         if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
             return math.nan, math.nan
@@ -263,11 +254,7 @@ class SolvedProgram:
         return 0.5 * (primal + dual), abs(primal - dual)
 
     def side(self, matrix: sp.csr_array, rhs: Floats) -> float:
-        """Compute the rate of −λ for an increase of a parameter, scaled; NaN without an optimum.
-
-        matrix: (rows, columns) ΔM, and rhs: (rows,) Δr, rates of the program data with the parameter. For the rate of a
-        decrease, pass −ΔM and −Δr.
-        """
+        """Compute the rate of −λ for rates ΔM (rows, columns), Δr (rows,) of the program, scaled; NaN without."""
         # The rate is the value of the linear program in the module docstring.
         equal = np.arange(self.first)
         held = np.flatnonzero(self.held)

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
-from jld_core.scene.fill import FillLoad
+from jld_core.scene.materials import FillLoad
 from jld_core.scene.part import Loading, LoadVector, NonNegative, Pair, Part, Positive, VaryingPositive, Vector
 
 
@@ -125,7 +125,6 @@ _KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
-    """Validate load entries as the kind of load that their keys state."""
     # Kinds are body loads, pressures, loads on fill and point loads. Error messages then refer to the kind of load that
     # was meant.
     if not isinstance(entries, list):

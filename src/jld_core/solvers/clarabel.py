@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.program import ConicProgram
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 # Status for each status that Clarabel reports; others count as failed
@@ -96,19 +96,9 @@ class ClarabelSolver(Solver):
             self._set_up(program, program.objective)
 
     def solve(self, program: ConicProgram, centre: Floats | None = None) -> RawSolution:
-        """Solve a program, optionally with a proximal term about a centre.
+        """Solve a program, with a proximal term about F₀ if `centre` (count,) is given.
 
-        Parameters
-        ----------
-        program : ConicProgram
-            Program to solve.
-        centre : (count,) array, optional
-            F₀ of the proximal term, by default zero. With this term stationarity holds up to ε(F − F₀).
-
-        Returns
-        -------
-        RawSolution
-            Unverified solution.
+        Stationarity up to ε(F − F₀).
         """
         start = time.perf_counter()
         program = program.rounded

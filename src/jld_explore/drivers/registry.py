@@ -11,8 +11,7 @@ from jld_core.parameters import near, typed
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.minimum_count import MinimumCount
+from jld_explore.drivers.exact.driver import Exact, MinimumCount
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.hillclimb import HillClimb
 from jld_explore.drivers.optuna import Optuna
@@ -26,17 +25,7 @@ DRIVERS: Final[dict[str, type[Driver]]] = {
 
 
 def driver_kinds() -> dict[str, type[Driver]]:
-    """Return all driver classes by name: those of jld, then those of plug-ins.
-
-    Returns
-    -------
-    dict of str to type
-
-    Raises
-    ------
-    InputError
-        If a plug-in cannot be loaded, is no driver, or has a name that is taken.
-    """
+    """Return all driver classes by name, plug-ins last; InputError for one unusable, or of a taken name."""
     added = plugins.load_all("jld.drivers", tuple(DRIVERS))
     for name, kind in added.items():
         if not (isinstance(kind, type) and issubclass(kind, Driver) and getattr(kind, "name", None) == name):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -230,9 +231,9 @@ class Pool:
         return self.jobs if self._client is None else max(1, sum(self._client.ncores().values()))
 
     def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
-        """Submit a task; an error is raised, now or in its future, if a process has died.
+        """Submit a function that other processes can import.
 
-        Other processes must be able to import the function.
+        An error of a dead process is raised here or in the future.
         """
         with deferred_signals():
             if self._executor is None:
@@ -245,10 +246,7 @@ class Pool:
             return self._executor.submit(function, *arguments)
 
     def run(self, work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Yield results of a function for the arguments of each task, in their order.
-
-        One job or task, and what a dying process leaves undone, runs in this process.
-        """
+        """Yield results of a function for each task, in order; what a dying process leaves runs in this one."""
         if self.width == 1 or len(tasks) < 2:
             yield from (work(*task) for task in tasks)
             return
@@ -288,6 +286,47 @@ def make_executor(jobs: int) -> Executor:
         max_workers=jobs, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED
     )
     return found
+
+
+@contextmanager
+def beside(work: Callable[[], Result]) -> Iterator[Callable[[], Result]]:
+    """Begin work in a copy of this process on another core; yield the function that waits for its result.
+
+    The copy ends with the context. Without `fork`, a second core, or where other threads run, the work is done when its
+    result is asked for; so it is where the copy fails.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    if not hasattr(os, "fork") or cores < 2 or threading.active_count() > 1:
+        yield work
+        return
+    sys.stdout.flush()
+    sys.stderr.flush()
+    here, there = os.pipe()
+    child = os.fork()
+    if child == 0:
+        with suppress(BaseException):  # whatever happens, the copy must not go on as this process would
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            os.close(here)
+            with os.fdopen(there, "wb") as pipe:
+                pickle.dump(work(), pipe)
+            os._exit(0)
+        os._exit(1)
+    os.close(there)
+    ended: list[int] = []
+
+    def result() -> Result:
+        with os.fdopen(os.dup(here), "rb") as pipe:
+            sent = pipe.read()
+        ended.append(os.waitpid(child, 0)[1])
+        return pickle.loads(sent) if ended == [0] else work()
+
+    try:
+        yield result
+    finally:
+        os.close(here)
+        if not ended:
+            os.kill(child, signal.SIGTERM)
+            os.waitpid(child, 0)
 
 
 class TaskStream:

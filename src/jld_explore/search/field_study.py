@@ -14,8 +14,8 @@ from jld_core.scene.cracks import FieldCracks
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.field_evaluator import COARSE_RATE, field_evaluation, mesh_seconds
-from jld_explore.evaluation.field_pool import (
+from jld_explore.evaluation.field_evaluator import (
+    COARSE_RATE,
     BestAim,
     FieldPool,
     FieldRace,
@@ -23,11 +23,12 @@ from jld_explore.evaluation.field_pool import (
     RaceAim,
     RaceResult,
     RequirementAim,
+    field_evaluation,
+    mesh_seconds,
 )
-from jld_explore.evaluation.ranking import front_counts, keys_of, statuses
+from jld_explore.evaluation.protocol import front_counts, keys_of, statuses
 from jld_explore.evaluation.records import RefinedRecords
-from jld_explore.search.state import Progress, StopReason
-from jld_explore.search.study import Study
+from jld_explore.search.study import Progress, StopReason, Study
 from jld_explore.space import keys, unpack
 from jld_explore.space.labelling import orbit_sizes
 
@@ -51,10 +52,7 @@ class FieldStudy(Study):
 
     @property
     def gap(self) -> float:
-        """Return the relative gap of bounds that the scene asks for.
-
-        Raises RuntimeError if the scene does not crack by fields.
-        """
+        """Return the relative gap of bounds that the scene asks for."""
         cracks = self.scene.cracks
         if not isinstance(cracks, FieldCracks):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
@@ -219,10 +217,7 @@ class FieldStudy(Study):
         }
 
     def _next(self, race: RaceResult, gap: float | None) -> str | None:
-        """Return a sentence on how to narrow the remaining gap, and on its cause.
-
-        gap: None if unknown.
-        """
+        """Return a sentence on how to narrow the remaining gap, None if unknown, and on its cause."""
         # The reason is the discretisation or the search.
         finer = f"the gap is of the discretisation: --cracks fields:{0.5 * self.gap:g} refines further"
         if isinstance(self.driver, FieldExact):
@@ -293,10 +288,7 @@ class FieldStudy(Study):
         self.evaluated, self.solved = len(found), max(self.solved, pool.programs)
 
     def _nominal(self, pool: FieldPool) -> list[float | None]:
-        """Return lower bounds on the governing factor at nominal material values.
-
-        Only the best layout has one; others have NaN.
-        """
+        """Return lower bounds at nominal values, of the best layout alone; others NaN."""
         found: list[float | None] = [math.nan] * len(pool)
         best = int(np.argmax(pool.low())) if len(pool) else -1
         if best >= 0 and math.isfinite(pool.low()[best]):

@@ -15,9 +15,8 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, Elements
 from jld_core.errors import InputError
 from jld_core.scene import Search
-from jld_explore.space.counts import Count, Terms, count_named, registered, values_of
+from jld_explore.space.counts import BlockShapes, Count, Terms, count_named, registered, values_of
 from jld_explore.space.labelling import Connectivity, blocks_of, numbers_of, totals_of
-from jld_explore.space.shapes import BlockShapes
 
 
 @dataclass(frozen=True)
@@ -189,7 +188,6 @@ class Limits:
 
     @cached_property
     def on_counts(self) -> tuple[tuple[Count, Range], ...]:
-        """Given limits on counts."""
         keys = type(self.search).model_fields.keys()
         given = [(count, getattr(self.search, count.name)) for count in registered() if count.name in keys]
         given += [(count_named(name, f"search.limits.{name}"), pair) for name, pair in self.search.limits.items()]
@@ -255,7 +253,6 @@ class Limits:
         return bool(self.on_blocks or self.on_counts or self.on_shapes) or self.assembly.sink >= 0
 
     def bounds(self, measure: Measure) -> Range:
-        """Return the limit on blocks by one measure."""
         return Range.of(getattr(self.search, measure.key), whole=measure.whole)
 
     @property

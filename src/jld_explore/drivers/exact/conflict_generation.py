@@ -12,7 +12,7 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import ConflictRequest
 from jld_core.batch.batch_solver import MinimizationOptions
-from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
+from jld_core.limit.work_balance import DualBound, MinimizedConflict
 from jld_explore.drivers.exact.context import SEED_STEP, PartialLabellingRelaxation, ProofContext
 from jld_explore.drivers.exact.formula import EVERYTHING, Cube, Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
@@ -84,10 +84,7 @@ def conflict_of(
     tries: int = _FAILED_TRIES,
     decided: Bools | None = None,
 ) -> Conflict | None:
-    """Find few labels of a labelling (m,) that prevent a λ; None where it may reach it.
-
-    candidates: (m,) faces that may take either label. decided: (m,) those whose labels the conflict may use.
-    """
+    """Find few labels, of those `decided`, that prevent a λ of a labelling (m,); None where it may reach it."""
     decided = candidates.copy() if decided is None else decided.copy()
 
     def refuted(whole: bool = False) -> DualBound | None:
