@@ -105,7 +105,9 @@ def drivers(names: Sequence[str], seconds: float) -> None:
     """Write λ that drivers and plain programs reach in the same time, over the best known; rows of others stay."""
     records = json.loads(RECORDS.read_text("utf-8"))
     path = RESULTS / "problems.csv"
-    rows = {} if not path.exists() else {one["problem"]: one for one in pd.read_csv(path).to_dict("records")}
+    rows: dict[str, Any] = {}
+    if path.exists():
+        rows = {one["problem"]: one for one in pd.read_csv(path).to_dict("records")}
     for name in names:
         scene = load_scene(FOLDER / f"{name}.json")
         row: dict[str, Any] = {"problem": name, "seconds": seconds, "best_known": records[name]["best"]}
@@ -131,10 +133,10 @@ def drivers(names: Sequence[str], seconds: float) -> None:
             row[method] = reached + (f", optimal in {took:.1f} s" if optimal else "")
             print(name, method, row[method], f"{took:.1f} s", flush=True)
         rows[name] = row
-        done = pd.DataFrame([rows[one] for one in COMPARED if one in rows])
-        done.to_csv(path, index=False)
-        text = table(list(done.columns), [[f"{one:.7g}" if isinstance(one, float) else str(one) for one in row]
-                                          for row in done.itertuples(index=False)])  # fmt: skip
+        found = pd.DataFrame([rows[one] for one in COMPARED if one in rows])
+        found.to_csv(path, index=False)
+        lines = [[f"{one:.7g}" if isinstance(one, float) else str(one) for one in row] for row in found.to_numpy()]
+        text = table(list(found.columns), lines)
         head = f"{TITLE}{machine()}. {load_of_machine()} {versions(['highspy', 'ortools', 'pymoo'])}\n\n"
         files.write_text(RESULTS / "problems.md", head + text + "\n")
 
