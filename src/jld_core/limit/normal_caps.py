@@ -22,7 +22,7 @@ from jld_core.deadline import Deadline
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_program import CappedWedge
 from jld_core.limit.case_relaxation import Relaxation
-from jld_core.solvers.highs import highs_of
+from jld_core.solvers import highs_of
 
 _SOLVER = {"threads": 1, "solver": "simplex", "presolve": "off"}
 
