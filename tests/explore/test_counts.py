@@ -25,7 +25,7 @@ from jld_explore.report.pictures import front_picture
 from jld_explore.space import Count, Layouts, Terms, feasible, register, registered, unregister
 from jld_explore.space.counts import BlockShapes, counts, values_until
 from jld_explore.space.limits import MEASURES, SHAPED
-from jld_practice.printed import making_of, stones_of
+from jld_practice import making_of, stones_of
 
 SOURCES = Path(__file__).parents[2] / "src"
 ROWS = ["aaa", "aaa", "###"]
