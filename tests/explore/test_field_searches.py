@@ -617,6 +617,7 @@ SCENE: dict[str, Any] = {
 }
 
 
+@pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("back", [False, True])
 @pytest.mark.parametrize("driver", ["random", "enumeration"])
 def test_searches_by_fields_name_the_case_that_governs(driver: str, back: bool) -> None:

@@ -98,6 +98,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
     return explore(table(), tmp_path_factory.mktemp("plain") / "out", ExploreSettings(pictures=False, check_fields=0))
 
 
+@pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize(
     "model",
     [SPATIAL[0], *(pytest.param(one, marks=pytest.mark.long) for one in SPATIAL[1:3]), SPATIAL[3]],

@@ -81,7 +81,7 @@ def test_a_locked_end_is_named() -> None:
 
 def test_starts_go_on_while_there_is_time() -> None:
     document = flat_arch(10.0, 1.2, 0.2, along=TOPS, vertices="along", ties="mirror-x", box=0.15, angle=[20, 160])
-    done = moved(document, seconds=6.0, starts=None)
+    done = moved(document, seconds=3.0, starts=None)
     assert max(point.start for point in done.points) > 1
     top = float(done.places[np.argmin(np.linalg.norm(done.places - done.moved - [1.2, HEIGHT], axis=1)), 0])
     assert done.value == pytest.approx(flat_arch_load(top, 0.2, 0.1), rel=1e-9)
