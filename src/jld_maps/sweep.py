@@ -52,7 +52,7 @@ def sweep(
     table = pd.DataFrame({key: [values[k] for k in column] for (key, values), column in columns})
     one_by_one = delayed(_best if explore else _solved)
     if points is None:
-        made = [structure(**row) for row in table.to_dict("records")]
+        made = [structure(**{str(key): value for key, value in row.items()}) for row in table.to_dict("records")]
         rows = Parallel(n_jobs=jobs)(one_by_one(one, labels, fields, seconds) for one in made)
         return table.assign(**pd.DataFrame(rows))
     states = None if explore else points.states()
@@ -156,7 +156,8 @@ class Swept:
 
     def _bounds(self, places: Ints, labels: Bits, *, named: bool = True) -> dict[str, Any]:
         """Return the columns of some points (k, axes)."""
-        analyses, left, found = self._usual[labels.tobytes()], np.arange(len(places)), {}
+        analyses, left = self._usual[labels.tobytes()], np.arange(len(places))
+        found: dict[str, Any] = {}
         for _ in range(_STARTS):
             strengths, loads = self.states.at(places[left])
             each = zip(analyses, loads, strict=True)

@@ -44,6 +44,15 @@ def test_two_cubes_have_the_mechanisms_and_borders_of_figure_4(tension: float) -
     assert least[1] - least[0] == pytest.approx(np.zeros(len(found)), abs=1e-6)
 
 
+def test_borders_stay_within_a_map_that_begins_where_values_end() -> None:
+    """Shear strength and friction from 0 on, where the next value outside is refused."""
+    scene, grid = stacked_cubes(2, friction=0.5, tension=0.0, shear=0.5), {MU: [0.0, 0.1, 0.2], TAU: [0.0, 0.15, 0.3]}
+    found = borders(scene, grid, je.sweep(scene, grid))
+    assert len(found)
+    assert (found[[MU, TAU]].to_numpy(dtype=float) >= 0.0).all()
+    assert np.isfinite(found["load_factor"].to_numpy(dtype=float)).all()
+
+
 WALL = grid_document(["abba", "accb", "####"], tension=3e3, shear=3e3)
 CASES = {
     **WALL,
