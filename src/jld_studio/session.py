@@ -20,7 +20,7 @@ from jld_core.scene import Scene, parse_scene
 from jld_core.scene import cracks as scene_cracks
 from jld_explore.report import columns, page_data
 from jld_explore.space import LETTERS, SearchSpace, from_string, reasons_against, search_space
-from jld_geometry.moved_scene import MovedScene
+from jld_geometry import MovedScene
 from jld_studio.collapse_loads import collapse_loads, texts_of_bounds
 from jld_studio.field_brackets import FieldBrackets
 from jld_studio.joint_vertices import JointVertices

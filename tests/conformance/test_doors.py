@@ -25,11 +25,10 @@ from jld_core import Result
 from jld_core.models import rigid
 from jld_core.scene.design import partial_factors
 from jld_explore import ExploreSettings, explore
-from jld_practice.design_check.check import design_check
+from jld_practice.design_check import design_check
 from jld_practice.reactions import thrust_ranges
-from jld_practice.reliability.analysis import ReliabilityOptions, analyse, structure_of
-from jld_studio.evaluation import evaluate
-from jld_studio.notebook import make_page
+from jld_practice.reliability import ReliabilityOptions, analyse, structure_of
+from jld_studio import evaluate, make_page
 
 Document = dict[str, Any]
 
