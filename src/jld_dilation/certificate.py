@@ -36,10 +36,7 @@ BITS: Final = 70
 
 @dataclass(frozen=True)
 class BinaryFractions:
-    """Matrix of binary fractions of any length, for sums and products without rounding.
-
-    The operators +, − and @ are exact.
-    """
+    """Matrix of binary fractions of any length; +, − and @ are exact."""
 
     values: Any  # (r, c) integers of any length
     scale: int  # each entry is its integer divided by 2^scale
@@ -131,12 +128,9 @@ _NIL: Final = 1e-60  # upper limit of what is lost where residuals are converted
 
 
 class Certifier:
-    """Certifier of one planar region: makes multipliers exact and checks the bound they prove.
+    """Certifier of one planar region: makes multipliers exact and checks the bound they prove, docs/method.md (4.8).
 
-    The identity that is checked is docs/method.md (4.8).
-
-    bounded: complementarity problem with bounds on forces and velocities, both proven. region: part of the solutions.
-    slack: σ, decrease of scaled λ per unit of the cost of a mechanism. Raises ValueError if velocities are not bounded.
+    slack: σ, decrease of scaled λ per unit of cost. ValueError if velocities are not bounded.
     """
 
     def __init__(self, bounded: BoundedModes, region: Region, slack: float) -> None:
@@ -168,10 +162,7 @@ class Certifier:
         self.prices = self.largest[:-1]
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        """Correct multipliers until they prove a lower bound on λ, and return that bound.
-
-        The bound is scaled, at most region.high, and −inf if nothing is proven.
-        """
+        """Correct multipliers until they prove a scaled bound ≤ region.high; return it, −inf without proof."""
         of_products = BinaryFractions.of(round_to_bits(multipliers.products))
         live_work = BinaryFractions.of(round_to_bits(multipliers.live_work[:, None]))
         bound = BinaryFractions.of(round_to_bits(np.array([[multipliers.bound]])))
@@ -252,10 +243,7 @@ class Certifier:
     def _residual(
         self, of_products: BinaryFractions, live_work: BinaryFractions, bound: BinaryFractions, slack: float
     ) -> Floats:
-        """Return the residual R (3m + 2, 3n + m) of the identity in the module docstring.
-
-        It is reduced by multiples of equilibrium and of closed modes.
-        """
+        """Return the residual R (3m + 2, 3n + m), reduced by multiples of equilibrium and closed modes."""
         lacking = self._identity_difference(of_products, live_work, bound, slack)
         return reduce_residual(
             lacking, self.modes.statics, self._forms.rows(self.closed_forms), self.unbalanced, self._equilibrium
@@ -295,11 +283,7 @@ def reduce_residual(
     unbalanced: Bools,
     equilibrium: Callable[[Floats], Floats] | None = None,
 ) -> Floats:
-    """Reduce the residual of a certificate's identity by forms that vanish in solutions.
-
-    lacking: (q + 2, w) residual, a bilinear form of Φ = (F, λ, 1) and w velocities. zero_forms: (e, w) forms of
-    velocities that are zero. unbalanced: (w,) velocities to which no multiple of equilibrium is applied.
-    """
+    """Reduce a residual (q + 2, w) by equilibrium, but for velocities `unbalanced` (w,), and zero forms (e, w)."""
     # The forms are multiples of equilibrium and of velocities that are zero, the terms with Q and Ψ of docs/method.md
     # (4.8). Sums are exact; the result (q + 2, w) is converted to doubles.
     exact = BinaryFractions.of(statics)
@@ -320,20 +304,12 @@ def reduce_residual(
 
 
 def drop_rounding(table: Floats) -> Floats:
-    """Return an array, of any shape, in which entries below 1e-11 are zero.
-
-    They are rounding errors of numbers of order one.
-    """
+    """Return an array in which entries below 1e-11, rounding of numbers of order one, are zero."""
     return np.where(abs(table) < 1e-11, 0.0, table)
 
 
 def least_change_solver(rows: Any, share: Floats) -> Any:
-    """Return a solver for the least weighted change x of multipliers with rowsᵀ x ≈ target.
-
-    rows: sparse (k, columns), one row per multiplier. share: (k,) weight of each multiplier; a small one changes
-    little. The solver is a function from target (columns,) to x (k,). It uses normal equations with iterative
-    refinement.
-    """
+    """Return a solver, from target (columns,) to the least weighted x (k,) with rowsᵀ x ≈ target."""
     weighted = sp.csr_array(sp.diags_array(share) @ rows)
     normal = sp.csc_array(weighted.T @ weighted)
     solved = _factor(normal, _SHIFT * float(normal.diagonal().max(initial=1.0)))

@@ -66,14 +66,9 @@ class ProximalOptions:
 
 
 class FixedPointSearch:
-    """Fixed-point search for a solution of one labelling from given forces.
+    """Search for forces that solve the problem frozen at their own N (4.1), so that the gap Γ (4.3) is zero.
 
-    A problem with frozen friction has the shear capacity μ N_prev of given normal forces N_prev, docs/method.md (4.1).
-    The search looks for forces whose own frozen problem they solve, so that the complementarity gap Γ, (4.3), is zero.
-    `pair_from` or `attempts` run it; the other methods are its steps.
-
-    analysis: of associative friction. options: parameters of the search. solves: number of programs solved so far; all
-    programs share solvers.
+    `pair_from` or `attempts` run it; all its programs share solvers.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions) -> None:
@@ -110,10 +105,7 @@ class FixedPointSearch:
     def freeze_friction(
         self, alpha: float, previous: Floats, areas: prescribed_friction.EffectiveAreas | None
     ) -> tuple[Template, prescribed_friction.PrescribedFriction]:
-        """Return the template and yield sets whose friction is μ(αN + (1 − α)N_prev).
-
-        The template shares matrix and structure with that of the analysis. previous: (m,) N_prev, scaled.
-        """
+        """Return template and yield sets with friction μ(αN + (1 − α)N_prev), N_prev (m,) scaled."""
         sets = prescribed_friction.PrescribedFriction(self.base, alpha, previous, areas)
         self.shared = self.shared.renumbered(sets)
         return self.shared, sets
@@ -129,10 +121,7 @@ class FixedPointSearch:
     # --- the two steps ------------------------------------------------------------------------------------
 
     def step_from(self, forces: Floats, alpha: float) -> RawSolution:
-        """Solve the problem with friction frozen at N of given forces, near these forces.
-
-        forces: (q·m,) scaled.
-        """
+        """Solve the problem with friction frozen at N of forces (q·m,), near these forces."""
         # A proximal term holds the solution near them. If the solver fails, the step is tried again from forces half
         # way back to the last feasible ones, up to six times. Then the failed answer is returned.
         centre = forces[: self.count]
@@ -150,22 +139,14 @@ class FixedPointSearch:
     def minimise_gap(
         self, forces: Floats, dual: Floats, areas: prescribed_friction.EffectiveAreas | None, held: float | None = None
     ) -> State:
-        """Minimise the complementarity gap Γ over forces, for given velocities.
-
-        The result is the state of true friction nearest to `forces`; check that it is admissible, since repairs may
-        fail. forces: (q·m,) scaled.
-        """
+        """Minimise Γ for given velocities: the nearest state of true friction, to be checked."""
         template, program = self._gap_program(forces, dual, areas, self.margin if held is None else held)
         solver = self.gap_solver if held is None else self.holding_solver
         point = solver.solve(program, forces[: self.count]).point
         return self.repaired_state(point, template, areas)
 
     def lowest_state(self, forces: Floats, dual: Floats) -> State:
-        """Find the state of least λ among those of least gap Γ for given velocities.
-
-        Unlike `minimise_gap`, the state need not be near the forces. forces: (q·m,) scaled, for effective areas and the
-        first guess.
-        """
+        """Find the state of least λ among those of least Γ for given velocities, also far from forces."""
         template, program = self._gap_program(forces, dual, self.areas(forces), self.margin)
         # Γ contains −λ. A slightly smaller weight of λ prefers the lowest λ among states of equal Γ.
         program.objective[-1] *= 1.0 - _DOWN
@@ -174,10 +155,7 @@ class FixedPointSearch:
     def _gap_program(
         self, forces: Floats, dual: Floats, areas: prescribed_friction.EffectiveAreas | None, margin: float
     ) -> tuple[Template, ConicProgram]:
-        """Build the program that minimises the gap Γ over forces, for given velocities.
-
-        forces: (q·m,) scaled, whose N is the first guess.
-        """
+        """Build the program that minimises Γ for given velocities; forces (q·m,) give the first N."""
         # Friction is that of the true cone. Terms that are constant for given velocities are omitted.
         template, sets = self.freeze_friction(1.0, self.normals(forces), areas)
         velocity = dual[: template.matrix.shape[0]]
@@ -192,10 +170,9 @@ class FixedPointSearch:
         return template, ConicProgram(program.structure, program.data, program.rhs, objective)
 
     def mechanism(self, forces: Floats, raised: Floats | None = None) -> RawSolution:
-        """Solve the problem frozen at N of given forces; its multipliers are the velocities.
+        """Solve the problem frozen at N of forces; its multipliers are velocities, unverified.
 
-        The velocities do not dilate. The answer is unverified. forces: (q·m,) scaled. raised: (linear rows,) increase
-        of the resistances, which selects one of several optimal mechanisms.
+        raised: (linear rows,) increase of resistances, which selects one of several optimal mechanisms.
         """
         template, _ = self.freeze_friction(0.0, self.normals(forces), self.areas(forces))
         program = template.program(self.labels, self.margin)
@@ -208,10 +185,7 @@ class FixedPointSearch:
     def repaired_state(
         self, point: Floats, template: Template, areas: prescribed_friction.EffectiveAreas | None
     ) -> State:
-        """Make a state in equilibrium from a solver's point, within the friction cone if possible.
-
-        point: (columns,) scaled variables of the program, the q·m forces first, λ last.
-        """
+        """Make a state in equilibrium from a point (columns,), within the friction cone if possible."""
         # Check `State.admissible`: repairs may fail. Each repair tried adds one to `solves`.
         labels, prover = self.labels, self.prover(template)
         state = prover.state(point, labels, passes=3)
@@ -276,10 +250,7 @@ class FixedPointSearch:
     # --- the search ----------------------------------------------------------------------------------------
 
     def pair_from(self, forces: Floats) -> PrimalDualPair:
-        """Search from scaled forces (q·m,), and return the best pair of all rounds.
-
-        It need not be a solution, see `PrimalDualPair.is_solution`.
-        """
+        """Search from forces (q·m,), and return the best pair, maybe no solution, of all rounds."""
         best: PrimalDualPair | None = None
         for pair in self.attempts(forces):
             if best is None or pair.locked or rank(pair) > rank(best):
@@ -329,7 +300,7 @@ class FixedPointSearch:
     def settle_areas(
         self, state: State, dual: Floats, areas: prescribed_friction.EffectiveAreas
     ) -> tuple[State, prescribed_friction.EffectiveAreas]:
-        """Minimise the gap Γ for fixed velocities until the state is admissible in its own areas."""
+        """Minimise Γ for fixed velocities until the state is admissible in its own areas."""
         tries = 0
         while self.solves < self.program_limit - 2:
             checkpoint()
@@ -362,12 +333,9 @@ _CLOSING: Final = 0.9  # factor by which Σ yz must decrease in each round
 
 
 class AlternatingPrograms:
-    """Linear programs of one planar labelling: mechanisms for forces, forces for mechanisms.
+    """Linear programs of one planar labelling: mechanisms for forces, forces for mechanisms (4.6).
 
-    Each of m faces has four yield slacks y ≥ 0 and four modes, rates z ≥ 0 of hinges and slides. In a solution y z = 0,
-    docs/method.md (4.6). A point (3m + 1,) holds scaled forces F and λ. Solutions found here are not certified yet.
-
-    modes: the complementarity problem. most: scaled λ above which solutions are ignored.
+    A point (3m + 1,) holds scaled forces and λ. most: λ above which solutions are ignored. Nothing is certified yet.
     """
 
     def __init__(self, modes: Modes, most: float) -> None:
@@ -387,31 +355,20 @@ class AlternatingPrograms:
         self._motions = LinearRows(unit, np.append(np.zeros(count), 1.0), ends, -free, free)
 
     def mechanism(self, closed: Bools, weights: Floats) -> Floats | None:
-        """Return the mechanism z (4m,) ≥ 0 with live work 1 that minimises weights·z.
-
-        closed: (4m,) modes whose slack y is zero; only these may move. weights: (4m,). None if the solver finds none.
-        """
+        """Return z (4m,) ≥ 0 of live work 1 that minimises weights·z, moving `closed` slacks alone, or None."""
         self._motions.bound(slice(0, len(closed)), np.zeros(len(closed)), np.where(closed, np.inf, 0.0))
         answer = self._motions.minimise(weights @ self.modes.rates)
         return self.modes.rates @ answer.point if answer.found else None
 
     def forces(self, moving: Bools, objective: Floats) -> Floats | None:
-        """Minimise an objective over the forces in equilibrium that complement a mechanism.
-
-        moving: (4m,) modes with z > 0; their slacks y are set to zero. objective: (3m + 1,) coefficients of (F, λ).
-        Returns the point (F, λ), unverified; None if the solver finds none.
-        """
+        """Minimise an objective (3m + 1,) over forces whose slacks of `moving` (4m,) are zero, or None."""
         d = self.modes.constants
         self._statics.bound(slice(self._first, self._first + len(d)), -d, np.where(moving, -d, np.inf))
         answer = self._statics.minimise(objective)
         return answer.point if answer.found else None
 
     def close_gap(self, point: Floats, seed: int) -> Floats | None:
-        """Find a solution by reducing the gap Σ y z from a point to zero.
-
-        point: (3m + 1,) scaled forces and λ, of any kind. seed: of the random weights. The result is (F, λ), or None on
-        failure.
-        """
+        """Find a solution by reducing Σ y z from a point to zero; None on failure."""
         # Mechanism and forces are updated in turn.
         rng, count, last = np.random.default_rng(seed), len(self.modes.constants), np.inf
         every, none = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
@@ -435,20 +392,14 @@ class AlternatingPrograms:
         return None
 
     def mix_with_low_compression(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
-        """Mix a point with a state of low compression on random faces.
-
-        The state minimises Σ w N with random weights w. point: (3m + 1,) scaled forces and λ.
-        """
+        """Mix a point with the state of least Σ w N of random weights w."""
         objective = np.zeros(len(point))
         objective[:-1:3] = rng.exponential(size=self.modes.faces)
         state = self.forces(np.zeros(len(self.modes.constants), dtype=bool), objective)
         return None if state is None else (1.0 - share) * point + share * state
 
     def descend(self, point: Floats, seed: int, tries: int = 24, sign: float = 1.0) -> Floats | None:
-        """Search for a solution with lower λ (sign 1) or higher λ (sign −1) from a solution.
-
-        point: (3m + 1,) the solution.
-        """
+        """Search for a solution of lower λ (sign 1) or higher λ (sign −1) from a solution."""
         rng = np.random.default_rng(seed)
         count = len(self.modes.constants)
         goal = np.append(np.zeros(len(point) - 1), sign)
@@ -476,7 +427,7 @@ class AlternatingPrograms:
         return best
 
     def random_solutions(self, seed: int, draws: int) -> list[Floats]:
-        """Return the solutions (F, λ) of lowest and highest λ for each of many random mechanisms."""
+        """Return the solutions of lowest and highest λ for each of many random mechanisms."""
         rng, found = np.random.default_rng(seed), list[Floats]()
         count, columns = len(self.modes.constants), self.modes.rows.shape[1]
         none, goal = np.zeros(count, dtype=bool), np.append(np.zeros(columns), 1.0)
@@ -498,10 +449,7 @@ class AlternatingPrograms:
         return found
 
     def ascending_path(self, point: Floats, seed: int, steps: int, idle: int) -> list[Floats]:
-        """Return the points of a path of solutions with increasing λ, the given one first.
-
-        point: (3m + 1,) a solution.
-        """
+        """Return the points of a path of solutions with increasing λ, the given one first."""
         # Each step maximises λ for one random mechanism.
         rng = np.random.default_rng(seed)
         goal = np.append(np.zeros(len(point) - 1), -1.0)
@@ -520,11 +468,7 @@ class AlternatingPrograms:
         return path
 
     def _start(self, point: Floats, rng: np.random.Generator) -> Bools | None:
-        """Return the modes (4m,) whose slack at a point is zero within the least useful tolerance.
-
-        A tolerance is useful if a mechanism of these modes alone exists. None if none is. point: (3m + 1,) scaled
-        forces and λ.
-        """
+        """Return the modes (4m,) of zero slack within the least tolerance that leaves a mechanism, or None."""
         slack = self.modes.slacks_of(point[:-1])
         for allowance in _CLOSED:
             if self.mechanism(slack < allowance, rng.exponential(size=len(slack))) is not None:
@@ -543,10 +487,7 @@ def frozen_friction_bound(
     force_bounds: Floats,
     problem: LowerBoundProblem,
 ) -> float:
-    """Prove a lower bound on λ by freezing friction at the least normal force of each face.
-
-    normals: (m,) columns of N in F. force_bounds: (q + 2,), see `Statics.force_bounds`.
-    """
+    """Prove a lower bound on λ by freezing friction at the least normal force of each face."""
     # A solution is the optimum of the problem whose friction is frozen at its own normal forces N, and this optimum
     # grows with N. Each iteration computes the least N of all states with λ above the last bound, and freezes friction
     # there. The proven lower bound on λ of that problem is the next bound.

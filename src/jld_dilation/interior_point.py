@@ -64,10 +64,7 @@ _GAINS: Final = 0.9  # factor by which the error must decrease to count as an im
 
 @dataclass(frozen=True)
 class ProductProgram:
-    """Program over products of forces and velocities: min cost·(Z, T) + (1 − b_λ·u)⁺.
-
-    Products y_k z_l of `space` are zero, or not negative, where the masks say so.
-    """
+    """Program min cost·(Z, T) + (1 − b_λ·u)⁺; masked products y_k z_l are zero, or not negative."""
 
     space: ProductSpace  # map from the unknowns (Z, T) to the products (r, forms)
     # equal, positive: (r, forms) products that are zero, and products that are not negative
@@ -92,10 +89,7 @@ class ProductSolution:
 def minimise_product_program(
     program: ProductProgram, seconds: float = np.inf, tolerance: float | None = None
 ) -> ProductSolution | None:
-    """Minimise a program over products; None if a factorisation fails.
-
-    The best iterate is returned, also where the tolerance is not reached.
-    """
+    """Minimise a program over products: the best iterate, or None if a factorisation fails."""
     try:
         return _InteriorPointMethod(program, _DONE if tolerance is None else tolerance).run(seconds)
     except np.linalg.LinAlgError:
@@ -120,20 +114,13 @@ class _InteriorPointMethod:
         self.q = np.zeros(len(self.ke))
 
     def rows(self, x: Point) -> tuple[Floats, Floats]:
-        """Return the values of the rows of the program at a point: positive ones, then zero ones.
-
-        They are products y_k z_l. The last positive row is −b_λ·u, without its constant 1. x: point (Z, T), see
-        `ProductSpace`.
-        """
+        """Return the rows at a point (Z, T): positive ones, the last −b_λ·u, then zero ones."""
         table = self.space.values(x)
         last = -float((self.space.unit * x[0]).sum())
         return np.append(table[self.k, self.l], last), table[self.ke, self.le]
 
     def apply_transpose(self, v: Floats, q: Floats) -> Point:
-        """Return the sum of the rows of the program, weighted by v and q, as a form of (Z, T).
-
-        It is the transpose of `rows`.
-        """
+        """Return the rows weighted by v and q, as a form of (Z, T): the transpose of `rows`."""
         table = np.zeros(self.shape)
         table[self.k, self.l] = v[:-1]
         table[self.ke, self.le] = q
@@ -172,11 +159,7 @@ class _InteriorPointMethod:
         return ProductSolution(self.x, table, 1.0 - float(self.v[-1]), error, step, error <= _SURE * self.tolerance)
 
     def _step(self, rp: Floats, re: Floats, rd: Point, mu: float, tolerance: float) -> None:
-        """Take one predictor-corrector step, which changes the iterate.
-
-        rp, re, rd: residuals of positive rows, of zero rows and of the dual equations. mu: mean complementarity.
-        tolerance: relative residual of the linear solves.
-        """
+        """Take one predictor-corrector step from residuals of positive rows, zero rows and dual equations."""
         d = 1.0 / (self.s / self.v + _POSITIVE)
         weights = np.zeros(self.shape)
         weights[self.k, self.l] = d[:-1]

@@ -28,7 +28,7 @@ class LinearAnswer:
 
 
 class LinearRows:
-    """Linear program low ≤ R x ≤ high, least ≤ x ≤ most, minimised for many objectives from the previous solution."""
+    """Program low ≤ R x ≤ high, least ≤ x ≤ most, minimised for many objectives from the last solution."""
 
     def __init__(self, rows: Any, low: Floats, high: Floats, least: Floats, most: Floats) -> None:
         self._highs = highs_of(rows, np.zeros(rows.shape[1]), low, high, least, most, _FEASIBLE)

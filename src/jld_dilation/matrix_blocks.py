@@ -89,10 +89,7 @@ def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: R
 
 
 class BlockCertifier(Certifier):
-    """Certifier whose corrections of multipliers are computed by small matrix blocks.
-
-    The proof and the other parameters are those of `Certifier`. distance: as in the `RltOptions` of the program.
-    """
+    """Certifier whose corrections are computed by small matrix blocks; distance: as in `RltOptions`."""
 
     def __init__(self, bounded: BoundedModes, region: Region, slack: float, distance: int | None = None) -> None:
         super().__init__(bounded, region, slack)
@@ -100,10 +97,6 @@ class BlockCertifier(Certifier):
         self._equilibrium = lambda rest: self.local_space.equilibrium(self.modes.statics, rest)
 
     def bound(self, multipliers: Multipliers, sufficient_bound: float = math.inf) -> float:
-        """Correct multipliers until they prove a lower bound on λ, and return that bound.
-
-        The bound is scaled, at most region.high, and −inf if nothing is proven.
-        """
         found = -math.inf
         lone = lone_faces(multipliers.products != 0.0, self.region.closed, self.modes.loops)
         self.unbalanced[-len(lone) :] = lone

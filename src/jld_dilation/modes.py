@@ -34,10 +34,7 @@ Loop = tuple[int, ...]
 
 
 def loops_of(assembly: Assembly, rates: Floats) -> Floats:
-    """Return coefficients (2e, 4m) of sums of mode rates around loops, ≥ 0 in solutions.
-
-    rates: (4m, w) mode rates as forms of w velocities.
-    """
+    """Return coefficients (2e, 4m) of sums of mode rates (4m, w) around loops, ≥ 0 in solutions."""
     # There are two rows for each face of each loop, docs/method.md (4.7). They bound the slides s⁺ and s⁻ of the face
     # by the modes of the other faces, provided one slide of each face is zero. The difference of both rows is the
     # identity of the loop, which is zero up to rounding. Faces whose slip is no such sum have no rows.
@@ -64,10 +61,7 @@ def loops_of(assembly: Assembly, rates: Floats) -> Floats:
 
 
 def has_opening(assembly: Assembly) -> bool:
-    """Return True if the assembly has an opening, a hole between its blocks and supports.
-
-    An opening is a loop of blocks that loops of two to four faces do not span, counting faces modulo 2.
-    """
+    """Return True if a loop of blocks is not spanned, modulo 2, by loops of two to four faces."""
     between = _between(assembly)
     cycles = len(between) - _rank((1 << a) ^ (1 << b) for a, b in between)
     return _rank(sum(1 << face for face in loop) for loop in face_loops(assembly)) < cycles
@@ -85,10 +79,7 @@ def _rank(rows: Iterable[int]) -> int:
 
 
 def _between(assembly: Assembly) -> list[tuple[int, int]]:
-    """Return a pair of node numbers for each face, the lower first.
-
-    All supports are node 0; another element is the node of its index plus 1.
-    """
+    """Return two nodes of each face, the lower first; all supports are node 0."""
     number = np.where(assembly.elements.support, 0, 1 + np.arange(len(assembly.elements)))
     sides = np.sort(np.column_stack([number[assembly.interfaces.a], number[assembly.interfaces.b]]), axis=1)
     return [(a, b) for a, b in sides.tolist()]
@@ -111,10 +102,7 @@ def face_loops(assembly: Assembly) -> Iterator[Loop]:
 
 
 def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
-    """Yield the blocks of each loop of three blocks, and of each loop of four without a chord.
-
-    A chord is a contact of opposite blocks.
-    """
+    """Yield the blocks of each loop of three, and of four without contact of opposite ones."""
     for a in sorted(near):
         later = sorted(b for b in near[a] if b > a)
         for b, c in combinations(later, 2):
@@ -125,22 +113,17 @@ def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
 
 
 def _jumps(rates: Floats) -> Floats:
-    """Return two hinge rates and the slip of each face as forms (m, 3, w) of velocities.
-
-    rates: (4m, w) of modes, four per face.
-    """
+    """Return two hinge rates and the slip of each face (m, 3, w), from rates of modes (4m, w)."""
     of_face = rates.reshape(len(rates) // 4, 4, -1)
     return np.stack([of_face[:, 0], of_face[:, 1], of_face[:, 3] - of_face[:, 2]], axis=1)
 
 
 @dataclass(frozen=True)
 class LinearModes:
-    """Complementarity problem of one labelling with linear yield rows, in plane or space.
+    """Complementarity problem of one labelling with linear rows in plane or space (4.6), scaled, no crushing.
 
-    Wanted are forces F, λ and velocities w = (u, t), where t are rates of slip, docs/method.md (4.6): A F + b + λ b_λ =
-    0, y = C F + d ≥ 0, b_λ·u = 1, z = H w ≥ 0, and y_k z_k = 0. A row y is the slack of a yield condition, and its mode
-    z the rate of a hinge or a slide. Crushing is excluded. There are q resultants, k rows, m faces. All values are
-    scaled.
+    Wanted are forces F, λ and velocities w = (u, t): A F + b + λ b_λ = 0, y = C F + d ≥ 0, b_λ·u = 1, z = H w ≥ 0, y_k
+    z_k = 0.
     """
 
     matrix: Floats  # (equations, q) A
@@ -176,28 +159,21 @@ class LinearModes:
 
 @dataclass(frozen=True)
 class Modes(LinearModes):
-    """Complementarity problem of a planar labelling: four yield rows and modes per face.
+    """Complementarity problem of a planar labelling: mode 4f + j of face f.
 
-    Mode 4f + j belongs to face f. j = 0, 1: hinges βδ ∓ θ, with β = 1 for dry and 3 for inner faces. j = 2, 3: slides t
-    and t + s. With n free elements, A is (3n, 3m), C is (4m, 3m), and H is (4m, 3n + m).
+    j = 0, 1: hinges βδ ∓ θ; j = 2, 3: slides t and t + s. A is (3n, 3m), C (4m, 3m), H (4m, 3n + m).
     """
 
     assembly: Assembly
 
     @cached_property
     def loops(self) -> Floats:
-        """Return coefficients (2e, 4m) of the sums of mode rates around loops of blocks.
-
-        The sums are ≥ 0 in every solution. There are two for each of e slides that a loop bounds, see `loops_of`.
-        """
+        """Return coefficients (2e, 4m) of sums around loops, ≥ 0 in solutions, see `loops_of`."""
         return loops_of(self.assembly, self.rates)
 
     @cached_property
     def forms(self) -> Floats:
-        """Return the forms of velocities (4m + 2e, 3n + m) that are ≥ 0 in every solution.
-
-        They are the mode rates z, then the sums around loops.
-        """
+        """Return the forms (4m + 2e, 3n + m) ≥ 0 in every solution: mode rates z, then sums around loops."""
         return np.vstack([self.rates, self.loops @ self.rates])
 
     @property
@@ -207,11 +183,7 @@ class Modes(LinearModes):
 
     @property
     def near_pairs(self) -> Bools:
-        """Return a mask (4m, 4m + 2e) of the yield rows and forms whose faces are near each other.
-
-        Two faces are near if they meet at an element, or if some face meets both of them. Forms are those of `forms`. A
-        program with these products only is smaller than one with all of them.
-        """
+        """Return a mask (4m, 4m + 2e) of rows and forms whose faces meet at an element, or at a common face."""
         near = self.adjacent.astype(int)
         used = np.vstack([np.eye(len(self.rows)), self.loops]).reshape(-1, self.faces, 4).any(axis=2)
         return np.repeat((near @ near @ used.T) > 0, 4, axis=0)
@@ -222,10 +194,7 @@ class Modes(LinearModes):
 
 
 def modes_of(template: Template, labels: Bits) -> Modes | None:
-    """Build the complementarity problem of a planar labelling.
-
-    The result is None for spatial assemblies, and for labels under which a face may crush.
-    """
+    """Build the planar complementarity problem; None in space, and where a face may crush."""
     facets = template.yield_set.associative.facets(labels)
     if facets is None:
         return None
@@ -275,12 +244,9 @@ _SEEN: Final = 1e-8  # slack of a known state below which a form is not tested, 
 
 
 class Statics:
-    """States of equilibrium and yield with λ in an interval, and proven bounds on them.
+    """States A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high, and proven bounds on them.
 
-    The conditions are A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high, see `LinearModes`.
-
-    modes: complementarity problem with m faces. low, high: ends of the interval of scaled λ. held: (4m,) yield rows
-    that are equations. force_bounds: (3m + 2,) the property of this name, if already known.
+    held: (4m,) rows that are equations. force_bounds: (3m + 2,) if already known.
     """
 
     def __init__(
@@ -298,10 +264,7 @@ class Statics:
         self._equations = len(modes.dead)
 
     def least(self, objective: Floats) -> float:
-        """Prove a lower bound on a linear objective over all states; −inf if none is proven.
-
-        objective: (3m + 2,) coefficients of (F, λ, 1).
-        """
+        """Prove a lower bound on an objective (3m + 2,) over all states; −inf if none is proven."""
         if not np.isfinite(self.force_bounds).all():
             return -np.inf
         value, left = self._bound(objective)
@@ -339,10 +302,7 @@ class Statics:
         return self.proven_positive(self.modes.slacks, ~self.held)
 
     def proven_positive(self, forms: Floats, tested: Bools) -> Bools:
-        """Return a mask (k,) of linear forms that are proven positive in every state.
-
-        forms: (k, 3m + 2) of (F, λ, 1). tested: (k,) True for forms to test; the others are False.
-        """
+        """Return which `tested` (k,) forms (k, 3m + 2) are proven positive in every state."""
         found, seen = np.zeros(len(forms), dtype=bool), np.where(tested, np.inf, 0.0)
         for row in range(len(forms)):
             if seen[row] > _SEEN:
@@ -352,11 +312,7 @@ class Statics:
         return found
 
     def _bound(self, objective: Floats) -> tuple[float, Floats]:
-        """Prove a lower bound on a linear objective, as a constant and a residual.
-
-        objective: (3m + 2,) coefficients of (F, λ, 1). Every state satisfies objective ≥ value − r·|F|. Returns the
-        value and the residual r (3m,); the value is −inf if the solver fails.
-        """
+        """Prove objective ≥ value − r·|F| for all states: value, −inf on failure, and r (3m,)."""
         modes = self.modes
         answer = self._rows.minimise(objective[:-1])
         if not answer.found:
@@ -424,10 +380,7 @@ def bound_velocities(statics: Statics) -> Floats | None:
 
 
 def _by_weight(ways: Floats) -> list[int]:
-    """Sort faces by the size of their slip in motions without opening, largest first.
-
-    ways: (m, k) slip of each face in k such motions. Returns the indices of the faces.
-    """
+    """Sort faces by the size of their slip (m, k) in motions without opening, largest first."""
     return [int(face) for face in np.argsort(-np.linalg.norm(ways, axis=1), kind="stable")]
 
 
@@ -442,10 +395,7 @@ class Region:
     held: Bools  # (4m,) held modes, with the yield slack y = 0
 
     def split(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
-        """Split the region at the mode that most violates y z = 0; None if no mode violates it.
-
-        rates, slacks: (4m,) mean z and mean y of a relaxation.
-        """
+        """Split the region at the mode that most violates y z = 0 by mean rates and slacks (4m,); or None."""
         # The measure of a mode is min(z, 1) y. In the first part, the mode is closed. In the second part, it is held;
         # if it is a slide, the other slide of its face is closed.
         apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
@@ -460,10 +410,7 @@ class Region:
 
 @dataclass(frozen=True)
 class BoundedModes:
-    """Complementarity problem of a planar labelling, with bounds that all its solutions keep.
-
-    Every step of a lower-bound search takes this one description of the problem.
-    """
+    """Planar complementarity problem with bounds that all its solutions keep, the same for every step."""
 
     modes: Modes  # the complementarity problem
     force_bounds: Floats  # (3m + 2,) upper bounds on |F|, |λ| and 1, see `Statics.force_bounds`
@@ -477,10 +424,6 @@ class BoundedModes:
         return cls(modes, statics.force_bounds, bound_velocities(statics))
 
     def region(self, low: float, high: float, closed: Bools, held: Bools) -> Region:
-        """Return the region of solutions with low ≤ λ ≤ high and given closed and held modes.
-
-        Modes that are proven not to move in it are closed as well. closed, held: (4m,) modes with z = 0, and with y =
-        0.
-        """
+        """Return the region low ≤ λ ≤ high of closed (z = 0) and held (y = 0) modes (4m,); proven ones close too."""
         statics = Statics(self.modes, low, high, held, self.force_bounds)
         return Region(low, high, closed | statics.closed_modes(), held)

@@ -31,18 +31,13 @@ _AWAY: Final = 1e3  # ratio of the residual to the least residual so far at whic
 
 
 class NormalEquations:
-    """Normal equations of an interior-point step over products, factored repeatedly.
-
-    Construct it once for a space, call `factor` in each step, and the function that it returns for each right-hand
-    side. With weights d_kl of the products y_k z_l and d of the live work, the matrix is Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d
-    (b_λ·u)(b_λ·u)ᵀ + shift. It acts on points (Z, T), see `ProductSpace`.
-    """
+    """Normal equations Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d (b_λ·u)(b_λ·u)ᵀ + shift of an interior-point step over (Z, T)."""
 
     def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
-        """Prepare the elimination order and the tables of one product space.
+        """Prepare elimination order and tables of a space.
 
-        used: (r, forms) mask of weights that may be positive. Slides of lone faces, see `ProductSpace`, may have
-        weights on their own slacks and 1 only. groups: (w,) number of the group in which each velocity is eliminated.
+        used: (r, forms) weights that may be positive; slides of lone faces have their own slacks and 1 only. groups:
+        (w,) group in which each velocity is eliminated.
         """
         self.space = space
         slides = np.concatenate([4 * space.lone + 2, 4 * space.lone + 3])
@@ -56,12 +51,10 @@ class NormalEquations:
         self._shift = 0.0
 
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
-        """Factor the matrix for given weights, and return the function that solves with it.
+        """Factor for weights (r, forms) ≥ 0, and return the solver; plain: no conjugate directions.
 
-        weights: (r, forms) weights d_kl ≥ 0 of the products. live: weight d of the live work. shift: least number added
-        to the diagonal. plain: refine without conjugate directions. The function takes a right-hand side (Z, T), the
-        relative residual to reach, and the largest number of corrections; it returns the point of least residual.
-        Raises LinAlgError if the matrix cannot be factored.
+        The solver takes (Z, T), residual to reach and most corrections, and returns the point of least residual. Raises
+        LinAlgError.
         """
         once = self._once(weights, live, shift)
         space = self.space
@@ -72,11 +65,6 @@ class NormalEquations:
             return z + live * float((space.unit * x[0]).sum()) * space.unit, t
 
         def solve(rhs: Point, exact: float, most: int) -> Point:
-            """Solve for one right-hand side with refinement; return the point of least residual.
-
-            rhs: right-hand side (Z, T), see `ProductSpace`. exact: relative residual at which refinement ends. most:
-            largest number of corrections.
-            """
             x = direction = old = (np.zeros_like(rhs[0]), np.zeros_like(rhs[1]))
             rest, goal = rhs, exact * length(rhs)
             product = 1.0
@@ -104,7 +92,7 @@ class NormalEquations:
         return solve
 
     def _once(self, weights: Floats, live: float, shift: float) -> Callable[[Point], Point]:
-        """Factor the shifted matrix, and return a function that solves without refinement; arguments as of `factor`."""
+        """Factor the shifted matrix, and return a function that solves without refinement."""
         space, shift = self.space, max(shift, self._shift)
         # T couples to Z only through the slip of its own lone face, so its (f, 4, 4) diagonal blocks `both` are
         # eliminated first; `half` is what the two slides add to Z after that.
@@ -144,11 +132,7 @@ class NormalEquations:
         return solve
 
     def _tables(self, weights: Floats, lone: Floats) -> dict[tuple[int, int], Floats]:
-        """Compute the matrix blocks Cᵀ diag(d_l) C of each form, for every two coupled bases.
-
-        weights: (r, modes) d_kl. lone: (f, 4, 4) matrix block of each lone face. The result maps two basis numbers to a
-        table (forms, k, k′).
-        """
+        """Compute the blocks Cᵀ diag(d_l) C of each form, (forms, k, k′), for two coupled bases."""
         space, out = self.space, {}
         for (one, other), forms in self._tree.couplings.items():
             table = np.empty((len(forms), space.bases[one].shape[1], space.bases[other].shape[1]))
@@ -175,18 +159,10 @@ def _dot(one: Point, other: Point) -> float:
 
 
 class _EliminationTree:
-    """Elimination tree of the matrix blocks, for a multifrontal Cholesky factor.
-
-    Two columns are coupled if some form (mode, row of `forms`) contains both. couplings: for each pair of bases, the
-    forms in which their columns are coupled.
-    """
+    """Elimination tree of matrix blocks, for a multifrontal Cholesky factor; a form couples its columns."""
 
     def __init__(self, forms: Floats, groups: Ints, of: Ints, sizes: Ints) -> None:
-        """Compute the elimination order, and the fronts of matrix blocks.
-
-        forms: (modes, w) coefficients of each mode in the w columns. groups: (w,) number of the group in which a column
-        is eliminated, from 0. of: (w,) basis of each column.
-        """
+        """Compute elimination order and fronts from forms (modes, w), groups (w,) and bases `of` (w,)."""
         touches = np.zeros((len(forms), int(groups.max(initial=-1)) + 1))
         np.maximum.at(touches.T, groups, (forms != 0.0).T.astype(float))
         order, later = _minimum_degree_order((touches.T @ touches) > 0.0)
@@ -215,11 +191,7 @@ class _EliminationTree:
         self.couplings, self._parts = self._couplings(forms[:, order])
 
     def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
-        """List the forms that couple each pair of bases, and the matrix blocks of each front.
-
-        forms: (modes, w) coefficients, columns in elimination order. A matrix block is given by its place in the front
-        and the weights by which tables of those forms are summed.
-        """
+        """List the forms that couple each pair of bases, and the blocks of each front."""
         found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
         wanted: dict[tuple[int, int], dict[int, int]] = {}
         for columns, rest in self._nodes:
@@ -251,11 +223,7 @@ class _EliminationTree:
         return {key: list(number) for key, number in wanted.items()}, parts
 
     def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
-        """Factor the matrix, and return its solver; None if it is not positive definite.
-
-        tables: (forms, k, k′) for each pair of bases. shift: added to the diagonal. The solver maps a right-hand side
-        (k, w) to the solution.
-        """
+        """Factor tables (forms, k, k′) + shift, and return the solver of (k, w); None if not positive definite."""
         flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
         updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
         out = []
@@ -308,11 +276,7 @@ _Part = tuple[tuple[int, int], list[tuple[int, int]], Any]
 
 
 class _FrontPositions:
-    """Index arrays of the unknowns of one front of the elimination tree.
-
-    at: first unknown of each column within the front. own, rest: positions in the whole vector of the unknowns
-    eliminated here, and of the others. first: number of eliminated unknowns.
-    """
+    """Index arrays of one front: own, rest: positions eliminated here, and of others; first: their number."""
 
     def __init__(self, columns: list[int], rest: list[int], sizes: Ints, starts: Ints) -> None:
         self.at = np.concatenate([[0], np.cumsum(sizes[columns + rest])]).astype(np.int64)
@@ -322,11 +286,7 @@ class _FrontPositions:
 
 
 def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
-    """Add an update matrix to a front, in the lower half of both (extend-add).
-
-    places: position in the front of each block of the update. at, its: first rows of the blocks of the front, and of
-    the update.
-    """
+    """Add an update matrix to a front, in the lower half of both (extend-add), by rows `at`, `its` of blocks."""
     # Runs of rows that are contiguous in both are added at once.
     runs: list[tuple[int, int, int]] = []
     for n, place in enumerate(places):
@@ -342,10 +302,7 @@ def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its:
 
 
 def _minimum_degree_order(meets: Bools) -> tuple[Ints, list[list[int]]]:
-    """Return a minimum-degree elimination order of a graph, and later neighbours.
-
-    meets: (w, w) mask of connected columns. The second result lists, for each column, the neighbours eliminated later.
-    """
+    """Return a minimum-degree order of a graph (w, w), and the neighbours eliminated later."""
     width = len(meets)
     left = [set(np.flatnonzero(meets[j]).tolist()) - {j} for j in range(width)]
     remaining = list(range(width))

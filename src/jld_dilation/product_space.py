@@ -29,12 +29,11 @@ Point = tuple[Floats, Floats]
 
 @dataclass(frozen=True)
 class ProductSpace:
-    """Linear map from unknowns (Z, T) to the products y_k z_l of yield slacks and mode rates.
+    """Linear map from (Z, T) to the products y_k z_l of yield slacks and mode rates.
 
-    Φ are the p numbers F, λ and 1, and X (p, w) holds their products with w velocities. Each column of X is a state in
-    equilibrium; Z (k, w) holds its coefficients in a basis. A lone face has a rate of slip t that needs its own forces
-    only. T (f, 4) holds the products of this t with the forces N, V, m and 1, in place of a column. The slides of a
-    lone face, modes 4f + 2 and 4f + 3, are t and t + s, with the slip s.
+    X (p, w) holds products of (F, λ, 1) with w velocities, each column a state in equilibrium with coefficients Z (k,
+    w) in a basis. T (f, 4) holds the products of a lone face's slip t with its N, V, m and 1; its modes 4f + 2, 4f + 3
+    are t and t + s.
     """
 
     facts: Floats  # (r, p) linear forms of Φ: the yield slacks y, then others, the last of them 1
@@ -47,30 +46,21 @@ class ProductSpace:
     live: Floats  # (w,) coefficients of b_λ·u
 
     def expand(self, z: Floats) -> Floats:
-        """Return the products X (p, w) of the states whose basis coefficients are Z.
-
-        z: (k, w) coefficients Z.
-        """
+        """Return the products X (p, w) of coefficients Z (k, w)."""
         x = np.zeros((self.facts.shape[1], len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             x[:, columns] = basis @ z[: basis.shape[1], columns]
         return x
 
     def gather(self, form: Floats) -> Floats:
-        """Convert a linear form of X, given by its coefficients (p, w), to one of Z, (k, w).
-
-        It is the transpose of `expand`.
-        """
+        """Convert a form of X (p, w) to one of Z (k, w): the transpose of `expand`."""
         out = np.zeros((max(basis.shape[1] for basis in self.bases), len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             out[: basis.shape[1], columns] = basis.T @ form[:, columns]
         return out
 
     def values(self, point: Point) -> Floats:
-        """Return the products y_k z_l (r, forms) of slacks and mode rates at a point (Z, T).
-
-        For slides of lone faces, only the products with their own slacks and 1 are valid.
-        """
+        """Return the products y_k z_l (r, forms) at (Z, T); slides of lone faces by own slacks and 1 only."""
         z, t = point
         out = np.asarray(self.facts @ self.expand(z) @ self.rates.T)
         more = np.einsum("frc,fc->rf", self.own, t)
@@ -79,10 +69,7 @@ class ProductSpace:
         return out
 
     def adjoint(self, table: Floats) -> Point:
-        """Return the sum of all products y_k z_l, weighted by a table, as a linear form of (Z, T).
-
-        It is the transpose of `values`. table: (r, forms) weights.
-        """
+        """Return all products, weighted by a table (r, forms), as a form of (Z, T): the transpose of `values`."""
         slides = self.ones * (4 * self.lone)
         both = table[self.rows, slides + 2] + table[self.rows, slides + 3]
         return self.gather(self.facts.T @ (table @ self.rates)), np.einsum("frc,rf->fc", self.own, both)
@@ -111,12 +98,8 @@ class ProductSpace:
 class LocalProductSpace:
     """Sets of elements whose forces are multiplied with each velocity of a region.
 
-    Velocities tied by closed modes, those with z = 0, share the same set of elements.
-
-    modes: planar complementarity problem with m faces, n free elements and 2e forms of loops. closed: (4m,) modes that
-    do not move. distance: number of faces from a velocity up to which forces are included; None: all elements. basis:
-    (3n + m, w) basis of the velocities that closed modes leave free. forms: (4m + 2e, w) linear forms of these w
-    velocities that are ≥ 0 in solutions, the mode rates first. groups: (w,) number of the element of each velocity.
+    Velocities tied by closed modes share a set. distance: faces up to which forces count; None: all. basis: (3n + m, w)
+    of free velocities, in `forms` (4m + 2e, w); groups: (w,) element of each.
     """
 
     def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:
@@ -133,11 +116,7 @@ class LocalProductSpace:
         self.of = self._of[first]
 
     def _sets(self, distance: int | None) -> tuple[list[Bools], Ints]:
-        """Group velocities by the elements whose forces are multiplied with them.
-
-        distance: number of faces up to which elements count; None: all elements. Returns the distinct sets, masks (n,)
-        of elements, and for each velocity the number (3n + m,) of its set.
-        """
+        """Return the distinct sets, masks (n,) of elements, and the set (3n + m,) of each velocity."""
         count, faces = self.touches.shape
         if distance is None:
             return [np.ones(count, dtype=bool)], np.zeros(3 * count + faces, dtype=np.int64)
@@ -165,8 +144,7 @@ class LocalProductSpace:
     def allowed_products(self) -> Bools:
         """Return a mask (4m + 3, 4m + 2e) of the products that the local sets can represent.
 
-        Rows are the yield slacks, λ above and below the ends of the region, and 1; columns are `forms`. A product needs
-        all forces that the velocities of its form multiply; the last three rows are always available.
+        Rows: slacks, λ above and below the ends of the region, 1, which are always available.
         """
         faces = [self.touches[inside].any(axis=0) for inside in self.elements]
         known = np.ones((self.modes.faces, len(self.forms)), dtype=bool)
@@ -175,20 +153,13 @@ class LocalProductSpace:
         return np.vstack([np.repeat(known, 4, axis=0), np.ones((3, len(self.forms)), dtype=bool)])
 
     def forces(self, number: int) -> tuple[Ints, Ints]:
-        """Return the indices of the equilibrium equations of a set of elements, and their terms.
-
-        number: index of the set. The terms are indices of entries of (F, λ, 1): forces of the faces of the set, λ and
-        1.
-        """
+        """Return a set's equilibrium equations, and the indices of its forces, λ and 1."""
         inside = self.elements[number]
         own = np.append(np.repeat(self.touches[inside].any(axis=0), 3), [True, True])
         return np.flatnonzero(np.repeat(inside, 3)), np.flatnonzero(own)
 
     def bases(self, statics: Floats) -> tuple[Floats, ...]:
-        """Return, for each set of elements, a basis (3m + 2, k) of its states in equilibrium.
-
-        statics: (3n, 3m + 2) equations of equilibrium.
-        """
+        """Return, for each set, a basis (3m + 2, k) of its states in equilibrium."""
         # A state holds (F, λ, 1); forces that the set does not use are zero.
         out = []
         for number in range(len(self.elements)):
@@ -201,11 +172,7 @@ class LocalProductSpace:
         return tuple(out)
 
     def equilibrium(self, statics: Floats, rest: Floats) -> Floats:
-        """Return multipliers of equilibrium (3n, 3n + m) that reduce a residual the most.
-
-        Each column is a least-squares solution over the equations of its set of elements. statics: (3n, 3m + 2)
-        equations of equilibrium. rest: (3m + 2, 3n + m) residual, a form of (F, λ, 1) and velocities.
-        """
+        """Return multipliers of equilibrium (3n, 3n + m) that reduce a residual `rest` the most, set by set."""
         out = np.zeros((len(statics), rest.shape[1]))
         for number in range(len(self.elements)):
             rows, places = self.forces(number)
@@ -214,10 +181,7 @@ class LocalProductSpace:
         return out
 
     def _inverse(self, number: int, statics: Floats) -> Floats:
-        """Return the pseudo-inverse of the transposed equilibrium of one set of elements.
-
-        statics: (3n, 3m + 2) equations of equilibrium. Results are cached.
-        """
+        """Return the cached pseudo-inverse of the transposed equilibrium of one set."""
         if number not in self._inverses:
             rows, places = self.forces(number)
             self._inverses[number] = np.asarray(np.linalg.pinv(statics[np.ix_(rows, places)].T, rcond=1e-12))
@@ -231,12 +195,10 @@ class LocalProductSpace:
 
 @dataclass(frozen=True)
 class Velocities:
-    """Free velocities of a region, split into columns of X and slips of lone faces.
+    """Free velocities of a region, split into columns of X and slips of lone faces."""
 
-    The bounds on the slides of a lone face require its own forces only. Its t therefore has four products and no
-    equilibrium, see `ProductSpace`. On walls this removes a third of X, and no case was found where it lowers the
-    bound.
-    """
+    # The bounds on a lone face's slides need its own forces only: four products instead of a column of X. On walls this
+    # removes a third of X, and no case was found where it lowers the bound.
 
     space: ProductSpace  # products of the velocities that have columns, and of the lone faces
     basis: Floats  # (3n + m, v) basis of all v free velocities
@@ -245,11 +207,7 @@ class Velocities:
     groups: Ints  # (w,) number of the group in which each velocity with a column is eliminated
 
     def split(self, form: Floats) -> Point:
-        """Convert coefficients of a linear form of X to those of the unknowns (Z, T).
-
-        form: (3m + 2, v) coefficients of X, m faces. Returns coefficients (k, w) of Z and (f, 4) of T; see
-        `ProductSpace`. It is the transpose of `assemble`.
-        """
+        """Convert a form of X (3m + 2, v) to one of (Z, T): the transpose of `assemble`."""
         return self.space.gather(form[:, self.whole]), form[self.space.at, self.at[:, None]]
 
     def assemble(self, point: Point) -> Floats:
@@ -261,11 +219,7 @@ class Velocities:
 
 
 def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats, lone: Bools) -> Velocities:
-    """Build the product space and the free velocities of a region.
-
-    facts: (4m + 3, 3m + 2) from `region_forms`. statics: (3n, 3m + 2) equilibrium. Both act on scaled (F, λ, 1). lone:
-    (m,) mask of faces from `lone_faces`.
-    """
+    """Build product space and free velocities of a region; lone: (m,) from `lone_faces`."""
     modes, basis = local_space.modes, local_space.basis
     faces, count, width = np.flatnonzero(lone), len(modes.rows), len(modes.dead)
     at = np.array([np.flatnonzero(basis[width + face])[0] for face in faces], dtype=np.int64)
@@ -286,12 +240,7 @@ def velocities_of(local_space: LocalProductSpace, facts: Floats, statics: Floats
 
 
 def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:
-    """Return a mask (m,) of lone faces, whose slides have products with own slacks and 1 only.
-
-    Both slides of such a face are free to move, and `ProductSpace` needs four products for it. used: (4m + 3, 4m + 2e)
-    mask of the products in the program. Its rows are the yield slacks y, λ − L, U − λ and 1, with L ≤ λ ≤ U; its
-    columns are mode rates and forms of loops. closed: (4m,) modes with z = 0. loops: (2e, 4m), see `Modes.loops`.
-    """
+    """Return faces (m,) with free slides that are multiplied with own slacks and 1 only, by a mask of products."""
     faces = len(closed) // 4
     around = loops[used[:, 4 * faces :].any(axis=0)].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))
     used = used[:, : 4 * faces]
@@ -303,10 +252,7 @@ def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:
 
 @dataclass(frozen=True)
 class PrimalDualPair:
-    """Forces and velocities evaluated as one candidate solution, scaled.
-
-    A frozen problem is one whose friction is fixed at μN of the state, docs/method.md (4.1).
-    """
+    """Forces and velocities as one candidate, scaled; friction frozen at μN of the state (4.1)."""
 
     state: State  # forces in equilibrium. They lie inside the true friction cone if repairs succeeded.
     motion: Motion | None  # mechanism of the frozen problem; None if none has finite dissipation
@@ -321,10 +267,7 @@ class PrimalDualPair:
 
     @property
     def relative_gap(self) -> float:
-        """Return the complementarity gap relative to the dissipation; inf without a mechanism.
-
-        Where nothing dissipates, as in pure rocking, the gap is relative to the work of the loads.
-        """
+        """Return Γ over the dissipation, or over the loads' work where nothing dissipates; inf if none."""
         if self.motion is None:
             return math.inf
         work = max(abs(self.state.load), abs(self.motion.bound), self.load_scale)
@@ -332,7 +275,7 @@ class PrimalDualPair:
         return abs(self.gap) / size if size > 0.0 else math.inf
 
     def bracket_within(self, width: float) -> bool:
-        """Return True if λ of the forces and of the velocities agree within a relative width."""
+        """Return True if λ of forces and of velocities agree within a relative width."""
         if self.motion is None:
             return False
         size = max(abs(self.state.load), abs(self.motion.bound), self.load_scale)
@@ -357,8 +300,5 @@ class PrimalDualPair:
 
 
 def rank(pair: PrimalDualPair) -> tuple[bool, bool, float]:
-    """Return a sort key of a pair: greater keys are better candidates.
-
-    Solutions come before admissible pairs, these before others, and a small gap Γ before a large one.
-    """
+    """Return a sort key: solutions, then admissible pairs, then others; small Γ before large."""
     return pair.is_solution(tolerances.GAP), pair.state.admissible, -pair.gap

@@ -66,11 +66,7 @@ class _Bounds:
 
 
 class LowerBoundSearch:
-    """Search for a lower bound on λ over all non-dilatant solutions of one planar labelling.
-
-    analysis: of the assembly. modes: complementarity problem of these labels. problem: lowest solution found, time
-    budget and log; the search updates it.
-    """
+    """Search for a lower bound on λ over all solutions of one planar labelling; updates `problem`."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, problem: LowerBoundProblem) -> None:
         self.analysis, self.labels, self.modes, self.problem = analysis, labels, modes, problem
@@ -104,10 +100,7 @@ class LowerBoundSearch:
     # --- pieces -------------------------------------------------------------------------------------------
 
     def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
-        """Solve relaxations of one region, each from the last bound; branch where they stall.
-
-        closed, held: (4m,) modes with z = 0, and with y = 0.
-        """
+        """Solve relaxations of one region, each from the last bound; branch where they stall."""
         name, slack, problem = "products" if depth == 0 else f"branch {depth}", _SLACK, self.problem
         while not problem.closes_gap(bounds.believed) and problem.seconds_left > 0.0:
             low = bounds.believed
@@ -153,7 +146,7 @@ class LowerBoundSearch:
         return bounds
 
     def _proven(self, region: Region, relaxed: RltSolution, slack: float) -> float:
-        """Return the lower bound on scaled λ that a certificate proves for a region; −inf if none."""
+        """Return the scaled bound that a certificate proves for a region; −inf if none."""
         # With more than the least slack another step follows, so the first valid certificate is sufficient.
         sufficient_bound = self.problem.load_below(_ENOUGH) if slack == _SLACK else -math.inf
         check = Certifier(self._bounded, region, self.problem.scaled_slack(slack))
@@ -181,15 +174,11 @@ class RangeOptions:
 def load_range(
     analysis: LimitAnalysis, labels: Bits, proximal: ProximalOptions, associative: Proof, options: RangeOptions
 ) -> Proof:
-    """Find the lowest and the highest certified solution, and a lower bound on all solutions.
+    """Find the lowest and highest certified solution, and a lower bound on all: proof of the lowest one found.
 
-    Result: proof of the lowest solution found. `extra` also holds `lowest_found` and `highest_found` (λ, None if no
-    solution was certified), `solutions_found`, `highest` (evidence for the highest solution: λ, violation, dilation,
-    gap, forces, mechanism), and the entries of the bound. `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by
-    certificates checked in exact arithmetic; None if no bound above zero is proven. `lowest_bound`, `bound_tolerance`:
-    the highest bound, and the relative tolerance to which it depends on a solver. `proven`: `lowest_bound` equals
-    `lowest_proven`. `closed`: `lowest_bound` meets `lowest_found` within 1e-6. `floor_route`, `floor_programs`,
-    `floor_seconds`: steps, number of programs, and processor time in seconds.
+    `lowest_proven`: exact bound on all solutions with λ ≥ 0, or None. `lowest_bound`, `bound_tolerance`: highest bound,
+    and what depends on a solver. `proven`: both are equal. `closed`: it meets `lowest_found` within 1e-6. `highest`:
+    evidence. `floor_*`: steps, programs, seconds.
     """
     # The search ends early at the deadline of the command; solutions found until then are reported. The bound requires
     # a planar scene without crushing, effective areas, shear strength of dry faces and friction of inner faces.
@@ -231,12 +220,9 @@ def load_range(
 def _lower_bound(
     analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float, bound: BoundSearch
 ) -> LowerBound | None:
-    """Compute a lower bound on λ of all solutions by the function `bound`.
-
-    None without any solution, without time, with effective areas, and where dry faces have shear strength or inner
-    faces friction.
-    """
+    """Compute a bound by the function `bound`; None where none applies."""
     # If a solution at λ = 0 is known, the bound is 0 without a search.
+    # None without any solution or time, with effective areas, dry shear strength or inner friction.
     found = search.found
     if found.lowest is None or not seconds > 0.0 or search.fixed_point.options.effective_area:
         return None
@@ -263,10 +249,7 @@ def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearc
 
 
 def _bound_entries(lower_bound: LowerBound | None, load: float) -> dict[str, Any]:
-    """Return the entries of `Proof.extra` that state the lower bound on λ, in scene units.
-
-    lower_bound: None without one.
-    """
+    """Return the entries of `Proof.extra` that state the lower bound on λ, in scene units."""
     if lower_bound is None:
         none: dict[str, Any] = dict.fromkeys(("lowest_proven", "lowest_bound", "bound_tolerance"))
         return {**none, "proven": False, "closed": False, "floor_route": [], "floor_programs": 0, "floor_seconds": 0.0}

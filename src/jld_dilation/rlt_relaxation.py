@@ -33,12 +33,10 @@ _VIOLATED: Final = 1e-7  # size of a negative product from which its row is adde
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Multipliers of the rows of an RLT program, from which `Certifier` derives a bound.
+    """Multipliers of products of forms in an RLT program, from which `Certifier` derives a bound.
 
-    Rows are products of forms of forces with forms of velocities, of a planar structure with m faces. The forms of
-    forces are the 4m yield slacks y, λ − L, U − λ and 1, where L ≤ λ ≤ U is the region. The forms of velocities are the
-    4m mode rates z and the 2e sums around loops (`Modes.forms`). Mode k has slack y_k and rate z_k. Held modes
-    (`Region.held`) have y_k = 0.
+    Forms of forces: 4m slacks y, λ − L, U − λ, 1. Of velocities: 4m rates z, 2e sums around loops. Held modes have y_k
+    = 0.
     """
 
     products: Floats  # (4m + 3, 4m + 2e) multipliers of the products; ≥ 0 except for y_k z_k and the rows of held modes
@@ -48,12 +46,7 @@ class Multipliers:
 
 @dataclass(frozen=True)
 class RltSolution:
-    """Solution of the RLT relaxation: its dual multipliers, and hints read from its primal X.
-
-    X holds the products of forces and velocities of a planar structure with m faces, docs/method.md (4.7); 2e is the
-    number of sums around loops. Only `multipliers` prove a bound. The other arrays suggest where to search for a
-    solution and which mode to split.
-    """
+    """Solution of the RLT relaxation (4.7): `multipliers` prove; other arrays, of primal X, are hints."""
 
     multipliers: Multipliers
     # (k, 3m + 1) forces and λ, scaled: the mean state of X first, then those of the modes with the largest rates
@@ -111,11 +104,7 @@ def null_space(rows: Floats) -> Floats:
 
 
 def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
-    """Return the Kronecker products of rows i of one matrix with rows j of another.
-
-    i, j: (k,) rows of `first` and of `second`, in pairs. The result is sparse, (k, columns of first × columns of
-    second).
-    """
+    """Return the sparse Kronecker products of rows i (k,) of one matrix with rows j of another."""
     # The rows state products of two linear forms, of forces and of velocities, as linear forms of X, docs/method.md
     # (4.7).
     one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
@@ -130,11 +119,7 @@ def product_rows(first: Any, second: Any, i: Ints, j: Ints) -> Any:
 
 
 def cost_form(modes: Modes) -> Floats:
-    """Return the cost of a mechanism as a bilinear form (3m + 2, 3n + m).
-
-    It is bilinear in (F, λ, 1) and the velocities and slips (u, t), docs/method.md (4.8). The cost is Σ_hinges z +
-    Σ_faces capacity (z₊ + z₋), where z₊ and z₋ are the slides of a face.
-    """
+    """Return the cost Σ_hinges z + Σ_faces capacity (z₊ + z₋) as a form (3m + 2, 3n + m), docs/method.md (4.8)."""
     one = np.zeros(modes.matrix.shape[1] + 2)
     one[-1] = 1.0
     hinged = np.outer(one, modes.rates[modes.hinges].sum(axis=0))
@@ -142,11 +127,7 @@ def cost_form(modes: Modes) -> Floats:
 
 
 def region_forms(modes: LinearModes, region: Region) -> Floats:
-    """Return the linear forms (k + 3, q + 2) of (F, λ, 1) that are ≥ 0 in a region.
-
-    They are the k slacks of yield rows, λ − low, high − λ and 1. Their products with forms of velocities are the rows
-    of the RLT relaxation, docs/method.md (4.7).
-    """
+    """Return the forms (k + 3, q + 2) of (F, λ, 1) ≥ 0 in a region: slacks, λ − low, high − λ, 1 (4.7)."""
     last = np.zeros((3, modes.matrix.shape[1] + 2))
     last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
     return np.vstack([modes.slacks, last])
@@ -207,10 +188,7 @@ def solve_rlt(bounded: BoundedModes, region: Region, options: RltOptions) -> Rlt
 def solve_products(
     objective: Floats, matrix: Any, high: Floats, seconds: float, presolve: bool = True
 ) -> LinearAnswer | None:
-    """Minimise a linear objective of the products X subject to 0 ≤ matrix X ≤ high.
-
-    matrix: (rows, size of X) sparse. high: (rows,).
-    """
+    """Minimise an objective of the products X subject to 0 ≤ matrix X ≤ high (rows,)."""
     # The last row of `matrix` is the equation b_λ·u = 1. An additional last unknown, ≥ 0, may replace b_λ·u at a cost
     # of 1, so that the equation can always be met. One row is appended for the sign of this unknown.
     elastic = np.zeros((matrix.shape[0], 1))
@@ -226,31 +204,20 @@ def solve_products(
 
 
 def scaled_forms(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the forms of a region and its equilibrium, scaled to entries of order one.
-
-    unit: matrix that maps scaled (F, λ, 1) to unscaled ones, see `scaling_matrix`. The results are `region_forms` with
-    each row divided by its largest entry, these divisors (k + 3,), and the equilibrium rows.
-    """
+    """Return `region_forms` over their largest entries, these divisors (k + 3,), and equilibrium rows."""
     facts, statics = region_forms(modes, region) @ unit, modes.statics @ unit
     largest = row_maxima(facts)
     return facts / largest[:, None], largest, statics / row_maxima(statics)[:, None]
 
 
 def row_maxima(rows: Floats) -> Floats:
-    """Return the largest absolute entry (k,) of each row, but 1 for rows of zeros.
-
-    Rows are divided by these numbers. A crack without strength has rows of zeros.
-    """
+    """Return the largest absolute entry (k,) of each row, but 1 for rows of zeros, of cracks without strength."""
     sizes = abs(rows).max(axis=1)
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def scaling_matrix(region: Region, force_bounds: Floats) -> Floats:
-    """Return the matrix (3m + 2, 3m + 2) that maps scaled (F, λ, 1) to unscaled ones.
-
-    Forces are scaled by their bounds, λ by the width of the region from its lower end. force_bounds: (3m + 2,), see
-    `Statics.force_bounds`.
-    """
+    """Return the matrix (3m + 2, 3m + 2) from scaled (F, λ, 1): forces by bounds, λ by the region's width."""
     unit = np.diag(force_bounds)
     unit[-2, -2:] = region.high - region.low, region.low
     return unit
@@ -259,12 +226,7 @@ def scaling_matrix(region: Region, force_bounds: Floats) -> Floats:
 def _read(
     modes: Modes, region: Region, x: Floats, forms: Floats, live: Floats, included: Bools
 ) -> tuple[Floats, Floats, Floats, Bools]:
-    """Compute states, mean rates, mean slacks and violated rows from the products X.
-
-    x: (3m + 2, w) X. forms: (4m + 2e, w) forms of the w free velocities. live: (w,) coefficients of b_λ·u. included:
-    (4m, 4m + 2e) rows y_k h_l that are in the program. The results are the fields `states`, `rates`, `slacks` and
-    `violated` of `RltSolution`.
-    """
+    """Compute states, mean rates, mean slacks and violated rows from products X (3m + 2, w), for `RltSolution`."""
     seen, count = x @ forms.T, len(modes.rows)
     violated = (modes.slacks @ seen < -_VIOLATED) & ~included & moving_forms(forms, region) & ~region.held[:, None]
     violated[np.arange(count), np.arange(count)] = False
@@ -272,22 +234,14 @@ def _read(
 
 
 def moving_forms(forms: Floats, region: Region) -> Bools:
-    """Return a mask (4m + 2e,) of the forms of velocities that are not zero in a region.
-
-    forms: (4m + 2e, w) coefficients of mode rates and of sums around loops, for the w free velocities of the region.
-    """
+    """Return a mask (4m + 2e,) of the forms (4m + 2e, w) that are not zero in a region."""
     moving = (forms != 0.0).any(axis=1)
     moving[: len(region.closed)] = ~region.closed
     return np.asarray(moving)
 
 
 def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
-    """Return states (k, q + 1), forces and λ, of which the products X are a weighted mean.
-
-    X is that of docs/method.md (4.7). They are starting points of a search for solutions: first the mean state, then
-    those of the modes of largest rate. Modes with almost no rate give none. x: (q + 2, w) products of (F, λ, 1) with
-    velocities. live: (w,) coefficients of b_λ·u. rates: (4m, w) rates of the modes, hinges and slides.
-    """
+    """Return states (k, q + 1) of which X (q + 2, w) is a weighted mean: the mean, then those of largest rate."""
     mean, z = x @ live, x[-1] @ rates.T
     states = [mean / mean[-1]] if mean[-1] > _SEEN else []
     states += [x @ rates[mode] / z[mode] for mode in np.argsort(-z, kind="stable")[:_MIXED] if z[mode] > _SEEN]
@@ -295,10 +249,7 @@ def combined_states(x: Floats, live: Floats, rates: Floats) -> Floats:
 
 
 def zero_product_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
-    """Return the indices (k, l) of yield slacks and modes whose product y_k z_l is zero.
-
-    They are k = l, and every held k with every moving l, docs/method.md (4.7).
-    """
+    """Return the (k, l) with y_k z_l = 0: k = l, and every held k with every moving l (4.7)."""
     both = np.isin(moving, held)
     k = np.concatenate([moving[~both], np.repeat(held, len(moving))])
     return k, np.concatenate([moving[~both], np.tile(moving, len(held))])
@@ -342,10 +293,7 @@ class LowerBound:
 class LowerBoundProblem:
     """Shared state of a lower-bound search: lowest solution found, time budget, log.
 
-    load: scaled λ of the lowest solution found, updated by `offer_states`. seconds: processor time from now, s, after
-    which no further program begins. offer: function that takes forces and λ of states (k, q + 1), which may lead to a
-    lower solution. It returns the scaled λ of the lowest solution found. programs: number of programs solved.
-    solve_log: steps in order.
+    offer: takes states (k, q + 1), and returns the scaled λ of the lowest solution found.
     """
 
     def __init__(self, load: float, seconds: float, offer: Callable[[Floats], float] | None = None) -> None:
@@ -374,14 +322,11 @@ class LowerBoundProblem:
         return max(abs(self.load), _LEAST)
 
     def scaled_slack(self, slack: float) -> float:
-        """Convert a relative slack σ to scaled λ per unit of the cost of a mechanism."""
+        """Convert a relative slack σ to scaled λ per unit of cost."""
         return slack * max(abs(self.load), 1.0)
 
     def interval_end(self, low: float) -> float:
-        """Return the upper end of the next interval of λ to exclude, which begins at `low`.
-
-        It lies a little above the lowest solution found. Both ends are scaled.
-        """
+        """Return the scaled end of the next interval to exclude, a little above the lowest solution."""
         return self.load + _ROOM * (self.load - low) + _LEAST_ROOM * self.load_unit
 
     def load_below(self, share: float) -> float:
@@ -397,25 +342,16 @@ class LowerBoundProblem:
         return bound - low > share * (self.load - low)
 
     def less_solver_tolerance(self, bound: float) -> float:
-        """Reduce a scaled bound that the solver claims by the solver's tolerance on λ.
-
-        The bound is first limited to the lowest solution found.
-        """
+        """Reduce a claimed bound, at most the lowest solution, by the solver's tolerance on λ."""
         return min(bound, self.load) - _TRUSTED * self.load_unit
 
     def offer_states(self, states: Floats) -> None:
-        """Search for solutions from given states, and update the lowest λ found.
-
-        states: (k, q + 1) scaled forces and λ. Nothing happens without the function `offer` of the constructor.
-        """
+        """Search for solutions from states (k, q + 1), and update the lowest λ found."""
         if self._offer is not None:
             self.load = min(self.load, self._offer(states))
 
     def allows_products(self, faces: int, most: int, force_bounds: Floats) -> bool:
-        """Return True if the RLT relaxation may be formed; otherwise log the reason.
-
-        force_bounds: (q + 2,) bounds on forces, which must be finite.
-        """
+        """Return True if the relaxation may be formed, force bounds finite; otherwise log why."""
         if faces > most and self._seconds < PATIENT:
             self.record(f"no products: {faces} faces")
         elif not np.isfinite(force_bounds).all():

@@ -62,12 +62,9 @@ _DEPTH: Final = 12  # maximum depth of branching
 
 
 class BlockSweep:
-    """Search for a lower bound on λ of one planar labelling by a sequence of proven programs.
+    """Search for a lower bound by RLT relaxations, each from the last certificate, solved by matrix blocks.
 
-    Each program is an RLT relaxation, solved by matrix blocks, that begins where the last certificate ended.
-
-    bounded: complementarity problem with bounds on forces and velocities, both proven. problem: lowest solution found,
-    time budget and log. stages: names and products y_k h_l of programs, in the order in which they are tried.
+    stages: names and products y_k h_l of programs, in the order in which they are tried.
     """
 
     def __init__(self, bounded: BoundedModes, problem: LowerBoundProblem) -> None:
@@ -79,10 +76,7 @@ class BlockSweep:
         self.stages = (("all hinges", few), ("all products", np.ones_like(few)))
 
     def near_hinge_bound(self, low: float) -> float:
-        """Prove a lower bound on λ by a program with the products of near hinges only.
-
-        The program is solved to full accuracy.
-        """
+        """Prove a lower bound on λ by the products of near hinges only, to full accuracy."""
         none = np.zeros(len(self.modes.rows), dtype=bool)
         return self._step("near hinges", self._region(low, none, none), self.near_pairs, _FINE, None)[1]
 
@@ -100,10 +94,7 @@ class BlockSweep:
         return max(low, found)
 
     def sweep(self, low: float, closed: Bools, held: Bools, stage: int = 0, depth: int = 0) -> float:
-        """Prove a bound by repeated steps from `low`, with branches where steps stall.
-
-        closed, held: (4m,) modes with z = 0, and with y = 0.
-        """
+        """Prove a bound by steps from `low`, with branches where they stall; closed, held: (4m,)."""
         slack, problem, rough = 0.0, self.problem, False
         while not problem.closes_gap(low) and problem.seconds_left > 0.0:
             name, pairs = self.stages[stage]
@@ -139,20 +130,12 @@ class BlockSweep:
         return float(np.clip(_SHARE * (self.problem.load - low) / self.problem.load_unit, _FINE, _COARSE))
 
     def _region(self, low: float, closed: Bools, held: Bools, high: float | None = None) -> Region:
-        """Return the region of solutions from `low` to `high`; see `BoundedModes.region`.
-
-        closed, held: (4m,) modes with z = 0, and with y = 0.
-        """
         return self.bounded.region(low, self.problem.interval_end(low) if high is None else high, closed, held)
 
     def _step(
         self, name: str, region: Region, pairs: Bools, slack: float, tolerance: float | None
     ) -> tuple[RltSolution | None, float]:
-        """Solve one program of a region; return its solution and the bound that it proves.
-
-        name: of the step in the log. pairs: products in the program, as in `RltOptions`. slack: relative slack σ. The
-        bound is −inf without a proof.
-        """
+        """Solve one program of a region; return its solution and proven bound, −inf without."""
         problem, earned = self.problem, self.problem.scaled_slack(slack)
         problem.record(name, 1)
         left = max(problem.seconds_left, 1.0)
@@ -231,10 +214,7 @@ def initial_forces(search: FixedPointSearch, associative: Proof, start: str) -> 
 
 
 def forces_along_load_path(search: FixedPointSearch, gravity: Floats, most: float) -> Floats:
-    """Follow a load path from gravity in steps of λ; return the forces (q·m,) at its end.
-
-    gravity: (q·m,) scaled forces at λ = 0.
-    """
+    """Follow a load path from gravity (q·m,) at λ = 0 in steps of λ; return the forces at its end."""
     # Each state is the nearest to the previous one, as in distinct element analysis, where the final state depends on
     # the load path. The path ends where no further state is found.
     forces, load = gravity, 0.0
@@ -252,10 +232,7 @@ def forces_along_load_path(search: FixedPointSearch, gravity: Floats, most: floa
 
 
 def _nearest(search: FixedPointSearch, forces: Floats, load: float) -> RawSolution:
-    """Find the state of equilibrium at one scaled λ that is nearest to given forces.
-
-    forces: (q·m,) scaled.
-    """
+    """Find the state of equilibrium at one scaled λ that is nearest to forces (q·m,)."""
     near = ClarabelSolver(search.analysis.template.precision.residual, proximal=(search.count, 1.0))
     return near.solve(_at_load(search, load), forces)
 
@@ -276,10 +253,7 @@ def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
 
 
 def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> Floats:
-    """Iterate with friction that decreases as N grows; return the final forces (q·m,).
-
-    forces: (q·m,) scaled start. Iterations end early where a program fails.
-    """
+    """Iterate forces (q·m,) with friction that decreases as N grows, until a program fails."""
     # Decreasing friction removes thrust that the mechanism does not need.
     previous = search.normals(forces)
     for _ in range(_FALLS):
@@ -294,10 +268,7 @@ def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> F
 
 
 def low_compression_states(search: FixedPointSearch, load: float, rng: np.random.Generator) -> PrimalDualPair | None:
-    """Search for a solution from a state of low compression on random faces.
-
-    Result: the pair reached, which need not be a solution; None where a program fails.
-    """
+    """Search for a solution from a state of low compression on random faces; None where a program fails."""
     # Every solution has the λ of its own frozen friction, which grows with N: faces without compression do not resist.
     # From a state at the scaled λ `load`, a mechanism of the frozen friction and the lowest forces for it are computed
     # in turn.
@@ -325,10 +296,7 @@ def low_compression_states(search: FixedPointSearch, load: float, rng: np.random
 
 
 def repair_and_evaluate(search: FixedPointSearch, point: Floats) -> PrimalDualPair:
-    """Move a point into the true friction cone where possible, and evaluate it as a pair.
-
-    point: (q·m + 1,) scaled forces and λ.
-    """
+    """Move a point (q·m + 1,) into the true friction cone where possible, and evaluate it."""
     areas = search.areas(point)
     state: State = search.repaired_state(point, search.analysis.template, areas)
     return search.evaluate_pair(state, areas)
@@ -372,10 +340,7 @@ class Found:
         return math.inf if self.lowest is None else self.lowest.state.load
 
     def offer(self, pair: PrimalDualPair) -> bool:
-        """Store a pair if it is a new best, lowest or highest solution.
-
-        Result: True if the pair is a certified solution.
-        """
+        """Store a pair if it is a new best, lowest or highest solution; True if certified."""
         if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
             self.best = pair
         if not pair.is_solution(self.width):
@@ -394,13 +359,9 @@ class Found:
 
 
 class MultiStartSearch:
-    """Multi-start search for the lowest and the highest solution of one labelling.
+    """Multi-start search for the lowest and highest solution; `found` collects certified ones.
 
-    A point (q·m + 1,) holds scaled forces and λ. `found` collects the certified solutions. Callers may add starts with
-    `search_from` at any time. Methods that use linear programs do nothing in space.
-
-    analysis: analysis of associative friction. options: parameters of the fixed-point search from each start.
-    associative: associative proof of these labels.
+    A point (q·m + 1,) holds scaled forces and λ. In space, methods that use linear programs do nothing.
     """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, options: ProximalOptions, associative: Proof) -> None:
@@ -474,18 +435,11 @@ class MultiStartSearch:
             idle = 0 if self.found.lowest_load < low - _LOWER * abs(low) else idle + 1
 
     def _mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
-        """Mix a point with a random state of low compression; None if there is none, or in space.
-
-        point: (q·m + 1,) scaled forces and λ.
-        """
+        """Mix a point with a random state of low compression; None if there is none, or in space."""
         return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 
     def close_gap(self, point: Floats | None) -> Floats | None:
-        """Find solutions by closing the complementarity gap from a point, and certify them.
-
-        The search runs from the point with several random seeds. It returns the point of least λ reached, which need
-        not be certified. The result is None if no solution is reached, if the point is None, and in space.
-        """
+        """Close the gap from a point by several seeds; point of least λ, uncertified, or None."""
         if self.alternation is None or point is None:
             return None
         ends = [end for k in range(_CLOSES) if (end := self.alternation.close_gap(point, self._seed + k)) is not None]
@@ -522,10 +476,7 @@ class MultiStartSearch:
         self.improve(point, 2 if thorough else 1, thorough)
 
     def improve(self, point: Floats, seeds: int = 2, ascend: bool = True) -> None:
-        """Search for solutions of lower and higher λ by linear programs from one solution.
-
-        point: (q·m + 1,) the solution.
-        """
+        """Search for solutions of lower and higher λ by linear programs from one solution."""
         if self.alternation is None:
             return
         for sign in (1.0, -1.0) if ascend else (1.0,):
@@ -535,10 +486,7 @@ class MultiStartSearch:
         self._seed += seeds
 
     def certify_extremes(self, points: Iterable[Floats]) -> None:
-        """Certify the points of least and of largest λ, each unless inside the known range.
-
-        points: each (q·m + 1,) scaled forces and λ. They are repaired first. Certified solutions are kept in `found`.
-        """
+        """Repair and certify the points of least and largest λ, unless inside the known range."""
         lowest, highest = self.found.lowest, self.found.highest
         ends = sorted(points, key=lambda point: float(point[-1]))
         for point in ends[:1] + ends[1:][-1:]:

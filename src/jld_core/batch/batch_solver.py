@@ -32,7 +32,7 @@ CARRIED: Final = _FATES["CARRIED"]
 
 @dataclass(frozen=True)
 class MinimizationOptions:
-    """Options of conflict minimisation: decided faces become undecided while λ is still proven below the threshold."""
+    """Options of conflict minimisation: faces become undecided while λ is proven below the threshold."""
 
     # further minimisations per refuted labelling; each starts with one face of its conflict undecided
     neighbours: int = 0
@@ -170,13 +170,11 @@ class _Start:
 
 
 class BatchSolver:
-    """Batch solver for the labellings of one template.
+    """Batch solver for the labellings of one template; ValueError without a library or for unsupported rows (`fits`).
 
-    opening: (q·free,) velocities that open every face under any labelling, if any. load_scale: scaled λ relative to
-    which a bracket about zero counts as narrow. undecided: rows of undecided faces, in place of those of dry ones.
-    sampled_start: start near the mean solution of random labellings, of which `settled_fraction` got a verdict; False:
-    from least-norm forces, cheaper for a few labellings. Raises ValueError without a library, or for rows of an
-    unsupported shape (see `fits`).
+    opening: (q·free,) velocities that open every face. load_scale: scaled λ relative to which a bracket about zero is
+    narrow. undecided: rows of undecided faces. sampled_start: start near the mean solution of random labellings, of
+    which `settled_fraction` got a verdict; False: from least-norm forces, cheaper for a few labellings.
     """
 
     def __init__(
@@ -246,10 +244,7 @@ class BatchSolver:
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
-        """Store ends, matrix block and equilibrium entries of each face, in elimination order.
-
-        A, b: −1 for a support.
-        """
+        """Store ends, matrix block and equilibrium entries of each face, in elimination order."""
         place = np.full(len(self.pattern.order) + 1, -1, dtype=np.int64)
         place[self.pattern.order] = np.arange(len(self.pattern.order))
         a, b = place[a], place[b]  # −1 stays −1
@@ -280,9 +275,8 @@ class BatchSolver:
         thresholds: Floats | None = None,
         vectors: bool = False,
     ) -> BatchResults:
-        """Compute bounds on λ for labellings; each result depends on its own labelling alone.
+        """Compute bounds on λ of labellings (k, m), each by its own alone, until above thresholds (k,).
 
-        labellings, undecided: (k, m). thresholds: (k,) scaled λ; iterations end once it is known to be exceeded.
         vectors: return forces, velocities, rays and the diagnosis as well.
         """
         labels = np.ascontiguousarray(labellings, dtype=np.uint8)
@@ -316,7 +310,7 @@ class BatchSolver:
         return BatchResults(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
 
     def solve_samples(self, rows: BatchRows, dead: Floats, live: Floats, thresholds: Floats | None) -> BatchResults:
-        """Compute bounds on λ of one labelling for samples of its strengths and loads (k, q·free); all scaled."""
+        """Compute bounds on λ of one labelling for scaled samples of strengths and loads (k, q·free)."""
         other = copy(self)
         other._rows, other._keep, other._bows = rows.rows, rows.keep, rows.parabolas
         other._dead, other._live = (np.ascontiguousarray(loads[:, self._ends]) for loads in (dead, live))

@@ -32,9 +32,7 @@ _MOST: Final = 50  # largest number of iterations of one choice; 15 to 30 were m
 class BlockColumns:
     """Coefficients of one block p in the linear program of the relaxation by blocks (6.5).
 
-    Its variables are the share x_p, the load λ x_p, and a multiplier ≥ 0 per column, mostly of one generator of a yield
-    set. Rows are numbered within p: its own, then those shared by nodes, which are faces between blocks or elements,
-    three each.
+    Variables: share x_p, load λ x_p, a multiplier ≥ 0 per column. Rows: its own, then three of each shared node.
     """
 
     own: int  # number of rows that belong to this block alone
@@ -57,10 +55,9 @@ class BlockAnswers:
 
 
 class BatchBlockSolver:
-    """Batch solver that maximises λ over the variables of the allowed blocks, for many choices at once.
+    """Batch solver that maximises λ over the variables of the allowed blocks; ValueError without one.
 
-    Own rows of a block sum to zero, shared rows over all blocks to `rhs` (3·nodes,). places: (nodes, d). load: shared
-    rows in which λ has the coefficient −1. Raises ValueError without a batch solver.
+    Shared rows sum to `rhs` (3·nodes,), those of `load` with −λ. places: (nodes, d).
     """
 
     def __init__(self, blocks: Sequence[BlockColumns], places: Floats, rhs: Floats, load: Ints) -> None:
@@ -102,10 +99,7 @@ class BatchBlockSolver:
         return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
-        """Return the factor positions of all products of two shared rows (r,) of one block.
-
-        ≥ 0 in the diagonal matrix blocks, −1 − position in the others.
-        """
+        """Return the factor positions of products of shared rows (r,); −1 − position off the diagonal blocks."""
         starts, below = self.pattern.column_start, self.pattern.row
         found = []
         for k, one in enumerate(rows.tolist()):
@@ -119,10 +113,7 @@ class BatchBlockSolver:
         return np.array(found, dtype=np.int64)
 
     def solve(self, allowed: Bools, thresholds: Floats, least: Floats, most: Floats) -> BlockAnswers:
-        """Solve the linear programs of choices `allowed` (k, p), least ≤ λ ≤ most (k,).
-
-        A program ends once λ stays below its threshold (k,). Raises ValueError if a block has too many rows.
-        """
+        """Solve the programs of choices (k, p), least ≤ λ ≤ most (k,), until λ stays below thresholds (k,)."""
         count = len(allowed)
         chosen = np.ascontiguousarray(allowed, dtype=np.uint8)
         dual, share, load = (

@@ -78,6 +78,7 @@ SANITIZED: Final[dict[str, tuple[str, ...]]] = {
 
 def variants() -> tuple[str, ...]:
     """Return the variants for this family of processors, fastest first; this one may lack their instructions."""
+    # Nothing of the package is imported here: `setup.py` loads this module before the package exists.
     machine = platform.machine().lower()
     if machine in ("x86_64", "amd64"):
         return ("avx512", "avx2", "base")
@@ -206,10 +207,7 @@ def reason_of(problem: OSError | subprocess.SubprocessError) -> str:
 
 
 def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> tuple[Path | None, list[str]]:
-    """Compile one variant with the first compiler that works.
-
-    Return its path or None, and a line per failed compiler.
-    """
+    """Compile one variant with the first compiler that works; path or None, and a line per failed one."""
     problems = list[str]()
     for compiler in compilers():
         try:

@@ -66,10 +66,7 @@ def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
 
 
 def built() -> dict[str, Path]:
-    """Return the compiled libraries by variant, fastest first.
-
-    Those of the package if they match the sources, else the cache's.
-    """
+    """Return the compiled libraries by variant, fastest first: the package's if current, else the cache's."""
     own = _within(Path(__file__).parent)
     return {name: path for name, path in own.items() if build.is_current(path)} or _within(build.cache())
 
@@ -101,10 +98,7 @@ def _compiled() -> dict[str, Path]:
 
 @cache
 def _found(wish: str) -> tuple[str, Path] | None:
-    """Return name and path of the library that `wish` names, if any.
-
-    Raise InputError if it does not run or match here.
-    """
+    """Return name and path of the library that `wish` names; InputError if it does not run or match here."""
     if wish == "off":
         return None
     if os.sep in wish:
@@ -155,7 +149,7 @@ def library(variant: str) -> ctypes.CDLL:
 
 
 def require_success(outcome: int) -> None:
-    """Raise MemoryError, ValueError (a problem not supported) or RuntimeError (a defect) for a failed return code."""
+    """Raise MemoryError, ValueError (not supported) or RuntimeError (a defect) for a failed return code."""
     if outcome == _OUTCOMES["NO_MEMORY"]:
         raise MemoryError("the batch solver has no memory for its workspace")
     if outcome == _OUTCOMES["UNSUPPORTED"]:
@@ -285,10 +279,7 @@ def dry_shares(dimension: int, faces: int) -> tuple[float, float]:
 
 
 def tries_of(dimension: int, faces: int, parabolas: bool) -> tuple[Try, ...]:
-    """Return the settings of each pass over open labellings.
-
-    Faces that crush along a parabola exclude passes for rays and boundary states.
-    """
+    """Return the settings of passes over open labellings; parabolas exclude those for rays and boundary states."""
     if dimension == 3:
         usual = SPATIAL_TRIES
     else:

@@ -23,10 +23,7 @@ Names = NDArray[np.int32]
 
 
 class Graph:
-    """Graph of elements and interfaces, from which the blocks of labellings are computed.
-
-    always: (t, 2) pairs of elements of one block under every labelling.
-    """
+    """Graph of elements and interfaces; always: (t, 2) pairs of one block under every labelling."""
 
     def __init__(self, elements: int, a: Ints, b: Ints, always: Ints, variant: str | None = None) -> None:
         self._elements = elements
@@ -52,10 +49,7 @@ class Graph:
 
 
 class Joining:
-    """Graph whose vertices (atoms: cells that stay together) are joined into parts, pair by pair in a given order.
-
-    least, most: bounds on the cells of a part. rounds: passes that join parts with too few cells to a neighbour.
-    """
+    """Graph of atoms (cells that stay together), joined pair by pair into parts of `least` to `most` cells."""
 
     def __init__(
         self, first: Ints, second: Ints, cells: Ints, least: int, most: float, rounds: int, variant: str | None = None
@@ -68,10 +62,9 @@ class Joining:
         self._variant = variant
 
     def parts(self, order: Ints, wanted: Ints) -> tuple[Names, Bools] | None:
-        """Join atoms into parts, once for each order (k, pairs).
+        """Join atoms by orders (k, pairs), of which the first `wanted` (k,).
 
-        wanted: (k,) leading pairs that are tried; the others only enlarge small parts. Returns the part of each atom,
-        and True where no part is too small; None without a batch solver.
+        Part of each atom, and whether none is too small.
         """
         # A pair is joined unless the part would have more than `most` cells.
         kernel = _library(self._variant)
@@ -126,15 +119,12 @@ class FactorPattern:
 
     @property
     def products(self) -> int:
-        """Return the number of products of matrix blocks in one factorisation, with those on the diagonal."""
+        """Return the number of products of matrix blocks in one factorisation."""
         return len(self.pair) + len(self.left)
 
 
 def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
-    """Return the cached pattern with the fewest products among a few elimination orders.
-
-    a, b: (e,) pairs of nodes that share a matrix block. places: (n, d) coordinates in any unit.
-    """
+    """Return the cached pattern of fewest products for pairs a, b (e,) of nodes at places (n, d)."""
     return _pattern(*_key(a, b, places))
 
 
@@ -176,12 +166,11 @@ def _elimination(first: bytes, second: bytes, where: bytes, shape: tuple[int, ..
 
 
 def _pattern_products(columns: list[list[int]]) -> int:
-    """Return the number of products of a factorisation: k (k + 1) / 2 for a column with k matrix blocks."""
+    """Return the number of products: k (k + 1) / 2 for a column with k matrix blocks."""
     return sum(len(column) * (len(column) + 1) // 2 for column in columns)
 
 
 def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
-    """Return the neighbours of each node of a graph with edges (e,), in a fixed order."""
     found: list[dict[int, None]] = [{} for _ in range(count)]
     for one, other in sorted(zip(a.tolist(), b.tolist(), strict=True)):
         found[one][other] = None
@@ -286,10 +275,7 @@ _SMALL: Final = 300  # number of faces up to which every structure stays below `
 
 
 def fits(template: Template, undecided: Rows | None = None) -> bool:
-    """Return True if the batch solver supports the rows, size and members of a template.
-
-    None on more than two elements.
-    """
+    """Return True if the batch solver supports a template's rows, size and members, none on more than two elements."""
     return (
         len(template.assembly.interfaces) <= LARGEST
         and template.assembly.members.ends is not None
@@ -326,7 +312,7 @@ def _graph(assembly: Assembly) -> tuple[tuple[Ints, Ints, Floats], Ints, Ints]:
 
 @dataclass(frozen=True)
 class BatchRows:
-    """Scaled coefficients of the yield rows of all faces under the labels inner, dry and, if given, undecided."""
+    """Scaled coefficients of all faces' rows under the labels inner, dry and, if given, undecided."""
 
     # (labels, m, numbers) planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner
     # faces crush. In space, where all faces bend in two pairs: a, b, h of M1, of M2, and of −a N ± b MT + b t ≤ h, with
@@ -350,7 +336,7 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
 
 
 def rows_of_samples(own: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
-    """Compute the yield rows of many samples of strengths under labels (k, m); None if unsupported."""
+    """Compute the rows of many samples of strengths under labels (k, m); None if unsupported."""
     both = rows_of_sets(own, labels.size, dimension)
     if both is None:
         return None
@@ -375,7 +361,7 @@ def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
 
 
 def rows_of_sets(own: YieldSet, faces: int, dimension: int, undecided: Rows | None = None) -> BatchRows | None:
-    """Compute the yield rows of faces in the layout of the batch solver; None if unsupported."""
+    """Compute the rows of faces in the layout of the batch solver; None if unsupported."""
     every = np.ones(faces, dtype=bool)
     labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
     active = [own.active(~every), own.active(every)] + ([] if undecided is None else [undecided.active(every)])
@@ -418,17 +404,14 @@ def rows_of_sets(own: YieldSet, faces: int, dimension: int, undecided: Rows | No
 
 
 def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Return pairs a, b, h of −a N ± b X ≤ h under one label, (m, pairs, 3).
-
-    X is M, V and, where inner faces crush, M again. Cones, the parabolas of crushing joints, are ignored.
-    """
+    """Return a, b, h of −a N ± b X ≤ h (m, pairs, 3); X: M, V and, if inner faces crush, M. Cones are ignored."""
     if pattern.extra:
         return None
     return _pairs(pattern, *((pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)), faces)
 
 
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
-    """Return a, b, h of one label's rows −a N ± b X ≤ h, (m, 2 or 3, 3); None where they do not come in such pairs."""
+    """Return a, b, h of one label's rows −a N ± b X ≤ h, (m, 2 or 3, 3); None where they are no such pairs."""
     # X is M, V and, where inner faces crush, M again.
     linear = pattern.row < pattern.linear
     row, resultant = pattern.row[linear], pattern.column[linear] % 3
@@ -474,7 +457,6 @@ def _by_face(rows: Ints, owner: Ints, faces: int) -> Ints | None:
 
 
 def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Return the yield rows (m, EDGES + 1, 4) of spatial faces under one label."""
     # Rows 0 to EDGES − 1 of a face hold a, p, q, h of −a N + p M1 + q M2 ≤ h, one per hull edge; those left over have p
     # = q = 0. The last row holds a, b, h, 0 of −a N ± b MT + b t ≤ h, where t is the bound on shear.
     if pattern.cones != (3,) * faces or pattern.extra != faces:
@@ -493,7 +475,6 @@ def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | None:
-    """Return the coefficients (m, EDGES + 1, 4) of spatial yield rows under one label."""
     # Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h, 0 of
     # torsion.
     found = np.zeros((faces, EDGES + 1, 4))
@@ -533,7 +514,7 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
 
 
 def _in_pairs(found: Floats) -> Floats | None:
-    """Return a, b, h of ±M1, ±M2 and MT, (labels, m, 9), from rows of `_spatial_table`; None if they are no pairs."""
+    """Return a, b, h of ±M1, ±M2 and MT, (labels, m, 9), from rows of `_spatial_table`; None if no pairs."""
     edges = found[:, :, :4]
     used = edges[..., 1:3].any(axis=-1)
     across = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])

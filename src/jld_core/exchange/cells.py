@@ -47,11 +47,7 @@ class NothingEnclosed(InputError):
 
 @dataclass(frozen=True)
 class FoundCells:
-    """Cells of a drawing, with what was left out.
-
-    nested: cell, and outline around it, where both are elements. closed: indices of closed outlines. empty: area of
-    openings. unused: number of lines that bound no cell.
-    """
+    """Cells of a drawing, with what was left out; nested: cell and outline around it, both elements."""
 
     cells: list[Cell]
     nested: list[tuple[Cell, Cell]]
@@ -108,7 +104,7 @@ def without_frames(paths: list[Path], marks: list[Mark], options: ImportOptions,
 
 
 def _is_clear(path: Path, boxes: Floats, k: int, rest: list[int]) -> bool:
-    """Return True if a path is an upright rectangle around the boxes (n, 4) of others, which it does not touch."""
+    """Return True if a path is an upright rectangle around boxes (n, 4) of others, which it does not touch."""
     if not path.closed or len(path.points) < 3 or path.points[:, 2].any():
         return False
     wide, tall = boxes[k, 2:] - boxes[k, :2]
@@ -129,10 +125,7 @@ def _touching(paths: list[Path], size: float) -> bool:
 
 
 def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, reach: float) -> list[Gap]:
-    """Return the ends of lines, before snapping, that nearly meet another line or the other end of their own.
-
-    points: corners (k, 2) of each path. reach: largest width of a gap.
-    """
+    """Return the ends of lines, before snapping, that nearly meet another line or their own other end."""
     plain = [k for k, path in enumerate(paths) if options.role(path.layer) in (None, "support") and len(points[k]) > 1]
     if not any(not paths[k].closed for k in plain):
         return []
@@ -171,11 +164,7 @@ def find_cells(
     tolerance: float,
     notes: Notes,
 ) -> FoundCells:
-    """Find the cells of a drawing that become elements; cells in openings are left out.
-
-    holes: indices of the holes of paths that have some. Raises NothingEnclosed where nothing free is enclosed, and
-    InputError for too many cells.
-    """
+    """Find the cells that become elements; NothingEnclosed where nothing free is, InputError for too many."""
     # Cells are closed outlines, cut by lines that cross them, and areas that lines enclose beside them. Without
     # outlines of free elements they are the cells of the network of lines.
     cut_out = {k for rings in holes.values() for k in rings}
@@ -449,7 +438,7 @@ def _one_outline_each(
 
 
 def _without_doubles(lines: list[int], snapped: Snapped) -> list[int]:
-    """Return the indices of lines (k, 2) of which the first of equal ones stays, whatever their direction."""
+    """Return the indices of lines (k, 2), the first of equal ones, whatever their direction."""
     seen: dict[bytes, int] = {}
     for k in lines:
         points = snapped.paths[k]
@@ -506,10 +495,7 @@ def _height(cell: Cell, size: float) -> tuple[float, ...]:
 
 
 def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
-    """Cut a polygon through its holes into polygons without holes.
-
-    An element has one outline.
-    """
+    """Cut a polygon through its holes, as an element has one outline."""
     if not cell.interiors:
         return [cell]
     x0, y0, x1, y1 = cell.bounds
@@ -520,10 +506,7 @@ def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
 
 
 def without_holes(points: Floats, loops: Sequence[Sequence[int]], title: str) -> Faces:
-    """Return a plane face as loops of corners without holes, in the sense of its outline.
-
-    points: (k, 3). Raises InputError where a hole reaches beyond the outline, or they lie in no common plane.
-    """
+    """Return a plane face as loops (k, 3) without holes; InputError unless coplanar and inside the outline."""
     if len(loops) == 1:
         return (tuple(loops[0]),)
     areas = [area_vector(points[list(loop)]) for loop in loops]
@@ -572,7 +555,6 @@ def say_size(measured: Measures, unit: str, drawn_in: str, notes: Notes) -> None
     per_unit = 1.0 / METRES[drawn_in]
 
     def strangeness(name: str) -> float:
-        """Return the sum of |log(size / usual size)| of structure and block, in unit `name`."""
         factor = METRES[name] * per_unit
         return abs(log(size * factor / _USUAL[0])) + abs(log(block * factor / _USUAL[1]))
 

@@ -1,7 +1,4 @@
-"""Conversion of a drawing to planar elements: outlines or a network of lines.
-
-Paths are snapped, cut into cells and given roles by their layers. All planar readers use this module.
-"""
+"""Conversion of a planar drawing to elements: paths are snapped, cut into cells, given roles by layers."""
 
 from __future__ import annotations
 
@@ -150,10 +147,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
 
 
 def _read_paths(drawing: Drawing, options: ImportOptions, scale: float, notes: Notes) -> tuple[list[Path], list[Path]]:
-    """Return the paths of a drawing that are structure, and those of loads, scene units; note what is not read.
-
-    Raises InputError where no path is structure, and ParameterError for options that the drawing cannot meet.
-    """
+    """Return the paths of structure and of loads, scene units; InputError where none is structure."""
     if options.up is not None:
         raise ParameterError("up", "the file is a drawing, which has no such axis", "no such option")
     layers = [path.layer for path in drawing.paths] + [mark.layer for mark in drawing.marks]
@@ -200,10 +194,7 @@ def _refuse_range(paths: list[Path], loads: list[Path], marks: list[Mark], unit:
 
 
 def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[float, str]:
-    """Return scene units per drawing unit, and the name of the scene's unit of length.
-
-    Raises InputError for an unknown unit.
-    """
+    """Return scene units per drawing unit, and the scene's unit of length; InputError for an unknown unit."""
     if drawing.facts:
         own = str(drawing.facts.get("units", {}).get("length", "m"))
         used = options.unit or drawing.unit
@@ -280,7 +271,7 @@ def _too_wide(error: InputError, gaps: list[Gap], size: float, scale: float, dra
 def _say_dropped(
     drawing: Drawing, found: FoundCells, paths: list[Path], snapped: Snapped, read: int, notes: Notes
 ) -> None:
-    """Note where less than `_SHARE` of the closed area, or of the entities, became a part of the structure."""
+    """Note where less than `_SHARE` of the closed area, or of the entities, became structure."""
     rings = [shapely.Polygon(snapped.paths[k]) for k in found.closed]
     drawn = shapely.union_all([shapely.make_valid(ring) for ring in rings]).area
     cells = [shapely.make_valid(shapely.Polygon(cell.points)) for cell in found.cells]
@@ -322,10 +313,7 @@ def _support(
     nested: list[tuple[Cell, Cell]],
     feet: bool,
 ) -> None:
-    """Mark the cells that are supports: by layer, by a support mark inside, or as lowest; add feet where none is.
-
-    Raises InputError if no cell, or every cell, is a support.
-    """
+    """Mark supports by layer, by mark inside, or as lowest; add feet where none is. InputError if no or every cell."""
     # Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`.
     pins = [mark.at for mark in marks if options.role(mark.layer) == "support"]
     pinned = set()
@@ -350,10 +338,7 @@ def _support(
 
 
 def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
-    """Raise InputError where no element is a support, or every element is one.
-
-    support: True for each element that is a support.
-    """
+    """Raise InputError where no element is a support, or every element is one."""
     if not any(support):
         given = f"no layer is like {listed(options.support)}" if options.support else "no layer is named for supports"
         raise InputError("", f"it has no support: {given}", '`support` with the name of a layer, or `support="lowest"`')
@@ -362,10 +347,7 @@ def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
 
 
 def _element(cell: Cell, size: float) -> dict[str, Any]:
-    """Return the scene entry of a cell, with corners in straight edges removed.
-
-    The points of the cell are changed to match, counter-clockwise.
-    """
+    """Return the scene entry of a cell without corners in straight edges, counter-clockwise as its points then are."""
     # corners of neighbours in straight edges were needed for cutting; the element does not need them
     cell.points = straight(cell.points)
     cell.points = points = cell.points if polygons.area(cell.points[None])[0] > 0.0 else cell.points[::-1]
@@ -378,10 +360,9 @@ def _element(cell: Cell, size: float) -> dict[str, Any]:
 def _labels(
     cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
-    """Read labels of interfaces from lines on joint or crack layers, as keys of a scene.
+    """Read labels from lines on joint or crack layers, as scene keys.
 
-    Result: "labels" with pairs of elements; "interfaces" with all of them if two faces of one pair have different
-    labels; empty without such lines or contacts.
+    "labels", or "interfaces" where a pair has both.
     """
     drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
     for k, path in enumerate(paths):

@@ -80,11 +80,7 @@ _CASE: Final = re.compile(r".*[^\W\d_][\s_.:-]*\d+|.*load\W?case[\s_.:-]+\S.*", 
 
 @dataclass(frozen=True)
 class Structure:
-    """Elements that loads act on, with the measures of their scene.
-
-    cells: future elements. thickness: out-of-plane depth. unit: unit of length. reach: distance within which a line
-    lies along an edge. All lengths are in scene units.
-    """
+    """Future elements that loads act on; reach: distance within which a line lies along an edge; scene units."""
 
     cells: list[Cell]
     thickness: float
@@ -150,10 +146,7 @@ class _Loads:
         self._free = np.array([k for k, cell in enumerate(structure.cells) if not cell.support], dtype=np.int64)
 
     def of(self, paths: list[Path], marks: list[Mark], layers: list[str], kind: str) -> list[dict[str, Any]]:
-        """Return the entries of lines, points and texts on some layers, and note each.
-
-        Raises InputError for a text that is no force.
-        """
+        """Return the entries of lines, points and texts on some layers, and note each."""
         texts = [mark for mark in marks if mark.layer in layers and mark.text]
         entries: list[dict[str, Any]] = []
         lines = [path for path in paths if path.layer in layers and len(path.points) > 1]
@@ -172,10 +165,7 @@ class _Loads:
         return entries
 
     def _beside(self, lines: list[Path], texts: list[Mark]) -> dict[int, int]:
-        """Return the number of the text of each line, by its number; a text is at most the length of the line away.
-
-        Raises InputError for a text that is equally far from two lines, or a line from two texts.
-        """
+        """Return the number of the text of each line, at most its length away; InputError where ambiguous."""
         drawn = shapely.linestrings(np.array([path.points[[0, -1], :2] for path in lines]).reshape(-1, 2, 2))
         places = shapely.points(np.array([mark.at for mark in texts]).reshape(-1, 2))
         line, text = shapely.STRtree(places).query(drawn, predicate="dwithin", distance=shapely.length(drawn))
@@ -199,10 +189,7 @@ class _Loads:
         return self._force(end, tuple((size * (end - start) / np.hypot(*(end - start))).tolist()), source, kind)
 
     def _written(self, mark: Mark, *, distributed: bool) -> WrittenForce:
-        """Parse the text of a mark, and note a missing unit.
-
-        Raises InputError for a text that is no force.
-        """
+        """Parse the text of a mark, and note a missing unit; InputError if it is no force."""
         try:
             written = parse_force(mark.text or "", self._unit, distributed=distributed)
         except InputError as error:
@@ -225,10 +212,7 @@ class _Loads:
         return [{"element": name, "force": share, "at": place} for name in names]
 
     def _pressure(self, path: Path, mark: Mark, written: WrittenForce, kind: str) -> dict[str, Any]:
-        """Return the entry of a load per length or area along an edge, and note it.
-
-        Raises InputError for a line that lies along no free edge.
-        """
+        """Return the noted entry of a load per length or area; InputError for a line along no free edge."""
         size, power = written.per or (1.0, 1)
         own = METRES.get(self._structure.unit, 1.0)
         pressure = written.values[0] * (own / size) ** power

@@ -53,11 +53,10 @@ def scene_of(layout: Layout, *, interfaces: bool = False) -> dict[str, Any]:
 
 
 def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
-    """Return name, units, materials and loads of a layout's scene, to be stored in a file of solids.
+    """Return name, units, materials and loads for a file of solids; `lost` names what else a scene states.
 
-    cells: True where the file holds every element; otherwise loads refer to blocks. Resultant forces replace pressures.
-    A planar scene is extruded: vectors (x, y) become (x, 0, y), and places lie in the middle of the thickness. What
-    else the scene states is named by `lost`.
+    cells: the file holds every element; otherwise loads refer to blocks. Resultant forces replace pressures. Of a
+    planar scene (x, y) becomes (x, 0, y), in the middle of the thickness.
     """
     layout = layout.drawn_from or layout
     document = document_of(layout)
@@ -108,10 +107,7 @@ def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], lay
 
 
 def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
-    """Return a function from the id of a loaded element to its name in the file.
-
-    The function raises InputError for an element whose block holds a support: the import refuses loads on supports too.
-    """
+    """Return a function from element id to name in the file; InputError if its block holds a support."""
     if cells:
         return lambda name: name
     index, blocks = layout.assembly.elements.index, layout.blocks
@@ -128,10 +124,7 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
-    """Return a load entry with the names and the dimension of the file.
-
-    lift: True if a planar scene is extruded.
-    """
+    """Return a load entry with the names and the dimension of the file; lift: extruded."""
     if "body" in entry:
         return {"body": _lifted(entry["body"]) if lift else entry["body"]}
     element = layout.assembly.elements.index[entry["element"]]
@@ -150,15 +143,12 @@ def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, li
 
 
 def _lifted(vector: list[float], y: float = 0.0) -> list[float]:
-    """Convert a planar vector (x, y) to (x, y0, y), with y0 = 0 by default."""
+    """Convert a planar vector (x, y) to (x, y0, y)."""
     return [vector[0], y, vector[1]]
 
 
 def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
-    """Return what a scene states of its elements beside their shape and support, by element id.
-
-    Elements without any such key, and grids, are left out.
-    """
+    """Return what a scene states of its elements beside shape and support, by id; not of grids."""
     entries = layout.scene.elements or []
     dumped = [with_means(entry.model_dump(mode="json", exclude_defaults=True)) for entry in entries]
     kept: dict[str, dict[str, Any]] = {}
@@ -307,11 +297,7 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
 
 
 def _order(layout: Layout) -> dict[int, int]:
-    """Return the step, from 1, in which each block is laid, by the block's index.
-
-    Empty where no order of single blocks is found, for layouts that an assembly sequence does not model, and for those
-    with too many blocks.
-    """
+    """Return the step, from 1, in which each block is laid, by its index; empty where no order is known."""
     # The index is that in `Layout.blocks`.
     if sum(1 for block in layout.blocks if block.cells) > _MOST[layout.assembly.dimension]:
         return {}

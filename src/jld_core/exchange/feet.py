@@ -28,7 +28,7 @@ _RISING: Final = 0.6  # largest upward component of the outer normal of a spring
 
 
 def planar_feet(cells: list[Cell], tolerance: float, notes: Notes) -> list[Cell]:
-    """Return supports for the free cells of a drawing that names none; no support where nothing is level or raked."""
+    """Return supports for the cells of a drawing that names none; none where nothing is level or raked."""
     own = [shapely.Polygon(cell.points) for cell in cells if not cell.support]
     whole = shapely.union_all([shapely.make_valid(shape) for shape in own])
     rings = [_ring(part) for part in shapely.get_parts(whole) if part.geom_type == "Polygon"]
@@ -89,7 +89,7 @@ def _normal(a: Floats, b: Floats) -> Floats:
 
 
 def _springings(ring: Floats) -> list[Floats]:
-    """Return the two ends (j, 2) of a band between two curves; none for any other ring (k, 2), counter-clockwise."""
+    """Return the two ends (j, 2) of a band between two curves; none for any other counter-clockwise ring (k, 2)."""
     along = np.roll(ring, -1, axis=0) - ring
     along = along / np.hypot(*along.T)[:, None]
     before = np.roll(along, 1, axis=0)
@@ -126,7 +126,7 @@ def _lowest_edges(ring: Floats) -> list[tuple[Floats, Floats]]:
 
 
 def _skewbacks(corners: Floats, size: float, near: float) -> list[Floats]:
-    """Return supports beside both sides of an outline (k, 2) that is a flat arch; none for any other outline."""
+    """Return supports beside both sides of a flat arch's outline (k, 2); none for any other."""
     # A flat arch has four corners, a level soffit at least as long as it is deep, and sides that lean outwards.
     if len(corners) != 4:
         return []

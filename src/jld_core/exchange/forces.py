@@ -98,12 +98,7 @@ def is_force(text: str) -> bool:
 def closest_first(
     lines: Ints, texts: Ints, away: Floats, reach: float, names: Sequence[tuple[str, str]]
 ) -> dict[int, int]:
-    """Match lines and texts, the closest pair first; return the text of each line that has one.
-
-    lines, texts, away: (k,) pairs that may belong together, and their distances. reach: difference of distances that
-    counts as none. names: layer and words of each text. Raises InputError where equally close pairs share a line or a
-    text, so that their order alone would decide.
-    """
+    """Match lines and texts (k,), closest pair first; InputError where equal distances share a line or text."""
     order = np.lexsort((texts, lines, away))
     pairs = list(zip(lines[order].tolist(), texts[order].tolist(), away[order].tolist(), strict=True))
     found: dict[int, int] = {}
@@ -125,10 +120,7 @@ def closest_first(
 
 
 def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
-    """Parse one number with its name and unit, matched by `_FORCE`; return name, value and whether it has a unit.
-
-    The name is "" without one; the value is in `unit`. Raises InputError as `parse_force`.
-    """
+    """Parse a match of `_FORCE`: name or "", value in `unit`, whether it has a unit."""
     number, given = found["number"], found["unit"]
     if found["per"] and not distributed:
         problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"
@@ -150,10 +142,7 @@ def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = Fal
 
 
 def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
-    """Combine the parsed numbers of a text into one magnitude or all components of a force.
-
-    Raises InputError as `parse_force`.
-    """
+    """Combine parsed numbers into one magnitude or all components of a force."""
     if len(parts) > dimension:
         raise _refused(text, f"it has {len(parts)} numbers")
     axes = [match[1].casefold() if (match := _COMPONENT.fullmatch(name)) else "" for name, _, _ in parts]

@@ -45,10 +45,7 @@ _LARGEST: Final = 64 * 1024 * 1024  # largest size of a file, bytes; parsers nee
 
 
 def library(name: str, path: Path) -> Any:
-    """Import an optional library and return its module.
-
-    Raises InputError that names the extra to install where the library is missing.
-    """
+    """Import an optional library; InputError names the extra to install where it is missing."""
     try:
         return import_module(name)
     except ImportError:
@@ -58,10 +55,7 @@ def library(name: str, path: Path) -> Any:
 
 
 def readable(path: Path) -> Path:
-    """Return the path of a file that exists, is not empty and has at most 64 MB.
-
-    Raises InputError for any other file.
-    """
+    """Return the path of a file that exists, is not empty and has at most 64 MB; InputError for others."""
     try:
         size = path.stat().st_size
         with path.open("rb") as stream:
@@ -76,10 +70,7 @@ def readable(path: Path) -> Path:
 
 
 def text_of(path: Path) -> str:
-    """Return the content of a UTF-8 text file, without a byte order mark.
-
-    Raises InputError for a file in another encoding, or one that `readable` refuses.
-    """
+    """Return the content of a UTF-8 file without byte order mark; InputError as `readable`."""
     try:
         return readable(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -100,10 +91,7 @@ def without_collection() -> Iterator[None]:
 
 @contextmanager
 def parsing(kind: str, expected: str) -> Iterator[None]:
-    """Make the calls inside this context raise InputError for a file that cannot be parsed.
-
-    Any exception is converted; an InputError stays as it is.
-    """
+    """Convert any exception inside this context but InputError to one, for a file that cannot be parsed."""
     try:
         yield
     except InputError:
@@ -138,10 +126,7 @@ def store_result(path: str, function: Callable[..., Any], arguments: tuple[Any, 
 def in_own_process(
     function: Callable[..., Any], *arguments: Any, seconds: float, watch: Callable[[], str] = str
 ) -> Any:
-    """Call a function of a module in a process of its own and return its result.
-
-    watch: called several times a second, returns in words how far the call is.
-    """
+    """Call a function of a module in a process of its own; watch: returns in words how far the call is."""
     # A library of compiled code that a damaged file sends into a loop, or to its end, cannot be stopped otherwise.
     with tempfile.TemporaryDirectory(prefix="jld-") as folder:
         made = Path(folder) / "made"
@@ -283,10 +268,7 @@ def _converted(path: Path, options: ImportOptions, notes: Notes, feet: bool) -> 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Make errors about the content of a file name that file.
-
-    Errors about the file itself and about options stay.
-    """
+    """Make errors about the content of a file name that file; those about options stay."""
     try:
         yield
     except InputError as error:
@@ -295,7 +277,7 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def reader_of(path: Path) -> Format:
-    """Return the format that reads a file by the ending of its name; raise InputError for an unknown kind."""
+    """Return the format that reads a file by the ending of its name; InputError for an unknown kind."""
     ending = path.suffix.lower().lstrip(".")
     kinds = readers()
     if ending not in kinds:

@@ -284,11 +284,7 @@ class Report:
 
 @dataclass(frozen=True)
 class Measures:
-    """Sizes of the elements of a scene document.
-
-    free: number of elements that are no supports. planar: True for polygons. amount: area or volume of the free ones.
-    size: extents of all. block: median extents of the free ones.
-    """
+    """Sizes of the elements of a scene: amount: area or volume of free ones; size, block: extents of all, median."""
 
     free: int
     planar: bool

@@ -1,8 +1,7 @@
 """Paths of lines and arcs, and their approximation by chords.
 
-A path is an array (k, 3) of x, y and bulge. The bulge belongs to the edge from this point to the next: tangent of a
-quarter of the arc's angle, positive to the left, 0 for a line. Arcs of one circle are divided at the same points in all
-paths, so that neighbours along an arc share their chords.
+A path has rows x, y, bulge (k, 3): tangent of a quarter of the angle of the arc to the next point, positive to the
+left. Arcs of one circle are divided at the same points in all paths, so that neighbours share their chords.
 """
 
 from __future__ import annotations
@@ -81,10 +80,7 @@ def without_repeats(path: Path, same: float) -> Path:
 
 
 def _between(point: Floats, ring: Floats, step: int, same: float) -> bool:
-    """Return True if a point lies on the straight edge that ends at corner `step` of a ring.
-
-    ring: (k, 3) as `Path.points`; the number of the corner is taken modulo k.
-    """
+    """Return True if a point lies on the straight edge that ends at corner `step`, modulo k, of a ring (k, 3)."""
     start, end = ring[(step - 1) % len(ring)], ring[step % len(ring)]
     along = end[:2] - start[:2]
     length = float(np.hypot(*along))
@@ -95,10 +91,7 @@ def _between(point: Floats, ring: Floats, step: int, same: float) -> bool:
 
 
 def arc_points(centre: Sequence[float], radius: float, first: float, sweep: float) -> Floats:
-    """Return points (k, 3) of x, y and bulge along an arc, as rows of a `Path`.
-
-    centre: (x, y).
-    """
+    """Return points (k, 3) of x, y and bulge along an arc, as rows of a `Path`."""
     parts = max(1, int(np.ceil(abs(sweep) / np.pi - 1e-12)))
     angles = first + sweep * np.arange(parts + 1) / parts
     points = np.column_stack([centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)])
@@ -107,11 +100,7 @@ def arc_points(centre: Sequence[float], radius: float, first: float, sweep: floa
 
 
 def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
-    """Approximate the arcs of all paths by chords, equal ones on both sides of a shared arc.
-
-    facet: largest distance of a chord from its arc, length. same: distance within which circles are one. Raises
-    InputError where all circles together have excessively many arcs.
-    """
+    """Approximate arcs by chords within `facet`, equal on both sides of a shared arc; InputError for too many."""
     arcs = [arc for number, path in enumerate(paths) for arc in _arcs(number, path)]
     if not arcs:
         return Chords([path.points[:, :2].copy() for path in paths], 0, 0.0)
@@ -158,10 +147,7 @@ def _step(radius: float, facet: float) -> float:
 
 
 def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
-    """Return ascending angles (j,) that divide a circle at the ends of its arcs and between.
-
-    stops: (k,) angles of the ends, radians.
-    """
+    """Return ascending angles (j,) that divide a circle at the ends (k,) of its arcs and between, radians."""
     # The steps between two ends are equal, so that the division has every symmetry of the ends.
     apart = max(same / radius, 1e-9)
     ends = np.sort(np.mod(stops, 2.0 * np.pi))

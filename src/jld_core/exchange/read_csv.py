@@ -25,10 +25,7 @@ _TRUE: Final = ("1", "true", "yes")  # texts that mean true in the column suppor
 
 
 def _rows(text: str, mark: str) -> Iterator[list[str]]:
-    """Yield the rows of a CSV text; mark: separator.
-
-    Raises InputError with the line number for an invalid row.
-    """
+    """Yield the rows of a CSV text; InputError with the line number for an invalid one."""
     reader = csv.reader(io.StringIO(text), delimiter=mark)
     while True:
         try:
@@ -41,10 +38,7 @@ def _rows(text: str, mark: str) -> Iterator[list[str]]:
 
 
 def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
-    """Read the polygons of a CSV file, one corner per line, as closed paths of a drawing.
-
-    Raises InputError that names the wrong line or element.
-    """
+    """Read the polygons of a CSV file, one corner per line, as closed paths; InputError names line or element."""
     # Columns are id, x, y and optionally layer and support, separated by commas, semicolons or tabs. Lines of one id
     # form a polygon; it is on layer "support" where its column support means true.
     text = text_of(path)

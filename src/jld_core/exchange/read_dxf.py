@@ -54,11 +54,7 @@ FACTS: Final = "jld"
 
 
 def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
-    """Read the model space of a DXF file as a drawing, or as solids where it holds meshes.
-
-    Both are in the unit of the file. Raises InputError where the file is not DXF or broken, ezdxf is missing, or nested
-    blocks hold too much.
-    """
+    """Read the model space of a DXF file as a drawing, or as solids where it holds meshes, in its unit."""
     ezdxf = library("ezdxf", path)
     readable(path)
     with parsing("DXF", "a DXF file, ASCII or binary"):
@@ -183,10 +179,7 @@ class _Reader:
         return _AXIS.match(name) is not None and self.options.role(layer) is None
 
     def _switched(self, layer: str) -> tuple[bool, bool]:
-        """Return two flags of a layer: whether it is off, and whether it is frozen.
-
-        Entities on other layers inside a block are shown if the block's layer is off, not if it is frozen.
-        """
+        """Return whether a layer is off, and whether frozen: inside a block, only frozen hides other layers."""
         if layer not in self.document.layers:
             return False, False
         found = self.document.layers.get(layer)
@@ -218,10 +211,7 @@ class _Reader:
             self.paths[fresh[0]] = Path(path.points, path.closed, path.layer, names[0], path.holes)
 
     def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = (), side: int = 1) -> bool:
-        """Add a path; return False if it is inclined, or has too few points.
-
-        points: (k, 3) x, y and bulge. Raises InputError for coordinates that are not finite, and for too many lines.
-        """
+        """Add a path (k, 3); False if inclined or of too few points. InputError: not finite, or too many lines."""
         if side == 0:
             return False
         mirror = np.array([side, 1, side], dtype=float)
@@ -303,10 +293,7 @@ class _Reader:
     _mpolygon = _hatch
 
     def _region(self, entity: Any, layer: str) -> bool:
-        """Read the plane faces of a region as closed paths; return False if there are none.
-
-        ezdxf extracts only faces with straight edges from the ACIS data.
-        """
+        """Read the plane faces of a region, of straight edges, as closed paths; return False if there are none."""
         found = False
         for body in import_module("ezdxf.acis.api").load_dxf(entity):
             for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):
@@ -385,7 +372,7 @@ def _backwards(piece: Any) -> Any:
 
 
 def _rings(pieces: list[Any]) -> list[Any]:
-    """Join pieces (k, 3) of a boundary, in any order and direction, to closed rings; None for one that stays open."""
+    """Join pieces (k, 3) of a boundary, in any order and direction, to closed rings; None for an open one."""
     if not pieces:
         return []
     size = float(np.ptp(np.concatenate(pieces)[:, :2], axis=0).max())
@@ -393,7 +380,6 @@ def _rings(pieces: list[Any]) -> list[Any]:
     ends = np.array([(piece[0, :2], piece[-1, :2]) for piece in pieces])
 
     def nearest(at: Any) -> tuple[int, int, float]:
-        """Return the free piece nearest to a point (2,), its nearer end and their distance."""
         away = np.where(free[:, None], np.hypot(*np.moveaxis(ends - at, 2, 0)), np.inf)
         k, end = divmod(int(np.argmin(away)), 2)
         return k, end, float(away[k, end])
@@ -419,9 +405,9 @@ def _rings(pieces: list[Any]) -> list[Any]:
 
 
 def _areas(rings: list[Any], style: int) -> list[tuple[Any, list[Any]]]:
-    """Return the outlines of a hatch with their holes, by how deep its rings lie within one another.
+    """Return the outlines of a hatch with holes by depth.
 
-    style: 0 fills every second depth, 1 the outermost one, 2 all that the outermost rings enclose.
+    style: 0 fills every second depth, 1 the outermost, 2 all that the outermost rings enclose.
     """
     chords = [flatten([Path(ring, True, "")], 1e-3 * float(np.ptp(ring[:, :2])), 0.0).points[0] for ring in rings]
     shapes = [shapely.make_valid(shapely.Polygon(points)) for points in chords]
@@ -442,9 +428,6 @@ def _areas(rings: list[Any], style: int) -> list[tuple[Any, list[Any]]]:
 
 
 def _side(entity: Any) -> int:
-    """Return 1 for an entity in the plane, −1 for one seen from below, 0 for an inclined one.
-
-    The coordinates of an entity seen from below have a reversed x axis.
-    """
+    """Return 1 for an entity in the plane, −1 for one seen from below (x reversed), 0 for an inclined one."""
     height = float(entity.dxf.get("extrusion", (0.0, 0.0, 1.0))[2])
     return 0 if abs(height) < 0.999 else 1 if height > 0.0 else -1

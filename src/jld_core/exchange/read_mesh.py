@@ -1,6 +1,6 @@
-"""Reader of OBJ, STL and PLY (by meshio): one solid per group or closed part.
+"""Reader and writer of OBJ, STL and PLY: one solid per group or closed part.
 
-Faces keep any number of corners: a division into fans is wrong for those that are not convex (docs/notes/tried.md).
+Faces keep any number of corners: fans are wrong for those that are not convex (docs/notes/tried.md).
 """
 
 from __future__ import annotations
@@ -28,10 +28,7 @@ from jld_core.geometry.unions import Surface, extrude, union_outlines, union_sol
 
 
 def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
-    """Read the solids of an OBJ, PLY or STL file: one per group or closed part.
-
-    Raises InputError where the file is broken, holds no faces or too many, or meshio is missing.
-    """
+    """Read the solids of an OBJ, PLY or STL file: one per group or closed part."""
     kind = path.suffix.lower().lstrip(".")
     data = readable(path).read_bytes()
     _refuse_counts(kind, data)
@@ -63,7 +60,7 @@ def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
 
 
 def _without_repeats(faces: Faces, notes: Notes) -> Faces:
-    """Return faces without corners that are named twice in a row, and without those that enclose no area then."""
+    """Return faces without corners named twice in a row, and without those that then enclose no area."""
     short = [tuple(without_spikes(loop, closed=True)) for loop in faces]
     kept = tuple(loop for loop in short if len(loop) > 2)
     notes.skip("faces", len(short) - len(kept), "they name a corner twice and enclose no area")
@@ -71,10 +68,7 @@ def _without_repeats(faces: Faces, notes: Notes) -> Faces:
 
 
 def _parts(name: str, layer: str, points: Floats, faces: Faces) -> list[Part]:
-    """Split the faces of one group, named `name` or "", into solids with names.
-
-    points: (n, 3) of the file. Raises InputError for a face with a vertex that does not exist.
-    """
+    """Split the faces of one group into named solids; InputError for a vertex that does not exist."""
     if not faces:
         return []
     top = max(max(loop) for loop in faces)
@@ -101,10 +95,7 @@ def _cells(mesh: Any) -> list[tuple[int, ...]]:
 
 
 def _obj(text: str, options: ImportOptions, notes: Notes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
-    """Read points (n, 3), and name, layer and faces of each object and group of an OBJ text.
-
-    Raises InputError for a vertex or face that is none, with its line.
-    """
+    """Read points (n, 3), and name, layer and faces of each group of an OBJ text; InputError names the line."""
     points: list[tuple[float, float, float]] = []
     faces: dict[tuple[str, str], list[tuple[int, ...]]] = {}
     at = {"o": "", "g": ""}
@@ -144,10 +135,7 @@ def _ply(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]
 
 
 def _stl(data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
-    """Read points (n, 3) and triangles by solid of an STL file; a binary one has one solid.
-
-    Raises InputError for an incomplete text file.
-    """
+    """Read points (n, 3) and triangles by solid of an STL file; InputError for an incomplete text."""
     if _is_binary(data):
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
         points = np.frombuffer(data, record, offset=84)["corners"].reshape(-1, 3).astype(float)

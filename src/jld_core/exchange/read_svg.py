@@ -43,10 +43,7 @@ _SAME_SCALE: Final = 1e-3
 
 
 def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
-    """Read the shapes and texts of an SVG file as a drawing in the file's own units.
-
-    Raises InputError where the file is not SVG, is broken or excessive, or defines XML entities.
-    """
+    """Read the shapes and texts of an SVG file as a drawing in the file's own units."""
     # The y axis is turned upwards. The name of the innermost named group is the layer. Where the page has a size in a
     # unit of length, coordinates are scaled to it; a unit of the options is that of the numbers in the file.
     svg = library("svgelements", path)
@@ -78,10 +75,7 @@ def _kind(element: ElementTree.Element) -> str:
 
 
 def _resolved(root: ElementTree.Element, notes: Notes, uneven: float) -> ElementTree.Element:
-    """Return what a file shows: copies for <use>, nothing of definitions, and no page.
-
-    uneven: horizontal over vertical scale of the page.
-    """
+    """Return what a file shows: copies for <use>, nothing of definitions, and no page."""
     named = {name: one for one in root.iter() if (name := one.get("id"))}
     clipped = 0
 
@@ -137,10 +131,7 @@ def _fitted(symbol: ElementTree.Element, use: ElementTree.Element) -> str:
 
 
 def _expanded(root: ElementTree.Element) -> int:
-    """Return the number of XML elements below a root after each <use> is replaced by a copy of what it names.
-
-    Raises InputError where a copy would contain itself.
-    """
+    """Return the number of XML elements once <use> is replaced; InputError where a copy contains itself."""
     named = {name: one for one in root.iter() if (name := one.get("id"))}
     counts: dict[ElementTree.Element, int] = {}
     open_elements: set[ElementTree.Element] = set()
@@ -162,10 +153,7 @@ def _expanded(root: ElementTree.Element) -> int:
 
 
 def _page(root: ElementTree.Element) -> tuple[float, str, float] | None:
-    """Return vertical length and unit of one unit of the drawing, and the ratio of scales, as the page states them.
-
-    It is None where the page has no size in a unit of length.
-    """
+    """Return vertical length and unit of a drawing unit, and the ratio of scales; None where the page has no size."""
     sides = [_LENGTH.fullmatch(root.get(key, "")) for key in ("width", "height")]
     stated = next((side for side in sides if side), None)
     if stated is None:

@@ -47,10 +47,7 @@ from jld_core.scene.units import METRES
 def given_contacts(
     contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
 ) -> list[dict[str, Any]]:
-    """Convert interfaces stated by a file to scene entries, projected onto best-fit planes.
-
-    contacts: (name, name, corners (k, 3)) in file units.
-    """
+    """Convert interfaces stated by a file to scene entries, projected onto best-fit planes."""
     entries = []
     for a, b, corners in contacts:
         points = scale * corners
@@ -81,10 +78,7 @@ def contacts_of(vertices: list[Floats], faces: list[Faces], notes: Notes) -> lis
 def labels_of(
     contacts: list[SpatialContact], names: list[str], drawn: list[tuple[str, Floats]], reach: float, notes: Notes
 ) -> dict[str, list[list[str]]]:
-    """Return the labels of pairs of solids on whose contacts a face with a label is drawn.
-
-    drawn: role "dry" or "inner", and corners (k, 3). Raises InputError where a pair has faces with different labels.
-    """
+    """Return the labels of pairs of solids with a drawn labelled face; InputError for different ones of a pair."""
     found: dict[tuple[str, str], str] = {}
     lost = 0
     places = np.array([contact.polygon.mean(axis=0) for contact in contacts]).reshape(-1, 3)
@@ -113,11 +107,10 @@ def solid_loads(
     options: ImportOptions,
     notes: Notes,
 ) -> dict[str, Any]:
-    """Return the entry "loads" of a scene from the marks of a spatial file, scene units.
+    """Return the entry "loads" from the marks of a spatial file; free elements within `reach` of the nearest share.
 
-    A text with components is a force at its place, one number a force downwards. An arrow has its own text or the
-    nearest one. A force acts on the nearest free element; those within `reach` of it share the force. Raises InputError
-    for a text that is no force.
+    A text with components is a force at its place, one number a force downwards; an arrow has its own text or the
+    nearest.
     """
 
     def entries(force: Floats, at: Floats) -> list[dict[str, Any]]:
@@ -162,7 +155,7 @@ def _written(mark: SolidMark) -> Floats:
 
 
 def _beside(arrows: list[SolidMark], texts: list[SolidMark], reach: float) -> dict[int, int]:
-    """Return the number of the text of each arrow, by its number; it lies at most its length from its middle."""
+    """Return the number of the text of each arrow, at most its length from its middle."""
     ends = np.array([(mark.tail, mark.at) for mark in arrows]).reshape(-1, 2, 3)
     places = np.array([mark.at for mark in texts]).reshape(-1, 3)
     away = np.linalg.norm(ends.mean(axis=1)[:, None] - places[None], axis=2)
@@ -171,10 +164,7 @@ def _beside(arrows: list[SolidMark], texts: list[SolidMark], reach: float) -> di
 
 
 def _arrow(mark: SolidMark, text: str | None) -> Floats:
-    """Return the force (3,) of an arrow: the magnitude of its text along its direction.
-
-    Raises InputError without a text, and for one that is no magnitude.
-    """
+    """Return the force (3,) of an arrow: its text's magnitude; InputError if that is none."""
     along = mark.at - (mark.at if mark.tail is None else mark.tail)
     length = float(np.linalg.norm(along))
     if text is None:
@@ -189,10 +179,7 @@ def _arrow(mark: SolidMark, text: str | None) -> Floats:
 
 
 def _nearest(at: Floats, vertices: list[Floats], faces: list[Faces], supports: list[bool], reach: float) -> list[int]:
-    """Return the free elements nearest to a point (3,), in order: those within `reach` of the least distance.
-
-    vertices, faces, supports: of all elements.
-    """
+    """Return the free elements within `reach` of the least distance to a point (3,), in order."""
     boxes = np.array([(v.min(axis=0), v.max(axis=0)) for v in vertices])
     least = np.linalg.norm(np.maximum(np.maximum(boxes[:, 0] - at, at - boxes[:, 1]), 0.0), axis=1)
     free = np.flatnonzero(~np.array(supports))
@@ -264,10 +251,7 @@ class Solids:
 
 
 def _size(vertices: list[Floats]) -> float:
-    """Return the longest side of the bounding box of all solids.
-
-    Raises InputError where it is out of range.
-    """
+    """Return the longest side of the bounding box of all solids; InputError where it is out of range."""
     every = np.concatenate(vertices)
     if not np.isfinite(every).all():
         raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
@@ -278,10 +262,7 @@ def _size(vertices: list[Floats]) -> float:
 
 
 def _supports(parts: list[Part], options: ImportOptions) -> list[bool]:
-    """Return True for each solid that is a support: by the file, by its group, or as lowest.
-
-    Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`.
-    """
+    """Return which solids are supports: by file, group, or lowest with `LOWEST` in `options.support`."""
     heights = np.array([float(part.vertices[:, 2].min()) for part in parts])
     size = float(np.ptp(np.concatenate([part.vertices for part in parts]), axis=0).max())
     near = 1e-9 * size if options.tolerance == 0.0 else SNAP * size if options.tolerance is None else options.tolerance
@@ -300,12 +281,7 @@ _Y_UP: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  #
 
 
 def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: bool = False) -> Imported:
-    """Convert the solids of a file to a spatial scene document.
-
-    feet: supports are added below the lowest faces where the file names none.
-
-    Raises InputError where there is no solid, an open solid, no support, or more content than a structure has.
-    """
+    """Convert solids to a scene document; InputError: none, open, no support, too many. feet: adds supports."""
     # Corners are snapped, faces that are not plane are triangulated, and coplanar faces are merged. Decisions are added
     # to `notes`, and the result holds them as its report.
     found = _chosen(found, options, notes)
@@ -391,7 +367,7 @@ def _state_contacts(
 
 
 def _taken_as_stated(document: dict[str, Any], options: ImportOptions, notes: Notes) -> dict[str, Any]:
-    """Return the key "tolerance" within which all stated interfaces are taken, where they fit their elements poorly."""
+    """Return the key "tolerance" within which all stated interfaces are taken, where they fit poorly."""
     if options.tolerance is not None or "interfaces" not in document or "tolerance" in document:
         return {}
     try:
@@ -428,7 +404,7 @@ def _chosen(found: Solids, options: ImportOptions, notes: Notes) -> Solids:
 
 
 def _on_feet(parts: list[Part], options: ImportOptions, notes: Notes, *, feet: bool) -> tuple[list[Part], list[bool]]:
-    """Return solids with True for each support; supports are added below where none, or only lowest ones, are there."""
+    """Return solids with True for each support; supports are added where none, or only lowest ones, are there."""
     supports = _supports(parts, options)
     if (feet and not options.support and not any(supports)) or (all(supports) and LOWEST in options.support):
         added = _feet(parts, 0.0 if options.tolerance is None else options.tolerance)
@@ -441,10 +417,7 @@ def _on_feet(parts: list[Part], options: ImportOptions, notes: Notes, *, feet: b
 def _outer_faces(
     parts: list[Part], names: list[str], snapped: SnappedSolids, notes: Notes
 ) -> tuple[list[Floats], list[Faces]]:
-    """Return vertices and plane faces of snapped solids, turned outward and merged.
-
-    Raises InputError for a solid that is open.
-    """
+    """Return vertices and plane faces of snapped solids, turned outward and merged; InputError if open."""
     kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
     bent = sum(map(len, kept))
     kept = [_triangulated(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
@@ -502,10 +475,7 @@ def _note_moved(snapped: SnappedSolids, tolerance: float, scale: float, unit: st
 
 
 def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, str | None, str]:
-    """Return scene units per file unit, the scene's unit of length, and that of the file.
-
-    Raises InputError for an unknown unit.
-    """
+    """Return scene units per file unit, the scene's unit of length, and the file's; InputError if unknown."""
     # The second is None where stored facts state it, and where no unit is known.
     given = options.unit or found.unit
     if given is not None and given not in METRES:
@@ -538,10 +508,7 @@ def _names(given: Sequence[str]) -> list[str]:
 
 
 def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
-    """Return faces without those that snapping collapsed, and without repeated corners.
-
-    vertices: (k, 3). Corners at one place get one index.
-    """
+    """Return faces without collapsed ones and repeated corners; corners (k, 3) at one place get one index."""
     node = merge_points(vertices, 0.0)
     first = np.unique(node, return_index=True)[1]
     kept = []
@@ -572,9 +539,9 @@ def _triangulated(vertices: Floats, faces: Faces) -> Faces:
 
 
 def _apex(corners: Floats) -> int:
-    """Return the index of the corner from which a bent face (k, 3) is split.
+    """Return the corner from which a bent face (k, 3) is split.
 
-    It is an end of the shorter diagonal of a quadrilateral, else the first corner in lexicographic order.
+    Of a quad's shorter diagonal, else the lexicographic first.
     """
     order = np.lexsort(corners.T)
     if len(corners) != 4:
@@ -609,10 +576,7 @@ def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Fl
 
 
 def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
-    """Split the faces of a mesh into solids, as arrays (k,) of face indices.
-
-    points: (n, 3) corners. Raises InputError where touching solids cannot be told apart.
-    """
+    """Split the faces of a mesh into solids, as arrays (k,); InputError where touching solids cannot be told apart."""
     # Faces connected by corner indices form a solid where they are closed. In a file without shared indices, a solid
     # ends where the surface first closes, so that touching blocks stay separate. Otherwise faces that touch are
     # connected.

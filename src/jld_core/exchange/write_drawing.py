@@ -33,10 +33,7 @@ _CHUNK: Final = 200  # largest number of characters per custom property
 
 
 def write_dxf(layout: Layout, path: Path, *, cells: bool = False) -> None:
-    """Write a DXF file of a layout: planar outlines and faces, or in space a mesh per block.
-
-    Raises InputError if ezdxf is missing or a planar scene has "materials.faces".
-    """
+    """Write a DXF file: planar outlines and faces, or a mesh per block; InputError for "materials.faces"."""
     # A planar file also has ids, live loads and dimensions, and stores the scene's materials and loads.
     ezdxf = library("ezdxf", path)
     document = ezdxf.new(setup=True)
@@ -135,10 +132,7 @@ def _escaped(text: str) -> str:
 
 
 def svg_text(layout: Layout, *, cells: bool = False) -> str:
-    """Return the text of an SVG drawing of a planar layout, with one group per layer.
-
-    Raises InputError for a spatial layout.
-    """
+    """Return the text of an SVG drawing of a planar layout, with one group per layer; InputError in space."""
     # Layers are block shapes, supports, joints, cracks and ids. Coordinates are in scene units with reversed y, since y
     # points down in SVG.
     if layout.assembly.dimension == 3:

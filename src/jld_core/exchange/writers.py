@@ -19,10 +19,7 @@ from jld_core.scene.units import METRES
 
 
 def layout_in_unit(layout: Layout, unit: str) -> Layout:
-    """Return a layout whose geometry is in another unit of length.
-
-    Raises ParameterError for an unknown unit, of the scene or the given one.
-    """
+    """Return a layout in another unit of length; ParameterError if either is unknown."""
     # Weights, forces and labels stay as they are. Scene data for re-import and the analysis are taken from
     # `Layout.drawn_from`, the given layout.
     own = layout.assembly.units[0]
@@ -123,10 +120,7 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
 
 
 def _of_faces(layout: Layout, kind: str) -> Layout:
-    """Drop the interfaces of members from a layout and its analysis.
-
-    Raises InputError for a layout with members if `kind` is a format that an analysis starts from.
-    """
+    """Drop the interfaces of members from a layout; InputError with members if an analysis starts from the format."""
     if not formats()[kind].members:
         layout.assembly.members.refuse(f"a file of the format {kind}")
     assembly = faces_of(layout.assembly)
@@ -159,8 +153,5 @@ def blocks_csv(layout: Layout) -> str:
 
 
 def harmless(value: object) -> object:
-    """Quote a text that a spreadsheet would run as a formula.
-
-    Result: the value; a text that begins with one of `RUN_BY_SPREADSHEETS` is preceded by an apostrophe.
-    """
+    """Quote a text that a spreadsheet would run as a formula, by an apostrophe before `RUN_BY_SPREADSHEETS`."""
     return f"'{value}" if isinstance(value, str) and value.startswith(RUN_BY_SPREADSHEETS) else value

@@ -41,10 +41,7 @@ _GROWTH = 1.5
 def finer_in_plane(
     mesh: Mesh, problem: Problem, stress: StressField | None, velocity: VelocityField | None, steps: bool
 ) -> Mesh:
-    """Refine triangles by disagreement, multipliers of yield and area; all but the smallest without a stress field.
-
-    mesh: that of the scaled problem, scene units. steps: False marks more triangles at once, for fewer meshes.
-    """
+    """Refine triangles by disagreement, multipliers of yield and area; all but the smallest without a stress field."""
     small = problem.mesh.volume < _LEAST_AREA * problem.mesh.volume.sum()
     if stress is None:
         return refine(mesh, ~small)
@@ -68,10 +65,7 @@ def finer_in_plane(
 
 
 def finer_by_dissipation(mesh: Mesh, power: Floats) -> Mesh:
-    """Refine a planar mesh for velocity fields alone, where they dissipate most.
-
-    power: (t,) dissipation in each triangle with half of its edges, any unit.
-    """
+    """Refine a planar mesh where velocity fields dissipate most; power: (t,) with half of the edges."""
     area = mesh.volume
     error = power / max(float(power.sum()), 1e-300) + _EVERYWHERE[2] * area / float(area.sum())
     error = np.where(area < _LEAST_AREA * area.sum(), 0.0, error)
@@ -87,11 +81,7 @@ def finer_in_space(
     velocity: VelocityField | None,
     most: int,
 ) -> Mesh:
-    """Bisect the tetrahedra with most dissipation less stress power, and most multipliers of yield.
-
-    mesh: that of the scaled problem, scene units. fine: problem of the stresses, with each tetrahedron split in four.
-    Halving ends when the mesh has grown enough, or has `most` tetrahedra.
-    """
+    """Bisect the tetrahedra with most dissipation less stress power, and most multipliers, up to `most`."""
     own, volume = problem.mesh, problem.mesh.volume
     rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
     middle = np.diagonal(rate, axis1=1, axis2=2)
@@ -127,7 +117,7 @@ def finer_in_space(
 
 
 def _leading(error: Floats, wanted: float, most: float) -> Bools:
-    """Mark the simplices (t,) of largest error that together hold a share of its sum, at most a share of all."""
+    """Mark the simplices (t,) of largest error that hold a share of its sum, at most a share of all."""
     order = np.argsort(-error, kind="stable")
     share = np.cumsum(error[order])
     enough = int(np.searchsorted(share, wanted * share[-1])) + 1
@@ -137,18 +127,12 @@ def _leading(error: Floats, wanted: float, most: float) -> Bools:
 
 
 def disagreement(problem: Problem, stress: StressField, velocity: VelocityField) -> Floats:
-    """Compute each simplex's share (t,) of the gap between the bounds, scaled λ; both fields are of one labelling.
-
-    Up to the opening that `UpperBound.certify` added, the sum is upper less lower bound.
-    """
+    """Compute each simplex's share (t,) of upper less lower bound, scaled λ; both fields are of one labelling."""
     return np.asarray(velocity.dissipation - stress_power(problem, stress, velocity.velocity))
 
 
 def stress_power(problem: Problem, stress: StressField, velocity: Floats) -> Floats:
-    """Return the power of a stress field on velocities in each simplex with half of its sides, (t,), scaled.
-
-    velocity: (t, d + 1, d) at the corners. By virtual power the sum is λ times live work plus dead work.
-    """
+    """Return the power (t,) of a stress field on velocities (t, d + 1, d), with half of the sides, scaled."""
     p, d, rows = problem, problem.mesh.dimension, problem.jumps
     slope = np.einsum("tki,tkj->tij", velocity, p.mesh.gradient)
     power = p.mesh.volume * np.einsum("tij,tij->t", tensors(stress.stress.mean(axis=1)), slope)
@@ -158,10 +142,7 @@ def stress_power(problem: Problem, stress: StressField, velocity: Floats) -> Flo
 
 
 def _joint_corners(fine: Problem, stress: StressField, velocity: Floats, rows: Ints) -> Floats:
-    """Compute the power (t, 4) that tractions on dry triangles (k,) lose at each corner of the unsplit tetrahedra.
-
-    velocity: (4t, 4, 3). The loss is minus the power of the tractions on the jump, where positive; scaled.
-    """
+    """Compute the power (t, 4) that tractions on dry triangles lose at corners of the unsplit tetrahedra."""
     s = fine.sides
     shares = np.zeros((len(fine.mesh) // 4, 4))
     pull, jump = tractions(fine, stress.stress, rows), jumps(fine, velocity, rows)

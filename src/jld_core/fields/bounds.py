@@ -58,10 +58,9 @@ class FieldSetting:
     def of(
         cls, assembly: Assembly, patch: float | None = None, labels: Bits | None = None, cut: tuple[int, ...] = ()
     ) -> FieldSetting:
-        """Compute material, units, coarsest mesh and loads of an assembly.
+        """Compute material, units, coarsest mesh and loads.
 
-        labels, cut: in space, the labels (m,) whose dry interfaces have rings of triangles, and the cells to cut in
-        layers. Raises InputError as `material_of` and `loaded_mesh` or `loaded_solids` do.
+        In space for dry `labels` (m,) and cells to `cut` in layers.
         """
         material = material_of(assembly)
         if assembly.dimension == 2:
@@ -97,8 +96,7 @@ class Fields:
     ) -> Fields:
         """Solve for both fields of one labelling on one mesh.
 
-        velocities: False leaves the velocity field out, so that `velocity` is None. Nothing is raised where a solver
-        fails: the field is then None.
+        A field is None where its solver fails or it is not asked for.
         """
         problem = fine = setting.problem(mesh)
         split = mesh
@@ -117,31 +115,24 @@ class Fields:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lower and upper bound on λ from this mesh alone, scene units.
-
-        The lower bound is −inf without a stress field, the upper one inf without a velocity field.
-        """
+        """Return the bounds on λ from this mesh alone, scene units; −inf and inf without a field."""
         load = self.problem.units.load
         lower = -math.inf if self.stress is None else load * self.stress.factor
         return lower, math.inf if self.velocity is None else load * self.velocity.factor
 
     @cached_property
     def for_all(self) -> tuple[FieldStresses | None, FieldMechanism | None]:
-        """Bounds on the λ of all labellings that the stress and velocity fields prove.
+        """Return the lower and upper bounds on λ of all labellings that the fields prove.
 
-        The first is a lower, the second an upper bound. Either is None without its field; the upper one also where
-        `mechanism_of` returns None.
+        None where one proves nothing.
         """
         stresses = None if self.stress is None else stresses_of(self.lower, self.stress, self.labels)
         return stresses, None if self.velocity is None else mechanism_of(self.upper, self.velocity, self.labels)
 
     def finer(self, adaptive: bool = True, *, steps: bool = True, most: int = _MOST[3]) -> Mesh:
-        """Return the next mesh: refined where the fields disagree, or everywhere.
+        """Return the next mesh, at most `most` tetrahedra.
 
-        adaptive: False splits every triangle in four, and bisects every tetrahedron. True splits the simplices with the
-        largest criterion of docs/method.md (9.12). Without a stress field the criterion uses that for the dead load
-        alone in the plane. steps: False marks more triangles at once, for fewer meshes. most: tetrahedra that the mesh
-        does not exceed.
+        Refined everywhere, or adaptively by docs/method.md (9.12).
         """
         p, every = self.problem, np.ones(len(self.mesh), dtype=bool)
         if self.mesh.dimension == 3:
@@ -158,14 +149,12 @@ class Fields:
 
 
 class CoarseBounds:
-    """Bounds on λ of many labellings on the coarsest mesh.
+    """Bounds on λ of many planar labellings on the coarsest mesh.
 
-    The two cone programs are set up once. Another labelling only switches rows and costs. Several labellings take a
-    third of the time for each when they are bounded together, and their bounds are the same.
-
-    setting: planar assembly with its coarsest mesh. many: False for a few labellings alone, which are solved as by
-    `Fields`; see `ConeProgram`.
+    A labelling switches rows and costs of two programs.
     """
+
+    # Labellings bounded together take a third of the time each, with the same bounds.
 
     def __init__(self, setting: FieldSetting, many: bool = True) -> None:
         problem = setting.problem(setting.coarse)
@@ -173,32 +162,21 @@ class CoarseBounds:
         self._lower, self._upper = LowerBound(problem, many), UpperBound(problem, many)
 
     def upper(self, labels: Bits) -> tuple[float, FieldMechanism | None]:
-        """Bound λ of one labelling from above.
-
-        Result: upper bound, scene units, inf where no velocity field was certified; and the mechanism that bounds other
-        labellings by the same field, None where it proves none.
-        """
+        """Bound λ from above, inf without proof; also the mechanism that bounds other labellings, or None."""
         found = self._upper.bound(labels)
         if found is None:
             return math.inf, None
         return self._load * found.factor, mechanism_of(self._upper, found, labels)
 
     def lower(self, labels: Bits) -> tuple[float, FieldStresses | None]:
-        """Bound λ of one labelling from below.
-
-        Result: lower bound, scene units, −inf where no stress field was certified; and the stresses that bound other
-        labellings by the same field, None without a field.
-        """
+        """Bound λ from below, −inf without proof; also the stresses that bound other labellings, or None."""
         found = self._lower.bound(labels)
         return (
             (-math.inf, None) if found is None else (self._load * found.factor, stresses_of(self._lower, found, labels))
         )
 
     def both(self, labellings: Bits) -> tuple[Floats, Floats]:
-        """Bound λ of several labellings from both sides.
-
-        Result: lower and upper bounds (k,), infinite where no field was certified; scene units.
-        """
+        """Bound λ of labellings (k, m) from both sides, (k,) each, infinite without proof; scene units."""
         lower, upper = self._lower.bound_all(labellings), self._upper.bound_all(labellings)
         low = [-math.inf if found is None else self._load * found.factor for found in lower]
         high = [math.inf if found is None else self._load * found.factor for found in upper]
@@ -206,10 +184,10 @@ class CoarseBounds:
 
 
 class FieldStatus(StrEnum):
-    """How the computation of a two-sided bound by fields ended.
+    """How the computation by fields ended.
 
-    CLOSED: the requested gap is reached. UNSTABLE: the upper bound is below 0, so the blocks collapse for every λ ≥ 0.
-    OPEN: both bounds exist, with a wider gap. NO_LOWER, NO_UPPER: that bound was not found.
+    CLOSED: the gap is reached. UNSTABLE: upper bound below 0, so the blocks collapse for every λ ≥ 0. OPEN: the gap is
+    wider. NO_LOWER, NO_UPPER: that bound was not found.
     """
 
     CLOSED = "closed"
@@ -370,14 +348,10 @@ def bounds_by_fields(
 
 
 class FieldRefinement:
-    """Refinement of the bounds of one labelling, mesh by mesh.
+    """Refinement of the bounds of one labelling, mesh by mesh: call `step` until `ended`.
 
-    Call `step` until `ended`. Each step solves one mesh and returns the best of both bounds so far. Use it instead of
-    `bounds_by_fields` where the caller decides after each mesh whether to go on.
-
-    lower_first: True raises the lower bound two to three times as fast in the plane: each mesh marks more triangles,
-    and only every third mesh has an upper bound. seconds: time that meshes in space are fitted to. Raises InputError as
-    `bounds_by_fields`.
+    lower_first: raises the lower bound two to three times as fast in the plane, with an upper bound on every third
+    mesh. seconds: time that meshes in space are fitted to.
     """
 
     def __init__(
@@ -418,10 +392,9 @@ class FieldRefinement:
 
     @property
     def ended(self) -> bool:
-        """True if `step` has nothing left to solve.
+        """True if the gap is reached, λ < 0, or a bound missing after eight meshes.
 
-        Any of these ends refinement: the gap is reached, the upper bound is below 0, a bound is missing after eight
-        meshes, the next mesh would exceed `most`, or hardly be finer.
+        Or the next mesh hardly finer or too large.
         """
         return self._mesh is None
 
@@ -454,10 +427,7 @@ class FieldRefinement:
         return 0 if self._mesh is None else len(self._mesh)
 
     def step(self, upper: bool | None = None) -> FieldBounds:
-        """Solve the next mesh.
-
-        Result: the best of both bounds over all meshes so far. Raises ValueError: refinement has ended.
-        """
+        """Solve the next mesh; return the best of both bounds so far. ValueError if ended."""
         if self._mesh is None:
             raise ValueError("refinement has ended; expected a step before")
         began, mesh = time.perf_counter(), self._mesh
@@ -475,7 +445,7 @@ class FieldRefinement:
         return self._best
 
     def _next(self, fields: Fields, spent: float) -> Mesh | None:
-        """Return the mesh after the one of fields, None where it would be too large or hardly finer."""
+        """Return the next mesh, None where it would be too large or hardly finer."""
         most = self._most
         if self._dimension == 3:
             if self._seconds is not None:
@@ -495,7 +465,7 @@ class FieldRefinement:
         return finer if grown and len(finer) <= most else None
 
     def _layered(self, fields: Fields) -> FieldSetting | None:
-        """Return the setting in space with long or flat cells that deform cut in layers, None where none is."""
+        """Return the setting with deforming long or flat cells cut in layers, None where none is."""
         if fields.velocity is None:
             return None
         shares = np.bincount(fields.mesh.cell, np.maximum(fields.velocity.dissipation, 0.0))

@@ -28,10 +28,7 @@ _SMALL = 1e-10  # added to the diagonal where dependent equations are looked for
 
 @dataclass(frozen=True)
 class Factor:
-    """Pattern of the factor L D Lᵀ of the reduced system, in the order of elimination.
-
-    The system has N unknowns: the variables, then the equations.
-    """
+    """Pattern of the factor L D Lᵀ of the reduced system of N unknowns: variables, then equations."""
 
     place: Ints  # (N,) place of each variable, then of each equation
     # start, row: (N + 1,) rows of L below the diagonal, column by column
@@ -108,10 +105,7 @@ def _hessian_pattern(matrix: sp.csr_array, sizes: tuple[int, int, int]) -> sp.cs
 
 
 def _minimum_degree(pattern: sp.csr_array) -> Ints:
-    """Return the position (k,) of each of k unknowns in a minimum-degree elimination order.
-
-    pattern: (k, k) symmetric sparse matrix, whose entries are the edges of the graph.
-    """
+    """Return the position (k,) of each unknown in a minimum-degree elimination order."""
     dummy = pattern.copy()
     dummy.data = np.full(len(dummy.data), -1.0)
     heavy = sp.csc_matrix(dummy + (2.0 + np.diff(pattern.indptr).max(initial=0)) * sp.eye_array(pattern.shape[0]))
@@ -120,11 +114,7 @@ def _minimum_degree(pattern: sp.csr_array) -> Ints:
 
 
 def _filled(place: Ints, one: Ints, other: Ints) -> Factor:
-    """Compute the pattern of a symmetric matrix's factor, with fill.
-
-    place: (N,) place of each unknown. one, other: (k,) row and column places of the entries; those with one ≤ other are
-    ignored.
-    """
+    """Compute the pattern of a symmetric matrix's factor, with fill; entries with one ≤ other count."""
     count = len(place)
     below = one > other
     structure: list[set[int]] = [set() for _ in range(count)]
@@ -154,7 +144,6 @@ def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) 
     order = np.argsort(keys)
 
     def entry(a: Ints, b: Ints) -> Ints:
-        """Return the numbers of the entries at pairs of places a, b, in either order."""
         wanted = np.minimum(a, b) * count + np.maximum(a, b)
         return np.asarray(order[np.searchsorted(keys[order], wanted)])
 
@@ -178,11 +167,7 @@ def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) 
 
 
 def _products(matrix: sp.csr_array, one: Ints, other: Ints, weight: Ints) -> tuple[Ints, Ints, Ints, Floats]:
-    """Multiply all pairs of entries of row one[k] and row other[k] of a matrix.
-
-    one, other, weight: (k,) row numbers, and weight number of each pair of rows. Returns columns of both factors,
-    weight number and product of each pair of entries.
-    """
+    """Multiply all pairs of entries of rows one[k] and other[k]: columns, number of the weight, product."""
     start, length = matrix.indptr, np.diff(matrix.indptr)
     count = length[one] * length[other]
     pair = np.repeat(np.arange(len(one)), count)
@@ -203,10 +188,7 @@ STATUS: Final = {
 
 @dataclass(frozen=True)
 class Regularisation:
-    """Regularisation of the linear systems of the interior-point method.
-
-    The values suit programs with numbers of order one.
-    """
+    """Regularisation of the interior-point method's systems, for numbers of order one."""
 
     regular: float = 1e-8  # added to every pivot with its sign
     # least_pivot, new_pivot: pivots below the first are replaced by the second
@@ -245,9 +227,8 @@ class ConeAnswers:
 class ConeBatch:
     """Compiled solver of cone programs that differ in costs and in rows that are switched off.
 
-    matrix: (m, n) A, with equations, inequalities and cones of three rows in this order. rhs, idle: (m,) b, and the
-    right-hand sides of rows that are switched off. Equations are never switched off. sizes: numbers of equations,
-    inequalities and cones. Raises ValueError: no compiled solver is installed; see `is_installed`.
+    Rows of A (m, n): equations, which are never off, inequalities, cones of three. idle: (m,) right-hand sides of rows
+    that are off. ValueError: no compiled solver, see `is_installed`.
     """
 
     def __init__(self, matrix: sp.csr_array, rhs: Floats, idle: Floats, sizes: tuple[int, int, int]) -> None:
@@ -271,10 +252,7 @@ class ConeBatch:
         self._problem = Cones(**numbers, **asdict(Regularisation()), **pointers(**self._arrays))
 
     def solve(self, off: Bits, objective: Floats) -> ConeAnswers:
-        """Solve k programs; each answer is independent of the others to the last digit.
-
-        off: (k, m) True for rows switched off; of a cone all three. objective: (k, n) costs.
-        """
+        """Solve k programs with rows `off` (k, m) and costs (k, n), each alone to the last digit."""
         count = len(off)
         state, used = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
         point, dual, value = np.zeros((count, self._width)), np.zeros((count, len(self._kept))), np.zeros(count)
@@ -336,11 +314,7 @@ _NEAR = 1e-7  # largest residual or relative gap at which an answer of status Al
 
 @dataclass
 class Rows:
-    """Rows of a cone program A x + s = b under construction.
-
-    count: number of rows so far. row, column, value: entries of A, one array per part added. rhs: parts of b. Duplicate
-    entries are summed.
-    """
+    """Rows of a cone program A x + s = b under construction, one array per part; duplicates are summed."""
 
     count: int = 0
     row: list[Ints] = field(default_factory=list)
@@ -349,11 +323,7 @@ class Rows:
     rhs: list[Floats] = field(default_factory=list)
 
     def add(self, entries: Sequence[tuple[Ints, Floats | float]], rhs: Floats | float, count: int) -> Ints:
-        """Append `count` rows, and return their numbers (count,).
-
-        entries: pairs (columns, values). Columns are (count,) or (count, j) ints, whose first axis is the row; values
-        have that shape or are one number. rhs: (count,) or one number. Without rows nothing is added.
-        """
+        """Append `count` rows of (columns, values), (count,) or (count, j), and return their numbers."""
         place = self.count + np.arange(count)
         if not count:
             return place
@@ -533,10 +503,7 @@ class ConeSizes:
 
 
 def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: ConeSizes) -> Answer:
-    """Minimise q x where A x + s = b and s lies in cones; the answer is not verified.
-
-    objective: (columns,) q. matrix: (rows, columns) A. rhs: (rows,) b.
-    """
+    """Minimise q x where A x + s = b and s lies in cones; the answer is not verified."""
     cones = [clarabel.ZeroConeT(sizes.zero), clarabel.NonnegativeConeT(sizes.linear)]
     cones += [clarabel.SecondOrderConeT(3)] * sizes.threes
     cones += [clarabel.SecondOrderConeT(4)] * sizes.fours

@@ -40,11 +40,7 @@ class Material:
 
     @cached_property
     def lines(self) -> Floats:
-        """(k, 2) coefficients (a, b) of the yield conditions R ≤ a + b m.
-
-        m = (σx + σy)/2 and R = (σ1 − σ2)/2. The rows are Mohr–Coulomb, tension cut-off and, where a compressive
-        strength is given, crushing.
-        """
+        """(k, 2) coefficients (a, b) of R ≤ a + b m: Mohr–Coulomb, tension cut-off, crushing where given."""
         rows = [(self.intercept, -self.sine), (self.tension, -1.0)]
         if np.isfinite(self.crushing):
             rows.append((self.crushing, 1.0))
@@ -68,21 +64,13 @@ class Material:
         return np.array(kept)
 
     def slack(self, stress: Floats) -> Floats:
-        """Return the least slack a + b m − R over all yield conditions (see `lines`), a stress.
-
-        stress: (..., 3) values (m, d, s) = ((σx + σy)/2, (σx − σy)/2, τxy). The result is (...,); negative means that
-        yield is violated.
-        """
+        """Return the least a + b m − R (...,) of stresses (..., 3); negative means that yield is violated."""
         radius = np.hypot(stress[..., 1], stress[..., 2])
         heads = self.lines[:, 0] + self.lines[:, 1] * stress[..., :1]
         return np.asarray(heads.min(axis=-1) - radius)
 
     def missing(self, trace: Floats, shear: Floats) -> Floats:
-        """Return the trace that strain rates lack to obey the flow rule, (k,).
-
-        trace, shear: (k,) e and g of docs/method.md (9.2). The result is g sin φ − e; above 0 the dissipation is
-        infinite. It is −inf for a material that crushes, which has no such rule.
-        """
+        """Return g sin φ − e (k,) of (9.2): above 0 the dissipation is infinite; −inf if the material crushes."""
         if np.isfinite(self.crushing):
             return np.full_like(trace, -np.inf)
         return self.sine * shear - trace

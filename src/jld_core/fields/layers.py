@@ -35,12 +35,10 @@ class Facet:
     faces: tuple[int, ...]  # interfaces on it
 
     def flat(self, places: Floats) -> Floats:
-        """Convert places (k, 3) to coordinates (k, 2) along e1 and e2 from the origin."""
         arm = places - self.origin
         return np.column_stack([arm @ self.e1, arm @ self.e2])
 
     def placed(self, flat: Floats) -> Floats:
-        """Convert coordinates (k, 2) along e1 and e2 from the origin to places (k, 3)."""
         return np.asarray(self.origin + flat[:, :1] * self.e1 + flat[:, 1:] * self.e2)
 
 
@@ -70,10 +68,7 @@ class Surface:
         ]
 
     def free(self, facet: Facet) -> list[shapely.Polygon]:
-        """Return the regions of a facet outside its interfaces, as polygons in the plane.
-
-        Load patches are not cut out. Slivers thinner than about `reach` are left out.
-        """
+        """Return the regions of a facet outside its interfaces, without slivers thinner than about `reach`."""
         whole = shapely.Polygon(facet.flat(self.points[facet.ring]))
         rest = shapely.difference(whole, shapely.union_all(self.covered(facet)))
         return [part for part in shapely.get_parts(rest) if part.area > self.reach * part.length]
@@ -86,10 +81,9 @@ class Surface:
 
 
 def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats | None = None) -> Surface:
-    """Return the surfaces of the free cells of a spatial assembly.
+    """Return the surfaces of the free cells, with nodes at `more` places (k, 3).
 
-    more: (k, 3) further places that become nodes. Result: corners of cells, interfaces and patches within the reach are
-    one node. Raises InputError: a cell that is not convex or has a face that is not plane.
+    InputError unless convex, with plane faces.
     """
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
@@ -166,18 +160,14 @@ class Layers:
     parts: tuple[Part, ...]  # the convex parts, which fill the cell
 
     def side(self, place: Floats) -> tuple[bool, ...]:
-        """Return for each of the k planes True if a place (3,) lies beyond it.
-
-        For a place inside the cell, the result equals `Part.side` of the part that holds it.
-        """
+        """Return for each of k planes whether a place (3,) lies beyond it, as `Part.side` of the part that holds it."""
         return tuple((self.normal @ place > self.offset).tolist())
 
 
 def layers_of(surface: Surface, cell: int) -> Layers | None:
-    """Choose the planes that cut a long or flat cell into layers, and cut it.
+    """Cut a long or flat cell of width w ≥ 3 s at s from both ends of side s, or half way for w ≥ 2 s.
 
-    Result: between two opposite facets whose smaller sides are s, a cell of width w ≥ 3 s has planes at s from both;
-    one of w ≥ 2 s has one half way. None for a cell without such facets.
+    None for others.
     """
     own = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
     normals = np.array([surface.facets[index].normal for index in own])
@@ -218,11 +208,7 @@ def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
 def pieces(
     surface: Surface, index: int, region: shapely.Polygon, layers: dict[int, Layers], face: int | None = None
 ) -> list[shapely.Polygon]:
-    """Cut a region of a facet along the parts of its cell, in the plane of the facet.
-
-    face: interface on the region; the cells on both of its sides then cut. Result: pieces without slivers; the region
-    itself where no cell is cut.
-    """
+    """Cut a region along the parts of its cell, and of both cells at an interface; without slivers."""
     facet, found = surface.facets[index], [region]
     both = [k for k, one in enumerate(surface.facets) if face is not None and face in one.faces]
     for place in both or [index]:
@@ -262,14 +248,10 @@ def _nodes(surface: Surface, own: list[int]) -> Floats:
 
 
 def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
-    """Return the planes, as unit normal (3,) and offset, that cut a cell between two facets.
+    """Return the planes, unit normal (3,) and offset, that cut a long or flat cell between two facets."""
 
-    nodes: (k, 3) of the surface of the cell; a plane close to one is moved to it. Where the facets lean, all planes
-    meet in one line. Empty unless the cell is long or flat.
-    """
-
+    # Where the facets lean, all planes meet in one line; a plane close to a node is moved to it.
     def share(places: Floats) -> Floats:
-        """Return the distance (k,) of places (k, 3) from `one`, over the sum of both distances."""
         near, far = (one.origin - places) @ one.normal, (other.origin - places) @ other.normal
         return np.asarray(near / (near + far))
 
@@ -300,10 +282,7 @@ def _smaller_side(surface: Surface, facet: Facet) -> float:
 
 
 def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float) -> list[Part]:
-    """Cut a part by plane `number`: return its two halves, or the part alone if on one side.
-
-    normal: (3,) and offset of the plane. reach: distance within which points lie on it.
-    """
+    """Cut a part by plane `number`: its two halves, or the part alone if it lies on one side."""
     skins: tuple[list[tuple[int, Floats]], ...] = ([], [])
     caps: tuple[list[tuple[int, Floats]], ...] = ([], [])
     on: list[Floats] = []
@@ -321,11 +300,7 @@ def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float
 
 
 def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> list[tuple[Floats, Floats]]:
-    """Cut a convex outline (c, 3) by a plane into the pieces before and beyond it.
-
-    normal: (3,) and offset of the plane. Points within `reach` lie on it. Each of the two results is a piece (c, 3)
-    with its points on the plane (j, 3). A piece is empty if nothing of the outline lies strictly on its side.
-    """
+    """Cut a convex outline (c, 3) by a plane: pieces (c, 3) before and beyond it, with their points on it (j, 3)."""
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
     after, next_height = np.roll(outline, -1, axis=0), np.roll(height, -1)
@@ -346,10 +321,7 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
 
 
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
-    """Order the corners of a convex polygon counter-clockwise and merge repeated ones, (c, 3).
-
-    places: (k, 3) corners in any order. normal: (3,) of their plane.
-    """
+    """Order the corners (k, 3) of a convex polygon counter-clockwise and merge repeated ones."""
     one = np.eye(3)[np.argmin(abs(normal))]
     one = np.cross(normal, one)
     one /= np.linalg.norm(one)

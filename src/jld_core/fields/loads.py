@@ -107,11 +107,7 @@ def thickness_of(assembly: Assembly) -> float:
 
 
 def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, FieldLoads]:
-    """Return the coarsest mesh of an assembly with its loads.
-
-    Result: the mesh, on which edges of interfaces and of loaded segments are tagged; and forces per volume and
-    tractions. Raises InputError: a force on the outline of its cell without a free face, or without room for its patch.
-    """
+    """Return the coarsest mesh, tagged, with body forces and tractions; InputError for a force without face or room."""
     segments, rest = loaded_segments(assembly, patch)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
     coarse = coarse_mesh(outlines_of(assembly, ends))
@@ -120,10 +116,9 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
 
 
 def loaded_segments(assembly: Assembly, patch: float | None = None) -> tuple[list[Segment], tuple[Floats, Floats]]:
-    """Return the parts of free faces with tractions, and the dead and live loads that they leave.
+    """Return the parts of free faces with tractions, and the loads (n, 3) that they leave.
 
-    patch: as for `loaded_mesh`. The loads left are forces and moments (n, 3) about centroids, scene units. Raises
-    InputError as `loaded_mesh` does.
+    InputError as `loaded_mesh`.
     """
     plain = outlines_of(assembly)
     faces = [face for cell in range(len(plain.cells)) for face in _free_faces(plain, cell)]
@@ -138,10 +133,7 @@ def loaded_segments(assembly: Assembly, patch: float | None = None) -> tuple[lis
 def _pieces(
     assembly: Assembly, faces: list[_FreeFace], loads: Loads, patch: float | None
 ) -> tuple[dict[int, list[_Piece]], Floats]:
-    """Return the tractions on free faces, by the index of the face, and the rest (n, 3) of the loads.
-
-    Raises InputError as `loaded_mesh` does.
-    """
+    """Return the tractions on free faces, by the index of the face, and the rest (n, 3) of the loads."""
     found: dict[int, list[_Piece]] = {}
     for traction in loads.tractions:
         index, piece = _pressed(assembly, faces, traction)
@@ -173,10 +165,7 @@ def _pieces(
 
 
 def _pressed(assembly: Assembly, faces: list[_FreeFace], traction: Traction) -> tuple[int, _Piece]:
-    """Return the index of the free face that a traction acts on, and its part of the face.
-
-    Raises InputError where it lies on no free face.
-    """
+    """Return the index of the free face that a traction acts on, and its part; InputError if none."""
     reach = 2.0 * tolerances.ON_OUTLINE * assembly.size
     ends = traction.rings[0]
     for index, face in enumerate(faces):
@@ -197,10 +186,7 @@ def _pressed(assembly: Assembly, faces: list[_FreeFace], traction: Traction) -> 
 
 
 def loads_on(assembly: Assembly, mesh: Mesh, segments: list[Segment], rest: tuple[Floats, Floats]) -> FieldLoads:
-    """Return the loads of an assembly over its coarsest mesh.
-
-    Raises InputError for a flat triangle, and for an interface off the outlines of its cells.
-    """
+    """Return the loads over the coarsest mesh; InputError as `_require_cover`."""
     _require_cover(assembly, mesh)
     return FieldLoads(body_forces(assembly, mesh, rest[0]), body_forces(assembly, mesh, rest[1]), tuple(segments))
 
@@ -250,10 +236,9 @@ def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
 
 
 def _face_of(assembly: Assembly, faces: list[_FreeFace], cell: int, place: Floats, vector: Floats) -> int | None:
-    """Return the index of the free face of a cell that a force acts on; None if it acts inside or beyond the cell.
+    """Return the free face of a cell that a force (2,) acts on, None if none.
 
-    place, vector: (2,) of the force. Of several faces, that of the steepest push is taken. Raises InputError for a
-    force on the outline of a cell without a free face there, and for one that is as steep on two of them.
+    InputError on outlines where it is not clear.
     """
     reach = tolerances.ON_OUTLINE * assembly.size
     if shapely.Polygon(assembly.elements.shape[cell]).exterior.distance(shapely.Point(*place)) > reach:
@@ -274,9 +259,9 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], cell: int, place: Float
 
 
 def steepest(found: list[tuple[float, int]], element: str, place: Floats) -> int:
-    """Return the number with the largest push of pairs (push, number), of faces that hold the place (d,) of a force.
+    """Return the number of the largest push among (push, number).
 
-    Raises InputError where two pushes are alike: the order of faces would choose.
+    InputError for two alike, so that no order decides.
     """
     (push, number), *others = sorted(found, reverse=True)
     if others and others[0][0] >= push * (1.0 - tolerances.CONTACT):
@@ -307,7 +292,7 @@ def _segments(assembly: Assembly, face: _FreeFace, dead: Sequence[_Piece], live:
 
 
 def _sum(pieces: Sequence[_Piece], low: float, high: float) -> Floats:
-    """Return the sum of the tractions (2, 2) of pieces at distances `low`, `high` along their face."""
+    """Return the sum of tractions (2, 2) of pieces from `low` to `high` along their face."""
     total = np.zeros((2, 2))
     for start, stop, ends in pieces:
         shares = ((np.array([low, high]) - start) / (stop - start))[:, None]
@@ -316,10 +301,7 @@ def _sum(pieces: Sequence[_Piece], low: float, high: float) -> Floats:
 
 
 def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece:
-    """Spread forces without a stated width over one face as a linear traction.
-
-    Raises InputError without room for that.
-    """
+    """Spread forces without a width over one face as a linear traction; InputError without room."""
     # The traction covers the face. If forces of one sign have their resultant beyond the middle third, the traction is
     # uniform about the resultant instead.
     thickness = thickness_of(assembly)
@@ -379,11 +361,7 @@ def _tagged(mesh: Mesh, segments: list[Segment]) -> Mesh:
 
 
 def body_forces(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
-    """Spread loads on cells over their root simplices as forces per volume (t, d).
-
-    loads: (n, 3 or 6) forces and moments about the centroids of the elements, scene units. Force and moment of each
-    cell are kept.
-    """
+    """Spread loads (n, 3 or 6) over root simplices as forces per volume (t, d) with the same resultants."""
     d = mesh.dimension
     thickness = thickness_of(assembly) if d == 2 else 1.0
     middle = mesh.corners.mean(axis=1)

@@ -46,12 +46,9 @@ class StressField:
 
 
 class LowerBound:
-    """Lower bounds on λ by stress fields, for many labellings of one problem.
+    """Lower bounds on λ by stress fields, for many labellings of one problem; planar programs and factors are kept.
 
-    `bound` returns a certified field. In the plane, programs and factors are kept, so that later labellings cost less.
-
-    problem: the scaled problem on one mesh. many: True where hundreds of labellings are bounded in the plane; see
-    `ConeProgram`. status: status by the solver of the last labelling that was bounded, "" before.
+    many: True where hundreds are bounded in the plane, see `ConeProgram`. status: of the last labelling, "" before.
     """
 
     def __init__(self, problem: Problem, many: bool = False) -> None:
@@ -65,15 +62,12 @@ class LowerBound:
         self.status = ""
 
     def bound(self, labels: Bits) -> StressField | None:
-        """Find a stress field for one labelling, and certify it.
-
-        Where the proposed field violates yield, larger margins and a mean with an interior field are tried. None: the
-        solver failed, or no attempt passed the check.
-        """
+        """Find and certify a stress field for one labelling; None where the solver or every check fails."""
+        # Where the proposed field violates yield, larger margins and a mean with an interior field are tried.
         return self._bound_by(self.propose(labels, self._margins[0]), labels)
 
     def bound_all(self, labellings: Bits) -> list[StressField | None]:
-        """Find stress fields for labellings (k, m) in the plane, solved together where possible; see `bound`."""
+        """Find stress fields for labellings (k, m) in the plane, solved together where possible."""
         program, owner = self._program_with(self._margins[0])
         answers = program.solve_all(np.array([self._off(owner, labels) for labels in labellings]))
         return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
@@ -115,11 +109,9 @@ class LowerBound:
         return None
 
     def propose(self, labels: Bits, margin: float) -> Answer:
-        """Solve for the stress field of largest λ; the answer is not certified, see `certify`.
+        """Solve for the stress field of largest λ with slack `margin` in yield; uncertified.
 
-        margin: slack that the solver keeps to each yield condition, scaled stress. Shear of joints without friction and
-        shear strength has no slack. `Answer.point` begins with the stresses, as `StressField.stress` in C order, and
-        ends with λ.
+        `Answer.point` begins with the stresses, as `StressField.stress` in C order, and ends with λ.
         """
         if self._dimension == 2:
             program, owner = self._program_with(margin)
@@ -127,7 +119,7 @@ class LowerBound:
         return solve_cones(*self._program(np.flatnonzero(self.problem.is_dry(labels)), margin, labels)[0])
 
     def _program_with(self, margin: float) -> tuple[ConeProgram, Ints]:
-        """Return the program of a margin in the plane, and the edge whose label switches each row, −1 for none."""
+        """Return the planar program of a margin, and the edge whose label switches each row, −1 for none."""
         # Each program is set up once and kept. Further margins are for few labellings.
         if margin not in self._programs:
             (objective, matrix, rhs, sizes), owner = self._program(self.problem.on_faces, margin)
@@ -137,18 +129,11 @@ class LowerBound:
         return self._programs[margin]
 
     def _off(self, owner: Ints, labels: Bits) -> Bools:
-        """Mark the rows (rows,) to switch off: those whose owner edge is not on a dry joint.
-
-        owner: (rows,) edge of each row, −1 for none.
-        """
+        """Mark the rows (rows,) whose owner edge is not on a dry joint."""
         return (owner >= 0) & ~self.problem.is_dry(labels)[owner]
 
     def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
-        """Project stresses onto equilibrium and check yield, without a solver for cone programs.
-
-        stress: (size,) in the order of `StressField.stress`. All are scaled. The `rate` of the result is zero. None:
-        the projected stresses violate yield, or miss equilibrium by more than rounding.
-        """
+        """Project stresses (size,) onto equilibrium and check yield; None if either is missed by more than rounding."""
         projected, rest = self._project(stress, factor, labels)
         field = projected.reshape(self._shape)
         room = self.room(field, labels) - rest
@@ -161,22 +146,14 @@ class LowerBound:
         return np.asarray((lines[:, :1] * shares).sum(axis=0).reshape(self._shape[:2]))
 
     def room(self, stress: Floats, labels: Bits) -> float:
-        """Return the least distance of stresses to any yield condition, scaled stress.
-
-        stress: as in `StressField`. A negative result means that yield is violated in a block or on a dry joint.
-        Equilibrium is not checked.
-        """
+        """Return the least distance of stresses to yield in blocks and on dry joints; equilibrium is not checked."""
         rows = np.flatnonzero(self.problem.is_dry(labels))
         least = float(slack(self.problem.material, stress).min())
         return min(least, float(self.joint_room(stress, rows).min())) if rows.size else least
 
     def joint_room(self, stress: Floats, rows: Ints) -> Floats:
-        """Return the distances of tractions to the yield of dry joints, (k, d), scaled stress.
-
-        stress: as in `StressField`. rows: (k,) sides on interfaces, taken as dry. The columns are the corners of a
-        side; a negative distance is a violation. Shear on joints without friction and shear strength is left out:
-        `certify` makes it zero.
-        """
+        """Return the distances (k, d) of tractions at corners of sides (k,) to yield as dry joints, scaled."""
+        # Shear on joints without friction and shear strength is left out: `certify` makes it zero.
         p, normals = self.problem, self.problem.sides.normal[rows]
         pull = tractions(p, stress, rows)
         normal = np.einsum("fki,fi->fk", pull, normals)
@@ -251,12 +228,9 @@ class LowerBound:
         return rows.matrix(width)
 
     def _project(self, stress: Floats, factor: float, labels: Bits) -> tuple[Floats, float]:
-        """Return the nearest stresses (size,) in equilibrium under λ, and a bound on their error.
-
-        stress: (size,), factor: λ, both scaled. The error, a scaled stress, is at most twice the last correction plus
-        the largest residual. It is inf where the residual exceeds rounding, since the equations then contradict each
-        other.
-        """
+        """Return the nearest stresses (size,) in equilibrium under λ, and a bound on their error."""
+        # The error is at most twice the last correction plus the largest residual. A residual beyond rounding means
+        # that the equations contradict each other.
         matrix, solver = self._equalities(labels)
         whole, rhs = self.equilibrium
         rhs = rhs - factor * whole[:, [-1]].toarray().ravel()
@@ -277,10 +251,7 @@ class LowerBound:
     def _program(
         self, rows: Ints, margin: float, labels: Bits | None = None
     ) -> tuple[tuple[Floats, sp.csr_array, Floats, ConeSizes], Ints]:
-        """Set up the program that maximises λ; return it, and the side whose label switches each row, −1 for none.
-
-        rows: (k,) sides whose joints yield. labels: (m,) where these joints are dry for good.
-        """
+        """Set up the program that maximises λ; return it, and the side whose label switches each row, −1 for none."""
         # Columns: stresses, what holds them within a circle (a radius ≥ √(d² + s²)) or between principal stresses (α ≥
         # σ1 and β ≤ σ3, docs/method.md (10.1)) at each corner, and λ. Rows: equilibrium, yield of the material, yield
         # of dry joints at the corners of sides, and the cones of radii or of tensors.
@@ -349,10 +320,7 @@ class LowerBound:
 
 
 def tractions(problem: Problem, stress: Floats, rows: Ints) -> Floats:
-    """Return the tractions (k, d, d) on simplex a at the corners of sides (k,): side, corner, axis; tension positive.
-
-    stress: as in `StressField`.
-    """
+    """Return the tractions (side, corner, axis), (k, d, d), on simplex a at sides (k,); tension positive."""
     s = problem.sides
     own = stress[s.a[rows][:, None], s.corner_a[rows]]
     return np.asarray(np.einsum("fij,fkj->fki", normal_map(s.normal[rows]), own))

@@ -34,7 +34,6 @@ _DIGITS = 9  # decimal digits to which lengths of edges are compared; edges of e
 
 
 def patch_tag(patch: int) -> int:
-    """Return the tag, −2 − patch, of the sides on load patch number `patch` ≥ 0."""
     return -2 - patch
 
 
@@ -48,8 +47,6 @@ def _outward(places: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Sides:
-    """Edges of a mesh of triangles, or triangles of one of tetrahedra, as arrays over f sides."""
-
     # a, b: (f,) simplices; b = −1 on an outline, surface or support
     a: Ints
     b: Ints
@@ -105,7 +102,7 @@ class Mesh:
 
     @cached_property
     def side_nodes(self) -> tuple[Ints, Ints]:
-        """Nodes (u, d) of the u distinct sides, in ascending order, and the sides (t, d + 1) of each simplex."""
+        """Nodes (u, d) of the distinct sides, in ascending order, and the sides (t, d + 1) of each simplex."""
         own = np.sort(self.simplices[:, _SIDES[self.dimension]].reshape(-1, self.dimension), axis=1)
         _, first, number = np.unique(self._keys(own), return_index=True, return_inverse=True)
         return own[first], np.asarray(number.reshape(len(self), -1))
@@ -205,10 +202,7 @@ def _centre(ring: Floats) -> Floats | None:
 
 
 def _chains(points: Floats, ring: Ints) -> dict[int, list[int]]:
-    """Map each corner of an outline to the nodes from it to the next corner, both included.
-
-    points: (p, 2) positions of all nodes. ring: (k,) nodes of the outline, in order.
-    """
+    """Map each corner of an outline to the nodes from it to the next corner, both included."""
     turn, size = _turns(points[ring])
     corners = np.flatnonzero(abs(turn) > _STRAIGHT * size)
     nodes = ring.tolist()
@@ -239,10 +233,7 @@ def _delaunay(points: Floats, nodes: list[int]) -> list[tuple[int, int, int]]:
 
 
 def subdivide(mesh: Mesh, parts: int) -> Mesh:
-    """Return the mesh with every triangle split into parts² similar ones.
-
-    Result: conforming as before; tags and roots are inherited.
-    """
+    """Split every triangle into parts² similar ones; tags and roots are inherited."""
     if parts == 1:
         return mesh
     unique, number = mesh.side_nodes
@@ -343,10 +334,7 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
 
 
 def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, int, int]], list[int]]:
-    """Split triangles at middles of edges; return new triangles, and the old one of each.
-
-    middle: (t, 3) node in the middle of each edge, −1 for a whole edge. first: (t,) edge that is halved first.
-    """
+    """Split triangles at middles (t, 3), −1 for none, edge `first` first; also the old triangle of each."""
     triangles: list[tuple[int, int, int]] = []
     parent: list[int] = []
     for t, (nodes, own, k) in enumerate(zip(mesh.simplices.tolist(), middle.tolist(), first.tolist(), strict=True)):
@@ -363,11 +351,7 @@ def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, in
 
 
 def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
-    """Bisect triangles at the ends of loads on straight outlines, until three meet there.
-
-    Result: triangles at such a node are bisected there, at two of them split at the centroid; others are split only
-    where conformity asks for it.
-    """
+    """Bisect triangles at the ends of loads on straight outlines, until three meet there."""
     # The traction jumps there from its value to 0. Stresses in two triangles may differ only along their common edge,
     # which meets such a jump only where the edge is normal to the outline. With two triangles no λ but 0 would have a
     # stress field; see docs/method.md (9.5).
@@ -404,25 +388,10 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
 
 
 def bisect(mesh: Mesh, marked: Bools, weight: Floats | None = None) -> Mesh:
-    """Halve one edge of each marked tetrahedron, and others where quality asks for it.
+    """Halve one edge of each marked tetrahedron (t,), and others where quality asks for it (Rivara 1991).
 
-    An edge is halved in all tetrahedra around it at once, so that the mesh stays conforming. Without weights a
-    tetrahedron with a halved edge has its longest one halved before (Rivara 1991, longest-edge bisection).
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Any mesh.
-    marked : (t,) bool array
-        Tetrahedra to split.
-    weight : (t, 4) float array, optional
-        Weights of the corners of each tetrahedron, of sum 1 or all 0. Its edge is then the one with the greatest length
-        × (difference of the weights + a little), so that layers grow along edges where weights are great.
-
-    Returns
-    -------
-    Mesh
-        Conforming; tags and roots are inherited.
+    weight: (t, 4) of corners; layers then grow along edges where weights are great. Conforming; tags and roots are
+    inherited.
     """
     ends = np.sort(mesh.simplices[:, _EDGES], axis=2)
     unique, number = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
@@ -449,18 +418,7 @@ def bisect(mesh: Mesh, marked: Bools, weight: Floats | None = None) -> Mesh:
 
 
 def split_at_centroids(mesh: Mesh) -> Mesh:
-    """Return the mesh with every tetrahedron split in four at its centroid (Alfeld 1984).
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Any mesh.
-
-    Returns
-    -------
-    Mesh
-        Part k of tetrahedron i is number 4 i + k; its corner k is the centroid, the others are those of i.
-    """
+    """Split every tetrahedron in four (Alfeld 1984): part k of i is number 4 i + k, its corner k the centroid."""
     parts = np.repeat(mesh.simplices[:, None], 4, axis=1)
     parts[:, np.arange(4), np.arange(4)] = len(mesh.points) + np.arange(len(mesh))[:, None]
     return Mesh(
@@ -474,20 +432,7 @@ def split_at_centroids(mesh: Mesh) -> Mesh:
 
 
 def halve_edges(mesh: Mesh, edges: Ints) -> Mesh:
-    """Halve edges one after another, each in all tetrahedra and tagged triangles around it.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Any mesh.
-    edges : (k, 2) int array
-        Nodes of the edges in ascending order.
-
-    Returns
-    -------
-    Mesh
-        Conforming; tags and roots are inherited.
-    """
+    """Halve edges (k, 2) one after another, each in all tetrahedra and tagged triangles around it."""
     solids = [tuple(nodes) for nodes in mesh.simplices.tolist()]
     parent = list(range(len(solids)))
     around: dict[int, set[int]] = {}

@@ -17,10 +17,7 @@ _LEAST = 1e-9  # least room in all flow rules, at velocities of one, of a motion
 
 
 def opening_motion(problem: Problem) -> Floats | None:
-    """Find velocities that open every edge and dilate every triangle: (t, 3, 2), scaled.
-
-    None if no such motion was found, as for enclosed cells.
-    """
+    """Find scaled velocities (t, 3, 2) that open every edge and dilate every triangle; None as for enclosed cells."""
     # A small multiple of them added to a velocity field repairs flow rules that rounding violates. Cells move apart and
     # stretch, each affinely, so that interfaces open despite friction of joint and material. Inside a cell, triangles
     # move by the gradient of a convex function that is linear on triangles. Such a gradient jumps along the normals of
@@ -43,12 +40,8 @@ def opening_motion(problem: Problem) -> Floats | None:
 
 
 def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
-    """Find gradients (t, 2) of a function that is linear on triangles, convex in each cell.
-
-    number: (t,) cell of each triangle, counted from 0 without gaps. A linear program finds the function; None where
-    there is none. One exists for every mesh of fans, trees of triangles and their bisections, which are regular
-    subdivisions.
-    """
+    """Find gradients (t, 2) of a function linear on triangles and convex in each cell, by a linear program; or None."""
+    # One exists for every mesh of fans, trees of triangles and their bisections, which are regular subdivisions.
     from scipy.optimize import linprog  # takes longer to import than most commands need
 
     mesh, e = problem.mesh, problem.sides
@@ -78,12 +71,7 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
 
 
 def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> tuple[Floats, float] | None:
-    """Find affine motions of the cells (count, 6) with the largest slack in all flow rules.
-
-    number: (t,) cell of each triangle, counted from 0. centre: (count, 2) points that the first two coefficients move;
-    the others are velocity gradients. No coefficient exceeds one. Also returns the slack. None where no motion has a
-    positive one.
-    """
+    """Find motions of the cells (count, 6), coefficients ≤ 1, of the largest slack in all flow rules; or None."""
     p, e, rows = problem, problem.sides, problem.on_faces
     width = 6 * count + 1
     linear, cones = Rows(), Rows()
@@ -142,13 +130,7 @@ _ROUNDS = 4
 
 
 class Settling:
-    """Correction of velocities of one problem, so that active flow rules hold exactly.
-
-    Use it between a solver and a check: a solver meets flow rules up to its residual only. The matrices of all rates
-    are set up once.
-
-    problem: the scaled problem.
-    """
+    """Correction of velocities of one problem, so that active flow rules hold exactly, between solver and check."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -164,11 +146,9 @@ class Settling:
         self._rates = rates.matrix(6 * count)
 
     def settled(self, velocity: Floats, dry: Bools) -> Floats:
-        """Move velocities to the nearest ones for which active flow rules hold with equality.
+        """Move velocities (t, 3, 2) by about the solver's residual so that active flow rules hold.
 
-        velocity: (t, 3, 2) velocities at the corners of triangles that hold flow rules up to the residual of a solver,
-        scaled. dry: (e,) edges on dry interfaces. Result: (t, 3, 2) differs from what was given by about that residual.
-        Nothing is proven of it: check it by `UpperBound.certify`.
+        Nothing is proven.
         """
         # A flow rule is active if it is violated, or met with a margin below a small share of the largest velocity.
         moved = velocity.ravel()
@@ -186,10 +166,7 @@ class Settling:
         return np.asarray(moved.reshape(velocity.shape))
 
     def _active(self, velocity: Floats, dry: Bools) -> sp.csr_array | None:
-        """Return equations over velocities (6t,) that keep active flow rules at equality.
-
-        velocity: (6t,), at which rules count as active. dry: (e,) edges on dry interfaces. None if no rule is active.
-        """
+        """Return equations over velocities (6t,) that keep active flow rules at equality; None if none is active."""
         p, small = self.problem, _ACTIVE * float(abs(velocity).max())
         rates = self._rates @ velocity
         rigid = bool(np.isinf(p.material.crushing))
@@ -210,11 +187,7 @@ class Settling:
 def _choose(
     chosen: Rows, rates: Floats, head: Ints, tail: list[Ints], slope: Floats, wanted: Bools, small: float
 ) -> None:
-    """Append equations for the active flow rules among head ≥ slope · |tail|.
-
-    rates: all openings and slips. head: (k,) indices of openings. tail: arrays (k,) of indices of slips. slope: (k,) of
-    each rule. wanted: (k,) whether it applies. small: rate that counts as zero.
-    """
+    """Append equations for the active flow rules among head ≥ slope · |tail|; small: rate that counts as zero."""
     value, parts = rates[head], [rates[part] for part in tail]
     size = np.sqrt(sum((part**2 for part in parts), np.zeros(len(value))))
     active = wanted & (value - slope * size <= small)

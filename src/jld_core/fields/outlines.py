@@ -21,10 +21,10 @@ FREE = -1
 
 @dataclass(frozen=True)
 class Outlines:
-    """Outlines of all free cells over common nodes.
+    """Outlines of all free cells over common nodes (p, 2).
 
-    points: (p, 2) positions of nodes, scene units. cells: (c,) element of each outline. rings: per outline (k,) its
-    nodes, counter-clockwise. tags: per outline (k,) the interface on the edge from node i to i + 1, or FREE.
+    rings: per outline (k,) its nodes, counter-clockwise. tags: per outline (k,) the interface on the edge from node i
+    to i + 1, or FREE.
     """
 
     points: Floats
@@ -34,11 +34,7 @@ class Outlines:
 
 
 def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
-    """Return the outlines of the free cells, with a node at every end of an interface.
-
-    extra: (k, 2) further points on outlines that become nodes, scene units. Result: corners and ends closer than the
-    contact tolerance are one node.
-    """
+    """Return the outlines of free cells, with nodes at ends of interfaces and at `extra` (k, 2) points."""
     from scipy.spatial import cKDTree  # slow to import, and most searches have no fields
 
     cells = assembly.elements.free
@@ -72,10 +68,7 @@ def merged(places: Floats, reach: float) -> tuple[Floats, Ints]:
 
 
 def ring_of(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
-    """Return the nodes of a closed polygon: its corners, and all nodes on its edges, in order.
-
-    points: (p, d). near: tree of the points. corners: (k,) nodes. reach: largest distance from an edge, length.
-    """
+    """Return the nodes of a closed polygon: its corners (k,), and all nodes within `reach` of its edges, in order."""
     corners = corners[corners != np.roll(corners, 1)]
     after = np.roll(corners, -1)
     middle, half = (
@@ -98,10 +91,7 @@ def ring_of(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
 
 
 def _tags(points: Floats, own: list[int], ring: Ints, face_ends: Ints, reach: float) -> Ints:
-    """Return the interface (k,) that covers each edge of an outline, FREE where none does.
-
-    points: (p, 2) nodes. ring: (k,) its nodes. face_ends: (m, 2) end nodes of interfaces.
-    """
+    """Return the interface (k,) that covers each edge of an outline, FREE where none does."""
     tags = np.full(len(ring), FREE, dtype=np.int64)
     middle = 0.5 * (points[ring] + points[np.roll(ring, -1)])
     for face in own:

@@ -23,10 +23,7 @@ _ROUTE: Final = Route("cracks by fields")
 
 
 def material_of(assembly: Assembly) -> Material:
-    """Return the material of all blocks, from the inner strengths of the faces.
-
-    Raises InputError: no inner strengths, strengths of 0, strengths that differ between faces, or members.
-    """
+    """Return the material of all blocks; InputError: no or zero inner strengths, differing faces, or members."""
     # The tensile strength is reduced to τ / μi, the apex of Mohr–Coulomb, where it is larger.
     assembly.members.refuse("an analysis by fields")
     values = np.column_stack(list(vars(assembly.strengths(_ROUTE).side(dry=False)).values()))
@@ -56,8 +53,7 @@ def material_of(assembly: Assembly) -> Material:
 class Units:
     """Units of a scaled problem: scene value = unit × scaled value.
 
-    length, stress: in scene units. load: unit of λ, and of power at unit work of the live load. velocity: unit of the
-    velocities on which the live load does unit work, in 1 / force. origin: (2,) or (3,) point of the scene that becomes
+    velocity: of velocities on which the live load does unit work, 1 / force. origin: (2,) or (3,) point that becomes
     zero.
     """
 
@@ -153,11 +149,7 @@ class Problem:
 
 
 def units_of(assembly: Assembly, material: Material) -> Units:
-    """Choose the units in which a problem has numbers of order one.
-
-    material: in scene units. Units depend on sizes, strengths and loads alone, so that scaled problems do not depend on
-    position, rotation and units of the scene.
-    """
+    """Choose units by sizes, strengths and loads alone: not by position, rotation or units of the scene."""
     elements, free = assembly.elements, assembly.elements.free
     volume = elements.volume[free].sum()
     if assembly.dimension == 2:
@@ -175,11 +167,7 @@ def units_of(assembly: Assembly, material: Material) -> Units:
 
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:
-    """Scale an assembly and its loads to the problem on one mesh, with stresses, lengths and loads of order one.
-
-    material: in scene units. mesh: scene coordinates; refined from the mesh that the loads belong to. loads: over the
-    roots of the mesh, scene units.
-    """
+    """Scale an assembly, and loads over the roots of a mesh, to the problem on that mesh."""
     density = units.length / units.stress
     own, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
     crushing = np.where(np.isnan(own.crush), np.inf, own.crush)
@@ -200,11 +188,9 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
 
 
 def require_fields(assembly: Assembly) -> None:
-    """Raise InputError if λ of an assembly cannot be bounded by fields, whatever its labels.
-
-    Refused are members, inner strengths that are missing, zero or different, loads without room for their patch,
-    outlines or interfaces that no mesh fits, and in space cells that are not convex.
-    """
+    """Raise InputError if λ cannot be bounded by fields, whatever the labels."""
+    # Members, inner strengths missing, zero or different, loads without room for their patch, outlines that no mesh
+    # fits, cells in space that are not convex.
     material_of(assembly)
     load: Callable[[Assembly], object] = loaded_mesh
     if assembly.dimension == 3:
@@ -223,11 +209,7 @@ def require_planar_fields(assembly: Assembly) -> None:
 
 
 def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:
-    """Check labels of an assembly, and return them as a (m,) bool array.
-
-    labels: (m,) bool, True = dry; None: those of the scene. Raises InputError for another shape or type, and for a dry
-    face without a friction coefficient.
-    """
+    """Return labels (m,), by default those of the scene; InputError for shape, type, or a dry face without friction."""
     given = np.asarray(assembly.labels if labels is None else labels)
     if given.shape != (len(assembly.interfaces),) or given.dtype != bool:
         raise InputError("labels", f"shape {given.shape} of {given.dtype}", f"({len(assembly.interfaces)},) of bool")
@@ -238,10 +220,7 @@ def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:
 
 
 def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patch: float | None) -> Bits:
-    """Check the arguments of a bound by fields, and return the labels (m,).
-
-    Raises InputError for several load cases, and for an argument that is out of bounds or refused by `require_labels`.
-    """
+    """Check the arguments of a bound by fields, and return the labels (m,); InputError for several load cases."""
     if len(assembly.cases) > 1:
         raise InputError("loads.cases", "fields take one load case", "one of Assembly.by_case")
     if not gap > 0.0:

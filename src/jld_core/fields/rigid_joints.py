@@ -1,8 +1,7 @@
 """Meshes of dry joints, fitted by rigid blocks before any field is solved for.
 
-Linear tractions cannot press at a corner or along an edge, where hinges turn. How much that costs is known from rigid
-blocks alone: their equilibrium under linear tractions carries less than under forces at the nodes, and the difference
-is a sum over the triangles of the joints. Programs of rigid blocks are small, so that many meshes can be tried.
+Linear tractions cannot press at a corner, where hinges turn. Rigid blocks, whose programs are small, tell what that
+costs in each triangle.
 """
 
 from __future__ import annotations
@@ -39,11 +38,7 @@ _EDGES = np.array([[0, 1], [0, 2], [1, 2]])  # local corners of the three edges 
 
 
 def fitted_joints(mesh: Mesh, problem_on: Callable[[Mesh], Problem], labels: Bits, gap: float) -> Mesh:
-    """Refine the triangles of dry joints until tractions on them cost little of λ.
-
-    Result: edges of joints are halved where tractions lose most. The same mesh without dry joints, and where rigid
-    blocks have no equilibrium. It decides how near the bounds are, not whether they hold.
-    """
+    """Halve edges of dry joints where tractions lose most of λ; decides how near bounds are, not whether they hold."""
     # The cost is estimated by rigid blocks: λ under linear tractions against λ under forces at the nodes,
     # docs/method.md (10.8).
     most = _MOST * len(mesh)
@@ -100,11 +95,9 @@ class RigidBalance:
 
 
 def rigid_balance(problem: Problem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:
-    """Solve for the equilibrium of rigid blocks of largest λ, docs/method.md (10.8).
+    """Solve for the equilibrium of rigid blocks of largest λ (10.8), unchecked; at_nodes: pressure at corners.
 
-    at_nodes: True where a third of the area of a triangle presses at each of its corners, the dual of rigid velocities
-    in (10.6); otherwise tractions are linear. Result: scaled; None where the solver found no equilibrium. It is no
-    bound: nothing is repaired or checked.
+    Or None.
     """
     p, s, rows = problem, problem.sides, blocks.dry(problem)
     count, solid = len(rows), problem.mesh.cell
@@ -152,10 +145,7 @@ def _wrenches(at: Floats) -> Floats:
 
 
 def _resultants(problem: Problem, blocks: RigidBlocks, body: Floats, pull: Floats) -> Floats:
-    """Sum loads to force and moment about the origin (b, 6) of each block, scaled.
-
-    body: (t, 3) force per volume in each tetrahedron. pull: (f, 3, 3) tractions at the corners of each triangle.
-    """
+    """Sum body forces (t, 3) and tractions (f, 3, 3) to wrenches (b, 6) of blocks about the origin, scaled."""
     mesh, s = problem.mesh, problem.sides
     total = np.zeros((len(blocks.free), 6))
     force = body * mesh.volume[:, None]
@@ -168,10 +158,7 @@ def _resultants(problem: Problem, blocks: RigidBlocks, body: Floats, pull: Float
 
 
 def _joint_cones(problem: Problem, rows: Ints) -> tuple[Rows, Rows]:
-    """Return the yield conditions of the k dry triangles over their tractions (9k,).
-
-    Result: inequalities, then second-order cones of size 3: docs/method.md (10.5).
-    """
+    """Return the yield conditions (10.5) of k dry triangles over tractions (9k,): inequalities, cones of size 3."""
     # Pressure is limited by crushing of the joint, and by a share of the strength of the blocks in one direction.
     p = problem
     face, normal = p.face[rows], p.sides.normal[rows]
@@ -194,13 +181,9 @@ def _joint_cones(problem: Problem, rows: Ints) -> tuple[Rows, Rows]:
 
 
 def _edges_of_loss(problem: Problem, blocks: RigidBlocks, traction: Floats, velocity: Floats) -> Ints:
-    """Return the joint edges (e, 2) to halve, where most power is lost; longest first.
-
-    traction: (k, 3, 3) at the corners of the dry triangles. velocity: (b, 6) of blocks, about the origin. The loss of a
-    triangle is the power of its corner tractions against the jumps. The worst triangles, which hold half of the loss,
-    each give one edge. It is the one along which the loss changes most, with a small bonus for length. Each row has its
-    nodes in ascending order. Without a loss there are no rows.
-    """
+    """Return the joint edges (e, 2) of the triangles with half of the lost power, longest first."""
+    # The loss is the power of corner tractions against jumps. Each triangle gives the edge along which it changes most,
+    # with a small bonus for length.
     s, rows, mesh = problem.sides, blocks.dry(problem), problem.mesh
     nodes = mesh.simplices[s.a[rows][:, None], s.corner_a[rows]]
     place = mesh.points[nodes]

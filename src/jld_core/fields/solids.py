@@ -1,9 +1,7 @@
-"""Loads of spatial cells as body forces and tractions with the resultants of the scene.
+"""Loads of spatial cells as body forces and tractions with the resultants of the scene, docs/method.md (9.5), (10.3).
 
-Rules: docs/method.md (9.5) and (10.3). Self-weight and body loads are uniform in each cell. Pressures are tractions
-where they act. A force on a free face of its cell is a traction that is linear on that face, or on a patch of it. All
-other forces and moments are body forces that are constant in each tetrahedron of the coarsest mesh, so that refinement
-never changes the load.
+Forces that no free face takes are constant in each tetrahedron of the coarsest mesh, so that refinement never changes
+the load.
 """
 
 from __future__ import annotations
@@ -39,10 +37,7 @@ _CONVEX = 1e-6
 
 
 class _Filler:
-    """Fills regions of facets with triangles; adds nodes to `points` where fans need a centre.
-
-    surface: surfaces of all cells. ids: names of the elements, for errors.
-    """
+    """Fills regions of facets with triangles; adds nodes to `points` where fans need a centre."""
 
     def __init__(self, surface: Surface, ids: tuple[str, ...]) -> None:
         self.surface, self.ids = surface, ids
@@ -50,11 +45,7 @@ class _Filler:
         self._near = cKDTree(surface.points)
 
     def triangles(self, facet: Facet, region: shapely.Polygon, ringed: bool = False) -> list[tuple[int, int, int]]:
-        """Triangulate a plane region of a facet, counter-clockwise seen from outside.
-
-        ringed: True if a convex region gets a ring of triangles along its edges. Returns the nodes of each triangle.
-        Raises InputError where a corner of the region is no node, or the region is not valid.
-        """
+        """Triangulate a region seen from outside, with a ring along its edges if `ringed`; InputError if not valid."""
         reach, fixed = self.surface.reach, self.surface.points
         rings = [np.asarray(ring.coords)[:-1] for ring in (region.exterior, *region.interiors)]
         near = cKDTree(facet.flat(fixed))
@@ -107,12 +98,10 @@ class _Filler:
 
 
 def coarse_solids(assembly: Assembly, surface: Surface, dry: Bools, layers: dict[int, Layers] | None = None) -> Mesh:
-    """Fill cells with tetrahedra from their centroids to their surfaces: the coarsest mesh.
+    """Fill cells with tetrahedra from centroids to surfaces; dry interfaces have a ring, where hinges press.
 
-    dry: (m,) interfaces whose triangles have a ring along the edges, where hinges press. Result: no tetrahedron has two
-    faces on a surface. Convex regions are fans about their centroids, so that the mesh does not depend on position and
-    rotation. Raises InputError: an interface that does not lie on the surfaces of both of its cells, and parts that do
-    not fill their cell.
+    No tetrahedron has two faces on a surface. InputError: an interface off its cells, and parts that do not fill their
+    cell.
     """
     filler = _Filler(surface, assembly.elements.ids)
     skins = _Skins(surface, filler, layers or {})
@@ -145,10 +134,7 @@ _Triangles = list[tuple[int, int, int]]  # nodes of triangles, counter-clockwise
 
 
 class _Skins:
-    """Outward triangles on the surface of each part of each cell, with their tags.
-
-    `of_part` holds them by cell and `Part.side`, () for a whole cell; `tags` by sorted nodes.
-    """
+    """Outward triangles by cell and `Part.side`, () for a whole cell; `tags` by sorted nodes."""
 
     def __init__(self, surface: Surface, filler: _Filler, layers: dict[int, Layers]) -> None:
         self.surface, self.filler, self.layers = surface, filler, layers
@@ -268,12 +254,9 @@ class _Piece(NamedTuple):
 def loaded_solids(
     assembly: Assembly, patch: float | None = None, labels: Bits | None = None, cut: tuple[int, ...] = ()
 ) -> tuple[Mesh, FieldLoads]:
-    """Return the coarsest mesh of a spatial assembly with its loads.
+    """Return the coarsest tagged mesh of a spatial assembly with its loads.
 
-    labels: (m,) True = dry: such interfaces have a ring of triangles along their edges. By default none. Result: the
-    mesh, on which triangles of interfaces and of load patches are tagged; and forces per volume and tractions. Raises
-    InputError: cells that are not convex, and a force on the surface of its cell without a free face or room for its
-    patch.
+    InputError as `surface_of` and `_region_of`.
     """
     plain = surface_of(assembly)
     pieces: dict[int, list[_Piece]] = {}
@@ -301,10 +284,7 @@ def loaded_solids(
 def _pieces(
     assembly: Assembly, surface: Surface, loads: Loads, kind: int, patch: float | None, pieces: dict[int, list[_Piece]]
 ) -> Floats:
-    """Add the tractions of loads to the pieces of each facet; return the rest (n, 6) of the loads.
-
-    Raises InputError as `loaded_solids` does.
-    """
+    """Add the tractions of loads to the pieces of each facet; return the rest (n, 6) of the loads."""
     for one in loads.tractions:
         index, polygon = _pressed(assembly, surface, one)
         pieces.setdefault(index, []).append(_piece(surface.facets[index], polygon, one, kind))
@@ -343,10 +323,7 @@ def _piece(facet: Facet, polygon: shapely.Polygon, traction: Traction, kind: int
 
 
 def _pressed(assembly: Assembly, surface: Surface, traction: Traction) -> tuple[int, shapely.Polygon]:
-    """Return the index of the facet that a traction acts on, and its part in the plane of the facet.
-
-    Raises InputError where it lies on no facet of its element.
-    """
+    """Return the facet that a traction acts on, and its part in the plane; InputError if none."""
     corners = np.concatenate(traction.rings)
     reach = max(surface.reach, 2.0 * tolerances.ON_OUTLINE * assembly.size)
     for index, facet in enumerate(surface.facets):
@@ -367,11 +344,7 @@ _Spread = tuple[shapely.Polygon, Traction]  # part of a free region in the plane
 
 
 def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -> tuple[int, int] | None:
-    """Return facet and number of the free region of a cell that a force acts on.
-
-    None if it acts inside or beyond the cell. Of several regions, that of the steepest push is taken. Raises InputError
-    for a force on the surface without a free region there, and for one that is as steep on two of them.
-    """
+    """Return facet and free region of a cell that a force acts on, None if inside; InputError where it is not clear."""
     # Of several regions, that of the steepest push is taken.
     reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
     own = [(index, facet) for index, facet in enumerate(surface.facets) if facet.cell == cell]
@@ -398,10 +371,7 @@ def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -
 
 
 def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Spread:
-    """Spread forces without a stated width over a free region as a linear traction.
-
-    Raises InputError if that part is too small.
-    """
+    """Spread forces without a width over a free region as a linear traction; InputError if too small."""
     # If forces of one sign would make it pull and press, it covers only the largest part that is symmetric about the
     # resultant.
     push = np.array([force.vector @ facet.normal for force in forces])
@@ -422,10 +392,7 @@ def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: l
 
 
 def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Spread:
-    """Spread one force over a square of its stated width; sides are along e1 and e2.
-
-    Raises InputError if the square exceeds the region by more than `reach`.
-    """
+    """Spread a force over a square of its width; InputError if that exceeds the region by more than `reach`."""
     assert force.width is not None
     x, y = facet.flat(force.place[None])[0]
     half = 0.5 * force.width

@@ -27,10 +27,7 @@ _COST = 1e-3  # relative rise of the bound of the field's own labelling up to wh
 
 @dataclass(frozen=True)
 class FieldMechanism:
-    """Upper bound on λ of every labelling that one velocity field proves.
-
-    The bound is `constant` plus, for each face, its entry of `dry` or `inner` by its label: docs/method.md (9.13).
-    """
+    """Upper bounds that one velocity field proves: `constant` plus `dry` or `inner` of each face (9.13)."""
 
     constant: float  # dissipation in the blocks less dead work, at live work one; scene units of λ
     # dry, inner: (m,) dissipation on each face under that label, scene units of λ; inf where its flow rule is violated
@@ -38,10 +35,7 @@ class FieldMechanism:
     inner: Floats
 
     def bounds(self, labellings: Bits) -> Floats:
-        """Return the upper bound on λ of each labelling.
-
-        Returns (k,): bounds, scene units; inf where the labelling has a face whose flow rule the velocities violate.
-        """
+        """Return the upper bound on λ (k,) of labellings (k, m); inf where a flow rule is violated."""
         dry, inner = (np.where(np.isfinite(part), part, 0.0) for part in (self.dry, self.inner))
         found = self.constant + inner.sum() + labellings @ (dry - inner)
         wrong = (labellings & np.isinf(self.dry)) | (~labellings & np.isinf(self.inner))
@@ -50,50 +44,36 @@ class FieldMechanism:
         return np.where(wrong.any(axis=1), np.inf, found + tolerances.SUMMATION * size)
 
     def bound_of(self, labels: Bits, undecided: Bools) -> float:
-        """Return the upper bound on λ of all labellings that agree on the decided faces.
+        """Return the upper bound on λ of all labellings that agree where decided (9.15).
 
-        Undecided faces count with the larger dissipation of both labels, docs/method.md (9.15). labels: (m,) labels,
-        True = dry; ignored where undecided. undecided: (m,) faces that may have either label. Result: bound, scene
-        units; inf where a flow rule is violated.
+        Inf where a flow rule is violated.
         """
         parts = np.where(undecided, np.maximum(self.dry, self.inner), np.where(labels, self.dry, self.inner))
         size = abs(self.constant) + float(np.abs(parts).sum())
         return self.constant + float(parts.sum()) + tolerances.SUMMATION * size
 
     def costs(self, labels: Bits) -> Floats:
-        """Return by how much the bound rises if one face becomes undecided, (m,), units of λ.
-
-        Each face is taken alone, the others as labelled. The result is 0 or more. It is inf where the other label
-        violates its flow rule, or the present one does. Conflicts are minimised by these costs.
-        """
+        """Return by how much (m,) the bound rises if one face becomes undecided; inf where a flow rule is violated."""
         own, other = np.where(labels, self.dry, self.inner), np.where(labels, self.inner, self.dry)
         return np.where(np.isfinite(own), np.maximum(other, own) - np.where(np.isfinite(own), own, 0.0), np.inf)
 
 
 @dataclass(frozen=True)
 class FieldStresses:
-    """Lower bound on λ that one stress field proves for labellings with few enough dry faces.
-
-    It holds for every labelling whose dry faces are all among `may_be_dry`, docs/method.md (9.14).
-    """
+    """Lower bound of all labellings whose dry faces are among `may_be_dry`, docs/method.md (9.14)."""
 
     load_factor: float  # λ that the field carries, scene units
     may_be_dry: Bools  # (m,) faces on which tractions are within friction, shear strength and crushing of the dry joint
 
     def bounds(self, labellings: Bits) -> Floats:
-        """Return the lower bound on λ of each labelling.
-
-        Returns (k,): `load_factor`, or −inf for a labelling with a dry face that is not in `may_be_dry`.
-        """
+        """Return the lower bound on λ (k,) of labellings (k, m); −inf where it does not hold."""
         return np.where((labellings & ~self.may_be_dry).any(axis=1), -np.inf, self.load_factor)
 
 
 def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> FieldMechanism | None:
-    """Compute the upper bounds that a certified velocity field proves for all labellings.
+    """Compute the upper bounds that a velocity field proves for all labellings, still faces opened a little.
 
-    Faces that stand still up to rounding are opened a little, so that they may have either label. labels: (m,) the
-    labelling that it belongs to, True = dry. Result: None where the live load does no work, the blocks would dissipate
-    without limit, or opening raises the bound of the labelling too much.
+    Or None.
     """
     own = field.factor * upper.problem.units.load
     for share in REPAIRED:
@@ -104,10 +84,9 @@ def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> Field
 
 
 def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
-    """Compute the dissipation of a velocity field in blocks, and on faces under both labels.
+    """Compute dissipation of velocities (t, 3, 2) in blocks and on faces under both labels, for a proof.
 
-    velocity: (t, 3, 2) at the corners of triangles, scaled by any factor. No solver is used: this is the check of a
-    proof. Returns None where the live load does no work, or the blocks would dissipate without limit.
+    None if infinite.
     """
     p, s = upper.problem, upper.problem.sides
     rates = upper.rates(velocity)
@@ -134,11 +113,7 @@ def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
 
 
 def stresses_of(lower: LowerBound, field: StressField, labels: Bits) -> FieldStresses:
-    """Compute the labellings for which a certified stress field proves its lower bound.
-
-    labels: (m,) the labelling that it belongs to: where joints have no friction, shear vanishes on its dry faces alone.
-    Result: a face may be dry if its tractions are within the yield of the dry joint by at least `field.charge`.
-    """
+    """Compute the labellings for which a certified stress field proves its bound, with `field.charge` to spare."""
     p = lower.problem
     rows = p.on_faces
     fits = lower.joint_room(field.stress, rows).min(axis=1) >= field.charge

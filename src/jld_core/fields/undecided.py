@@ -39,11 +39,7 @@ class WeighedField:
 
 
 class PartialUpperBound:
-    """Upper bounds on λ of partial labellings on one mesh.
-
-    problem: the scaled problem on the mesh. many: True where hundreds of partial labellings are bounded; see
-    `ConeProgram`. solves: number of programs solved.
-    """
+    """Upper bounds on λ of partial labellings on one mesh; many: see `ConeProgram`."""
 
     def __init__(self, problem: Problem, many: bool = False) -> None:
         self._upper, self._many = UpperBound(problem, many), many
@@ -55,11 +51,7 @@ class PartialUpperBound:
         self.solves = 0
 
     def field(self, labels: Bits, undecided: Bools) -> WeighedField | None:
-        """Find the velocity field with the least bound for a partial labelling.
-
-        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        Result: None where no field with a finite bound was found.
-        """
+        """Find the velocity field with the least bound for a partial labelling; None where none is finite."""
         p = self._upper.problem
         self.solves += 1
         answer = self._upper.propose(labels, undecided)
@@ -81,29 +73,17 @@ class PartialUpperBound:
         return min((one for one in both if one is not None), key=lambda one: one.bound, default=None)
 
     def weigh(self, velocity: Floats) -> FieldMechanism | None:
-        """Compute the bounds on λ that a velocity field proves, without a solver.
-
-        velocity: (t, 3, 2), scaled. None where it proves nothing for any labelling; see `transfer.weighed`.
-        """
+        """Compute the bounds that velocities (t, 3, 2) prove, without a solver; None where they prove nothing."""
         return weighed(self._upper, velocity)
 
     def finer(self, mesh: Mesh, velocity: Floats, labels: Bits, undecided: Bools) -> Mesh:
-        """Refine the mesh of the problem where a velocity field dissipates most.
-
-        Faces are taken as labelled, undecided ones as inner. velocity: (t, 3, 2) velocities with a finite bound for the
-        partial labelling, scaled. labels, undecided: (m,) labels, True = dry, and faces that may have either. Result:
-        the next mesh, scene units.
-        """
+        """Refine the mesh where a velocity field dissipates most, undecided faces taken as inner."""
         upper = self._upper
         power = upper.power(upper.rates(velocity), labels & ~undecided, upper.allowance(velocity))
         return finer_by_dissipation(mesh, power)
 
     def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
-        """Repair a velocity field by each of `REPAIRED` and return the one with the least bound.
-
-        velocity: (t, 3, 2), scaled. undecided: (m,) faces that may have either label. None if no repair gives a finite
-        bound.
-        """
+        """Repair velocities by each of `REPAIRED`; return those of least bound, or None."""
         # The first with a bound of at most `enough` (λ, scene units) ends the attempts.
         best: WeighedField | None = None
         for share in REPAIRED:
@@ -117,10 +97,7 @@ class PartialUpperBound:
         return best
 
     def _along(self, ray: Floats, labels: Bits, undecided: Bools) -> WeighedField | None:
-        """Return a field that proves collapse under the dead load alone, or None.
-
-        labels, undecided: (m,) as for `field`. None where no such mechanism exists, or no multiple tried leads below 0.
-        """
+        """Return a field that proves collapse under the dead load alone, or None."""
         # The field is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program
         # is unbounded.
         p, size = self._upper.problem, float(abs(ray).max())

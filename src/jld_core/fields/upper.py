@@ -69,13 +69,9 @@ class Rates:
 
 
 class UpperBound:
-    """Upper bounds on λ by velocity fields, for many labellings of one problem.
+    """Upper bounds on λ by velocity fields, for many labellings of one problem; planar programs are set up once.
 
-    `bound` returns a certified field. In the plane, the cone program is set up once; labels switch rows and costs.
-
-    problem: the scaled problem on one mesh. many: True where hundreds of labellings are bounded in the plane; see
-    `ConeProgram`. live, dead: (t, d + 1, d) nodal forces at the corners of the simplices, equivalent to the loads,
-    scaled. status: status by the solver of the last program, "" before.
+    live, dead: (t, d + 1, d) nodal forces of the loads, scaled. status: of the last program, "" before.
     """
 
     def __init__(self, problem: Problem, many: bool = False) -> None:
@@ -92,7 +88,7 @@ class UpperBound:
         self.dead = np.repeat(p.dead[:, None, :] * corner, corners, axis=1) + self._pulled(p.dead_pull)
 
     def _pulled(self, pull: Floats) -> Floats:
-        """Nodal forces (t, d + 1, d) of tractions (f, d, d): a linear traction on a linear velocity."""
+        """Return nodal forces (t, d + 1, d) of linear tractions (f, d, d) on linear velocities."""
         p, s, d = self.problem, self.problem.sides, self.problem.mesh.dimension
         forces = np.zeros((len(p.mesh), d + 1, d))
         rows = np.flatnonzero(pull.any(axis=(1, 2)))
@@ -103,12 +99,7 @@ class UpperBound:
         return forces
 
     def bound(self, labels: Bits) -> VelocityField | None:
-        """Find a velocity field for one labelling, and certify it.
-
-        Where repairs cost much of λ, or in space the check fails, the program is solved again with room in every flow
-        rule. The factor is below 0 for blocks that collapse under their dead load alone. None: the solver failed, or no
-        field could be repaired, as in space for enclosed cells.
-        """
+        """Find and certify a velocity field; below 0 for collapse under dead load. None: solver or repair failed."""
         if self.problem.mesh.dimension == 2:
             return self._bound_by(self.propose(labels), labels)
         for margin in _MARGINS_IN_SPACE:
@@ -129,10 +120,7 @@ class UpperBound:
         return answer.point[: self.live.size].reshape(self.live.shape)
 
     def _falling(self, labels: Bits) -> VelocityField | None:
-        """Return a mechanism in space that the dead load drives, with positive live work.
-
-        None if the solver failed, or the field proves nothing.
-        """
+        """Return a mechanism in space that the dead load drives, with positive live work, or None."""
         # The factor of the field is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance;
         # the factor is at least `_RAY`, and any larger bound holds too.
         p, none = self.problem, np.zeros_like(self.dead)
@@ -142,15 +130,12 @@ class UpperBound:
         return replace(found, factor=max(found.factor, _RAY)) if found is not None and found.factor < 0.0 else None
 
     def bound_all(self, labellings: Bits) -> list[VelocityField | None]:
-        """Find velocity fields for labellings (k, m) in the plane, solved together where possible; see `bound`."""
+        """Find velocity fields for labellings (k, m) in the plane, solved together where possible."""
         answers = self._velocity_program.solve_all(np.array([self.problem.is_dry(labels) for labels in labellings]))
         return [self._bound_by(answer, labels) for answer, labels in zip(answers, labellings, strict=True)]
 
     def _bound_by(self, answer: Answer, labels: Bits) -> VelocityField | None:
-        """Certify an answer of the solver; try programs with margins if repairs cost much λ.
-
-        See `bound` for the result.
-        """
+        """Certify an answer of the solver; try programs with margins if repairs cost much λ."""
         self.status = answer.status
         # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
         if not (answer.usable or answer.status == "DualInfeasible"):
@@ -177,10 +162,9 @@ class UpperBound:
         return found
 
     def propose(self, labels: Bits, undecided: Bools | None = None) -> Answer:
-        """Solve the program of a labelling for an uncertified velocity field; see `certify`.
+        """Solve for an uncertified velocity field; undecided (m,) faces keep the flow rules of both labels.
 
-        labels: (m,) True = dry; ignored where undecided. undecided: (m,) True where a face keeps the flow rules of both
-        labels. The first 6t entries of `Answer.point` are velocities (t, 3, 2), scaled. Test `usable` before using it.
+        The first 6t entries of `Answer.point` are velocities (t, 3, 2), scaled; test `usable` first.
         """
         either = None if undecided is None else self.problem.is_dry(undecided)
         return self._velocity_program.solve(self.problem.is_dry(labels), either)
@@ -191,10 +175,7 @@ class UpperBound:
         return VelocityProgram(self.problem, self.live, self.dead, many=self._many)
 
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
-        """Repair proposed velocities until every flow rule holds, and compute their upper bound.
-
-        velocity: (t, 3, 2), scaled.
-        """
+        """Repair velocities (t, 3, 2) until every flow rule holds, and compute their upper bound."""
         opened = self._opened(velocity, labels)
         if opened is not None and opened.factor - expected <= _CHEAP * abs(opened.factor):
             return opened
@@ -204,10 +185,7 @@ class UpperBound:
         return min((one for one in (near, opened) if one is not None), key=lambda one: one.factor, default=None)
 
     def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
-        """Open one field until every flow rule holds, and compute its bound on λ.
-
-        velocity: (t, 3, 2), scaled. None: a flow rule stays violated, or the live load does no positive work.
-        """
+        """Open velocities (t, 3, 2) until every flow rule holds, and compute their bound; or None."""
         rates = self.rates(velocity)
         worst, share, allowance = self._worst(rates, labels), 0.0, 0.0
         if worst > 0.0:
@@ -225,10 +203,7 @@ class UpperBound:
     def _proven(
         self, velocity: Floats, rates: Rates, labels: Bits, allowance: float = 0.0, opened: float = 0.0
     ) -> VelocityField | None:
-        """Compute the upper bound on λ that velocities (t, d + 1, d) prove, without a solver.
-
-        None: a flow rule is violated, or the live load does no positive work.
-        """
+        """Compute the upper bound that velocities prove; None: a flow rule violated, or no positive live work."""
         work = float((self.live * velocity).sum())
         if not work > 0.0:
             return None
@@ -240,17 +215,11 @@ class UpperBound:
         return VelocityField(factor, velocity / work, power / work, opened) if np.isfinite(factor) else None
 
     def allowance(self, velocity: Floats) -> float:
-        """Return the missing opening that counts as rounding for velocities (t, 3, 2), scaled.
-
-        Flow rules that hold with equality by construction are missed by no more. Pass it to `power`.
-        """
+        """Return the missing opening that counts as rounding for velocities (t, 3, 2), scaled, for `power`."""
         return tolerances.ROUNDING * float(abs(velocity).max()) * self._steep
 
     def repaired(self, velocity: Floats, share: float) -> Floats:
-        """Open velocities so far that small violations of flow rules vanish, under either label.
-
-        velocity: (t, 3, 2), scaled.
-        """
+        """Open velocities (t, 3, 2) so far that small violations vanish under either label."""
         every = np.ones(len(self.problem.joints.friction), dtype=bool)
         rates = self.rates(velocity)
         lacks = np.concatenate([part.ravel() for b in (every, ~every) for part in self.lacking(rates, b)])
@@ -264,10 +233,7 @@ class UpperBound:
         return max(float(part.max(initial=-np.inf)) for part in self.lacking(rates, labels))
 
     def _opening(self) -> Floats | None:
-        """Return the opening motion (t, 3, 2) with room of one or more in every flow rule.
-
-        None without such a motion.
-        """
+        """Return the opening motion (t, 3, 2) with room ≥ 1 in every flow rule, or None."""
         # Computed at the first call and kept.
         if not self._tried:
             self._tried = True
@@ -290,10 +256,9 @@ class UpperBound:
         return Rates(trace, shear_rate(slope), opening, tangential(jump, s.normal))
 
     def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
-        """Return the opening that flow rules lack, scaled velocity; 0 or less where they hold.
+        """Return the opening that flow rules lack in triangles (t,), inner (k, 2) and dry edges (j, 2).
 
-        The arrays are for triangles (t,), edges in the material (k, 2) and dry edges (j, 2), with both ends in columns.
-        −inf stands where crushing allows any rate.
+        −inf if crushing.
         """
         p = self.problem
         dry = p.is_dry(labels)
@@ -322,10 +287,7 @@ class UpperBound:
         return halved(p, power, np.arange(len(s)), total)
 
     def joint_power(self, rates: Rates, rows: Ints, allowance: float = 0.0) -> Floats:
-        """Return the power per area of edges as dry joints, (k, 2), at both ends, scaled.
-
-        rows: (k,) edges on interfaces.
-        """
+        """Return the power per area (k, 2) of edges (k,) as dry joints, at both ends, scaled."""
         p = self.problem
         face = p.face[rows]
         slip, opening = rates.slip[rows], rates.opening[rows]
@@ -337,7 +299,7 @@ class UpperBound:
 
 
 def jumps(problem: Problem, velocity: Floats, rows: Ints) -> Floats:
-    """Return the velocity jumps (k, d, d) at the corners of sides (k,), of velocities (t, d + 1, d); b less a."""
+    """Return the velocity jumps (k, d, d), b less a, at the corners of sides (k,)."""
     s = problem.sides
     jump = -velocity[s.a[rows][:, None], s.corner_a[rows]]
     both = s.b[rows] >= 0
@@ -346,7 +308,7 @@ def jumps(problem: Problem, velocity: Floats, rows: Ints) -> Floats:
 
 
 def halved(problem: Problem, power: Floats, rows: Ints, total: Floats) -> Floats:
-    """Add values (k,) of sides (k,) to the simplices (t,) on both of their sides, half to each, and return the sum."""
+    """Add values (k,) of sides to the simplices (t,) on both of their sides, half to each."""
     s, both = problem.sides, problem.sides.b[rows] >= 0
     np.add.at(power, s.a[rows], np.where(both, 0.5, 1.0) * total)
     np.add.at(power, s.b[rows[both]], 0.5 * total[both])

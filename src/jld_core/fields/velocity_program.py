@@ -16,10 +16,7 @@ Entries = list[tuple[Ints, Floats | float]]
 
 
 def jump_entries(problem: Problem, rows: Ints, corner: int) -> tuple[Ints, Floats]:
-    """Return columns (k, 2d) and values (k, d, 2d) of velocity jumps at a corner of sides.
-
-    rows: (k,) sides. The jump is that of b minus a; b at a support does not move.
-    """
+    """Return columns (k, 2d) and values (k, d, 2d) of the jump b − a at a corner; supports do not move."""
     # Column d·(d + 1)·simplex + d·corner + axis is a velocity; without b, its columns are those of a with values 0.
     s, d = problem.sides, problem.mesh.dimension
     own = d * (d + 1) * s.a[rows] + d * s.corner_a[rows, corner]
@@ -31,11 +28,7 @@ def jump_entries(problem: Problem, rows: Ints, corner: int) -> tuple[Ints, Float
 
 
 def strain_entries(problem: Problem) -> tuple[Ints, Floats, Floats]:
-    """Return the strain rates of the simplices over nodal velocities, times a length of each simplex.
-
-    The results are columns (t, d (d + 1)), values (t, 3 or 6, d (d + 1)) for the components that are dual to those of
-    stresses, and the lengths (t,).
-    """
+    """Return columns and values (t, 3 or 6, d (d + 1)) of strain rates times a length, and the lengths (t,)."""
     mesh, d = problem.mesh, problem.mesh.dimension
     size = np.sqrt(mesh.volume) if d == 2 else np.cbrt(mesh.volume)
     # strain rates are the transpose of the map of stresses to tractions on the gradients
@@ -45,16 +38,11 @@ def strain_entries(problem: Problem) -> tuple[Ints, Floats, Floats]:
 
 
 class VelocityProgram:
-    """Cone program of the upper bound on one mesh.
+    """Cone program of the upper bound on one mesh: dissipation minus dead work at unit live work (9.10).
 
-    It minimises dissipation minus work of the dead load at unit work of the live load, docs/method.md (9.10). Columns
-    are the velocities (t, d + 1, d), the multipliers y1 and y3 of (9.3) for simplices and corners of sides, and slips
-    and crushings of corners on interfaces. y2 = e − sin φ y1 + y3 is eliminated.
-
-    problem: the scaled problem. live, dead: (t, d + 1, d) nodal forces of the loads at the corners of simplices,
-    scaled. margin: room that flow rules keep, scaled velocity. labels: (m,) True = dry, for one labelling; without, in
-    the plane, the program is set up once for all labellings, which switch rows and costs. driving: nodal forces whose
-    work must not be negative. many: True where hundreds of labellings are solved; see `ConeProgram`.
+    Columns: velocities (t, d + 1, d), y1 and y3 of (9.3), slips and crushings on interfaces; y2 = e − sin φ y1 + y3 is
+    eliminated. margin: room in flow rules. labels: for one labelling; else labellings switch rows and costs. driving:
+    nodal forces whose work must not be negative.
     """
 
     def __init__(
@@ -104,12 +92,9 @@ class VelocityProgram:
             self._program = ConeProgram(self._fixed, matrix, rhs, (1, self._linear.count, three), many)
 
     def solve(self, dry: Bools | None = None, undecided: Bools | None = None) -> Answer:
-        """Solve the program; the answer is not certified.
-
-        dry: (f,) True for sides on dry interfaces, where labels switch rows. undecided: (f,) True for sides that keep
-        the flow rules of both labels; `dry` is ignored there. Their cost is that of inner ones and of crushing.
-        Cohesion of undecided joints costs nothing, as cracks rarely dissipate less.
-        """
+        """Solve the program for dry and undecided sides (f,); the answer is not certified."""
+        # Undecided sides cost what inner ones do and crushing; their shear strength costs nothing, as cracks rarely dissipate
+        # less.
         if dry is None:
             return solve_cones(self._fixed, *self._whole)
         return self._program.solve(*self._for_labels(dry, undecided))
@@ -120,7 +105,7 @@ class VelocityProgram:
         return self._program.solve_all(np.array(off), np.array(objective))
 
     def _for_labels(self, dry: Bools, undecided: Bools | None = None) -> tuple[Bools, Floats]:
-        """Return which rows (rows,) are off, and the costs (columns,), for labels of the sides as for `solve`."""
+        """Return which rows (rows,) are off, and the costs (columns,), for labels of the sides."""
         off = (self._off_owner >= 0) & (dry[self._off_owner] != self._off_dry)
         if undecided is not None:
             either = (self._off_owner >= 0) & undecided[self._off_owner]
@@ -154,11 +139,7 @@ class VelocityProgram:
             self._when_dry[id(group)].append(np.full(count, when_dry))
 
     def _multipliers(self, trace: tuple[Ints, Floats], size: Floats, owner: Ints | None) -> Entries:
-        """Add the multipliers y1, y3 ≥ 0 and y2 = e − sin φ y1 + y3 ≥ margin of (9.3); return y1 + y2 + y3.
-
-        trace: columns and values of e. size: (k,) factors on the dissipation. owner: (k,) sides whose labels switch the
-        rows, None where they always hold.
-        """
+        """Add y1, y3 ≥ 0 and y2 = e − sin φ y1 + y3 ≥ margin of (9.3); return y1 + y2 + y3."""
         material, count, (columns, values) = self.problem.material, len(size), trace
         cost = (size * material.tension)[:, None] * values
         if owner is None:
@@ -244,10 +225,7 @@ class VelocityProgram:
                 self._add(self._linear, [(columns, sign * slips[0]), (stuck, -1.0)], 0.0, count, rows, True)
 
     def _cone(self, group: Rows, head: Entries, columns: Ints, tail: Floats, owner: Ints | None = None) -> None:
-        """Append cones head ≥ |tail| to a group, each with all of its rows together.
-
-        tail: (k, j, columns) values of the further rows. owner: (k,) sides whose labels switch them.
-        """
+        """Append cones head ≥ |tail| (k, j, columns) to a group, rows together; owner: switching sides (k,)."""
         count, size = len(tail), tail.shape[1] + 1
         entries: Entries = []
         tails: list[Entries] = [[(columns, tail[:, j])] for j in range(size - 1)]

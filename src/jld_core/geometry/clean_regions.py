@@ -59,7 +59,7 @@ Rings = tuple[Floats, tuple[Floats, ...]]
 
 
 def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
-    """Split a region into parts without details narrower than `reach`: shell and holes, ordered by mean corner."""
+    """Split a region into parts without details narrower than `reach`: shell and holes, by mean corner."""
     found = []
     for part in _polygons(region):
         for piece in _without_necks(part, reach):

@@ -25,10 +25,9 @@ _PAIRED: Final = 8.0
 
 
 class Kinds:
-    """Register that numbers outlines by shape: an equivalence, as chains of coinciding outlines count.
+    """Register that numbers outlines by shape, as chains of coinciding ones count.
 
-    rotate, flip: rotated and mirrored copies have the same shape; without `rotate`, mirrors along the axes and their
-    products.
+    rotate, flip: copies that have the same shape; without `rotate`, mirrors along the axes and their products.
     """
 
     def __init__(self, reach: float, *, rotate: bool = False, flip: bool = False) -> None:
@@ -81,7 +80,7 @@ class Kinds:
         return number
 
     def _moments(self, points: Floats) -> Floats:
-        """Compute invariants of points (k, d): means of squares of coordinates that no allowed move changes."""
+        """Compute means of squares of coordinates of points (k, d) that no allowed move changes."""
         square = (points**2).sum(axis=1)
         found = [square.mean(), np.sqrt((square**2).mean())]
         if not self.rotate:
@@ -122,10 +121,7 @@ def deviation(one: Outline, other: Outline, reach: float, *, rotate: bool = Fals
 
 
 def _off(points: Floats, count: int, other: Outline, reach: float, *, turn: bool) -> float:
-    """Return the largest distance of points to their partners on an outline; inf without pairs.
-
-    The first `count` points are corners, the others middles; corners pair with corners.
-    """
+    """Return the largest distance of points, `count` corners and middles, to partners on an outline; inf without."""
     from scipy.spatial import cKDTree  # local import: slow to import and seldom needed
 
     pairs = []

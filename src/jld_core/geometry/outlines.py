@@ -182,7 +182,7 @@ def hulls(polygons: Sequence[Floats]) -> list[Floats]:
 
 
 def hull_rows(hull_: Floats) -> Floats:
-    """Return rows (h, 3) on (N, M1, M2), ≥ 0 where the centre of pressure lies in a hull (h, 2) about the centroid."""
+    """Return rows (h, 3) on (N, M1, M2), ≥ 0 where the centre of pressure lies in a hull (h, 2)."""
     edge = np.roll(hull_, -1, axis=0) - hull_
     outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.hypot(edge[:, 0], edge[:, 1])[:, None]
     distance = np.einsum("hi,hi->h", hull_, outward)
@@ -190,10 +190,7 @@ def hull_rows(hull_: Floats) -> Floats:
 
 
 def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
-    """Return rows (h, 3) on (N, M1, M2) of the elastic normal stress at hull corners (h, 2), times the area (2.6).
-
-    moments: (2, 2) second moments; e1 and e2 need not be principal.
-    """
+    """Return rows (h, 3) on (N, M1, M2) of the elastic normal stress at hull corners, times the area (2.6)."""
     slope = area_ * np.linalg.solve(moments, hull_.T).T
     return np.column_stack([np.ones(len(hull_)), slope[:, 1], -slope[:, 0]])
 
@@ -361,19 +358,7 @@ class Outline:
 
 
 def reach_of(assembly: Assembly) -> float:
-    """Return half the largest distance at which two corners of blocks coincide.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly with its size and its largest snapping displacement.
-
-    Returns
-    -------
-    float
-        Larger of 1e-6 times the size and four times the displacement, scene units. The size is twice the distance of
-        the farthest corner from the mean of all, which no turn changes.
-    """
+    """Return the half distance at which corners coincide: 1e-6 times the size, or four times the snapping if larger."""
     corners = np.concatenate(assembly.elements.shape)
     size = 2.0 * float(np.sqrt(((corners - corners.mean(axis=0)) ** 2).sum(axis=1).max()))
     return max(_REACH * size, 4.0 * assembly.moved)
@@ -387,7 +372,7 @@ def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> f
 
 
 def different_lines(vectors: Floats) -> int:
-    """Count the lines among unit vectors (k, d), of either sense; lines within 1e-6 of one another are equal."""
+    """Count the lines among unit vectors (k, d), of either sense, equal within 1e-6."""
     alike = abs(vectors @ vectors.T) >= 1.0 - 0.5 * _ANGLE**2 - 1e-12
     return len(np.unique(components(len(vectors), *np.nonzero(alike))))
 
@@ -515,7 +500,7 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
 def _solid_outline(
     corners: Floats, facets: Sequence[Facet], volumes: Floats, centroids: Floats, reach: float
 ) -> Outline:
-    """Compute the outline of the union of solids with corners (k, 3), volumes (n,) and centroids (n, 3)."""
+    """Compute the outline of the union of solids with corners (k, 3), volumes (n,), centroids (n, 3)."""
     volume = float(volumes.sum())
     from scipy.spatial import ConvexHull  # local imports here and below: slow to import and seldom needed
 
@@ -542,7 +527,7 @@ def _merged(points: Floats, reach: float) -> Floats:
 
 
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:
-    """Compute longest over shortest side of the smallest box around corners (k, 3) with a side in a hull face."""
+    """Compute longest over shortest side of the smallest box around corners with a side in a hull face."""
     best, sides_of = np.inf, np.ones(3)
     for normal in np.unique(np.round(hull.equations[:, :3], 9), axis=0):
         plane = across(normal / np.linalg.norm(normal))

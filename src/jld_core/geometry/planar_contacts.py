@@ -44,7 +44,7 @@ def without_repeats(polygons: list[Floats]) -> list[Floats]:
 
 
 def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) -> tuple[str, ...]:
-    """Raise InputError for polygons that are not simple, have no area, or overlap; warn of overlaps up to `within`."""
+    """Raise InputError for polygons not simple, without area, or overlapping; warn of overlaps up to `within`."""
     count = np.array([len(polygon) for polygon in polygons])
     for few in np.flatnonzero(count < 3)[:1].tolist():
         raise InputError(f"element {ids[few]!r}", "its polygon has no area", "three corners not in a line")
@@ -70,10 +70,7 @@ def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) 
 
 
 def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats, within: float) -> tuple[str, ...]:
-    """Raise InputError for shapely polygons (n,) that overlap, with depth and place.
-
-    Warn of depths up to `within`. size: (n,) their areas.
-    """
+    """Raise InputError for polygons (n,) that overlap, with depth and place; warn of depths up to `within`."""
     left, right = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     left, right = left[left < right], right[left < right]
     # Pairs that only touch share no area: excluding them here saves intersections.
@@ -158,7 +155,7 @@ class _FacingEdges:
 
 
 def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEdges:
-    """Find opposite edges of pairs of polygons (p, 2) that overlap and are close, relative to the shorter one."""
+    """Find opposite edges of pairs (p, 2) that overlap and are close, relative to the shorter one."""
     count = np.array([len(polygon) for polygon in polygons])
     first = np.concatenate([[0], np.cumsum(count)])
     start = np.concatenate(polygons)
@@ -202,7 +199,7 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
 
 
 def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
-    """Yield each touching pair of `near` (p, 2), with the ends and outward normals of its overlaps, in edge order."""
+    """Yield each touching pair of `near` (p, 2), with ends and outward normals of overlaps, in edge order."""
     facing = _facing_edges(polygons, near, tolerances.CONTACT)
     ends = facing.ends + (0.5 * facing.offset[:, None] * facing.outward)[:, None]
     cuts = np.flatnonzero(np.diff(facing.pair, prepend=-1)).tolist()
@@ -281,10 +278,7 @@ def planar_interfaces(contacts: list[PlanarContact], thickness: float) -> Interf
 
 
 def certain_contacts(vertices: list[Floats], faces: list[Faces], support: Bools) -> int:
-    """Return a lower bound on the number of contacts between polyhedra.
-
-    It counts faces of equal corners, or boxes along the axes that touch.
-    """
+    """Return a lower bound on contacts between polyhedra: faces of equal corners, or boxes along the axes."""
     surface = lay_out(vertices, faces)
     begin = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1]
     lower = np.minimum.reduceat(surface.points, begin)
@@ -294,7 +288,7 @@ def certain_contacts(vertices: list[Floats], faces: list[Faces], support: Bools)
 
 
 def _equal_faces(surface: Surface, sides: Floats) -> tuple[Ints, Ints]:
-    """Return the pairs (p,) of elements that have a face of the same corners; sides: (n, 3) of bounding boxes."""
+    """Return the pairs (p,) of elements that have a face of the same corners; sides: (n, 3) of boxes."""
     node = merge_points(surface.points, tolerances.FACE * float(sides.max(axis=1).min()))[surface.vertex]
     pairs = []
     for corners in np.unique(surface.count).tolist():
@@ -310,7 +304,7 @@ def _equal_faces(surface: Surface, sides: Floats) -> tuple[Ints, Ints]:
 
 
 def _touching_boxes(surface: Surface, lower: Floats, upper: Floats, vertices: Sequence[Floats]) -> tuple[Ints, Ints]:
-    """Return the pairs (p,) of boxes along the axes that touch along an area; lower, upper: (n, 3) corners."""
+    """Return the pairs (p,) of boxes along the axes that touch along an area; corners (n, 3)."""
     size = (upper - lower).max(axis=1)
     owner = np.repeat(np.arange(len(size)), [len(v) for v in vertices])
     off = np.minimum(np.abs(surface.points - lower[owner]), np.abs(upper[owner] - surface.points)).max(axis=1)

@@ -56,7 +56,7 @@ class Facets:
 
 
 def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """Concatenate index ranges start[i] … start[i] + count[i] − 1; return the range and the index of every entry."""
+    """Concatenate index ranges start[i] … start[i] + count[i] − 1; return range and index of every entry."""
     owner = np.repeat(np.arange(len(count)), count)
     first = np.concatenate([[0], np.cumsum(count)])[:-1]
     return owner, start[owner] + np.arange(len(owner)) - first[owner]
@@ -157,7 +157,7 @@ def _closed(surface: Surface, count: int) -> Bools:
 
 
 def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Merge coinciding vertices of an element, and orient its faces alike; raise InputError if its surface is open."""
+    """Merge coinciding vertices of an element, and orient its faces alike; InputError if its surface is open."""
     from scipy.spatial import cKDTree  # local imports here and below: slow to import, and used by spatial scenes only
 
     tree = cKDTree(vertices)
@@ -280,7 +280,7 @@ def _repeats(surface: Surface) -> Bools:
 
 
 def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
-    """Join neighbouring faces in one plane; return the facet (faces,) of each, and a mask of faces left alone."""
+    """Join neighbouring faces in one plane: facet (faces,) of each, and a mask of faces left alone."""
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
     key = low * width + high
@@ -310,7 +310,7 @@ def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints
 
 
 def _boundary(surface: Surface, members: Ints, vector: Floats) -> tuple[Floats, ...]:
-    """Return the boundary loops (k, 3) of joined faces, the outer one first; vector: (3,) area of the facet."""
+    """Return the boundary loops (k, 3) of joined faces, the outer one first; vector: (3,) area."""
     # Edges that occur in both senses are inside and left out.
     _, position = spread(surface.start[members], surface.count[members])
     edges = list(zip(surface.vertex[position].tolist(), surface.after[position].tolist(), strict=True))
@@ -371,7 +371,7 @@ def longest_edge(polygons: Floats) -> Floats:
 
 
 def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: Ints) -> Sequence[shapely.Geometry]:
-    """Return the facets `which` (k,) as valid shapely polygons in the planes of facets `plane` (k,)."""
+    """Return the facets `which` (k,) as valid polygons in the planes of facets `plane` (k,)."""
     shells = [facets.loops[index][0] for index in which]
     count = np.array([len(shell) for shell in shells])
     owner = np.repeat(np.arange(len(which)), count)

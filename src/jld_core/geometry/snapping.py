@@ -79,10 +79,7 @@ def _edges(rings: Sequence[Sequence[int]], closed: Sequence[bool]) -> Ints:
 
 
 def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Floats, Floats]:
-    """Find nodes (n, 2) near edges (e, 2) that they do not end.
-
-    Returns node, edge, distance and share of the edge's length, (h,) each, sorted by node and distance.
-    """
+    """Find nodes (n, 2) near edges (e, 2) of others: node, edge, distance, share of length, (h,) each, sorted."""
     if not len(edges):
         none = np.zeros(0, dtype=np.int64)
         return none, none, np.zeros(0), np.zeros(0)
@@ -104,7 +101,7 @@ def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Flo
 def _onto_edges(
     place: Floats, rings: list[list[int]], node_of: Ints, closed: Sequence[bool], tolerance: float
 ) -> tuple[Floats, list[list[int]], Ints]:
-    """Move nodes onto the nearest edge within the tolerance, repeatedly; return places, rings and nodes of corners."""
+    """Move nodes onto the nearest edge within the tolerance, repeatedly; places, rings, nodes of corners."""
     # The repetition ends when nothing moves, or after `_ROUNDS` rounds. Where joints cross, corners may be further
     # apart than the tolerance, along both joints; they meet on an edge.
     place, size = place.copy(), float(np.ptp(place, axis=0).max())
@@ -162,7 +159,7 @@ def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) ->
 def _with_hanging(
     place: Floats, rings: Sequence[Sequence[int]], closed: Sequence[bool], tolerance: float
 ) -> tuple[list[list[int]], list[list[bool]]]:
-    """Insert nodes that lie on edges as corners of paths; return paths, and True for each original corner."""
+    """Insert nodes on edges as corners of paths; return paths, and True for each original corner."""
     edges = _edges(rings, closed)
     size = float(np.ptp(place, axis=0).max()) if len(place) else 0.0
     node, edge, _, share = _hits(place, edges, max(tolerance, 1e-12 * size))
@@ -311,16 +308,12 @@ class _Loops:
         return self.node[self.start[face] : self.start[face] + self.count[face]]
 
     def stacks(self) -> list[tuple[Ints, Ints]]:
-        """Stack faces of equal numbers of corners k: for each k, indices (n,) and nodes (n, k)."""
         chosen = [(np.flatnonzero(self.count == corners), corners) for corners in np.unique(self.count).tolist()]
         return [(which, self.node[self.start[which, None] + np.arange(corners)]) for which, corners in chosen]
 
 
 def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tuple[Ints, Floats, Floats]:
-    """Group faces that lie in one plane within the tolerance.
-
-    Returns the plane (faces,), −1 for faces that are not plane, and normal and point (p, 3) of each plane.
-    """
+    """Group faces in one plane within the tolerance: plane (faces,), −1 if not plane; normal, point (p, 3)."""
     vector = np.zeros((len(loops), 3))
     middle = np.zeros((len(loops), 3))
     lower, upper = np.zeros((len(loops), 3)), np.zeros((len(loops), 3))
@@ -369,7 +362,7 @@ def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tupl
 
 
 def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints], Floats], tolerance: float) -> Ints:
-    """Return the face (faces,) whose plane each face joins; of faces nearly in one plane it has the largest `key`."""
+    """Return the face (faces,) whose plane each face joins; of faces nearly in one plane that of largest `key`."""
     # The first face of a plane defines it. Groups grow along pairs from the face of least key; every candidate is
     # compared with that face, so that chains do not drift.
     order = np.argsort(key, kind="stable")
@@ -404,7 +397,7 @@ def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints],
 
 
 def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, origin: Floats, tolerance: float) -> Floats:
-    """Move every node by the least distance onto the planes of the faces that meet in it; group: −1 for none."""
+    """Move every node by the least distance onto the planes of its faces; group: −1 for none."""
     # One number for a node and a plane: sorting it is many times faster than sorting rows.
     wide = len(normal) + 1
     pairs = np.unique(loops.node * wide + np.repeat(group, loops.count) + 1)

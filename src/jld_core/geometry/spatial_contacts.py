@@ -46,21 +46,9 @@ class SpatialContact:
 def near_pairs(
     lower: Floats, upper: Floats, reach: Floats, keep: Callable[[Ints, Ints], Bools] | None = None
 ) -> tuple[Ints, Ints]:
-    """Find the pairs of boxes that touch or overlap.
+    """Find the pairs left < right (p,), sorted, of boxes that touch or overlap when enlarged by `reach` (n,).
 
-    Parameters
-    ----------
-    lower, upper : (n, 3) array
-        Corners of the boxes.
-    reach : (n,) array
-        Distance by which each box is enlarged on every side.
-    keep : function of two (k,) int arrays, optional
-        Further condition on pairs, a mask (k,), tested before all pairs are stored; None keeps all pairs.
-
-    Returns
-    -------
-    left, right : (p,) int array
-        Pairs with left < right, sorted.
+    keep: further condition on pairs, a mask (k,), tested before all pairs are stored.
     """
     low, high = lower - reach[:, None], upper + reach[:, None]
     # The search tree is planar: drop the axis with the fewest layers, along which fewest boxes lie above one another.
@@ -164,7 +152,7 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
 
 
 def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> Bools:
-    """Return a mask (p,) of facet pairs without a gap; size: of the smaller facet of each pair."""
+    """Return a mask (p,) of facet pairs without a gap; size: of the smaller facet."""
     # All four corners of the second facet lie within half the tolerance of the plane of the first. The mask is False if
     # the second facet has holes or not four corners.
     found = np.zeros(len(one), dtype=bool)
@@ -240,7 +228,7 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
 def _cut_rectangles(
     facets: Facets, frames: FacetFrames, one: Ints, two: Ints
 ) -> tuple[Bools, list[tuple[int, SpatialContact]]]:
-    """Intersect pairs of facets (p,) that are parallel rectangles; return their mask (p,) and contacts by position."""
+    """Intersect pairs (p,) of parallel rectangles; return their mask (p,) and contacts by position."""
     row, stack = facets.four
     first, second = stack[row[one]], stack[row[two]]
     origin, e1, e2, normal = facets.origin[one], frames.e1[one], frames.e2[one], facets.normal[one]
@@ -275,7 +263,7 @@ def _cut_rectangles(
 
 
 def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> list[tuple[int, SpatialContact]]:
-    """Intersect pairs of facets (p,) of any shape in the plane of the first; return contacts with positions."""
+    """Intersect pairs of facets (p,) of any shape in the plane of the first, with positions."""
     if not len(one):
         return []
     first, second = regions_in_planes(facets, frames, one, one), regions_in_planes(facets, frames, two, one)
@@ -374,7 +362,7 @@ def _first_within(points: Floats, tolerance: float) -> Ints:
 def check_overlaps(
     ids: list[str], vertices: list[Floats], facets: Facets, pairs: tuple[Ints, Ints], within: float = 0.0
 ) -> tuple[str, ...]:
-    """Raise InputError for convex polyhedra that share a volume; warn of overlaps no deeper than `within`."""
+    """Raise InputError for convex polyhedra that share a volume; warn of overlaps up to `within`."""
     # Pairs with a polyhedron that is not convex are not checked. Two elements are apart where all of one lies in front
     # of a facet of the other. For the few remaining pairs, a linear program finds the largest ball within both.
     lower = np.array([v.min(axis=0) for v in vertices])
@@ -438,10 +426,7 @@ def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
 
 
 def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
-    """Compute local frames and sections of plane contacts, without their holes.
-
-    Sizes are means of opposite sides of rectangles, else extents along e1 and e2.
-    """
+    """Compute frames and sections of contacts without holes; sizes: means of opposite sides, else extents."""
     # The origin lies at the centroid; e1 runs along the longest edge, e2 = n × e1. Source: docs/method.md (1.2), (2.2).
     count = len(contacts)
     normal = np.array([c.normal for c in contacts]).reshape(-1, 3)

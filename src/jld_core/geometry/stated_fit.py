@@ -37,7 +37,7 @@ class Fit:
 
 
 def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
-    """Measure the misfit of a stated contact (2, 2) and the edges of a polygon (k, 2); outward: (2,) unit normal."""
+    """Measure the misfit of a stated contact (2, 2) and the edges of a polygon (k, 2); outward: (2,)."""
     # plain numbers: outlines have few corners, for which arrays take ten times as long
     (x, y), (x1, y1) = ends.tolist()
     out_x, out_y = outward.tolist()
@@ -67,7 +67,7 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
 
 
 def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Floats, ...]], normals: Floats) -> Fit:
-    """Measure the misfit of a stated plane contact (k, 3) and the facets of a solid; outward: (3,) unit normal."""
+    """Measure the misfit of a stated plane contact (k, 3) and the facets of a solid; outward: (3,)."""
     axes, origin = across(outward), polygon[0]
     stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
     size = float(np.ptp(polygon, axis=0).max())
@@ -101,7 +101,7 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
 
 
 class Misfit(InputError):
-    """Error for contacts or elements that fit one another poorly, but within a tolerance above `most`."""
+    """Error for contacts or elements that fit poorly, but within a tolerance above `most`."""
 
     def __init__(self, where: str, problem: str, expected: str, most: float = 0.0) -> None:
         super().__init__(where, problem, expected)
@@ -109,11 +109,7 @@ class Misfit(InputError):
 
 
 def judge_fits(fits: Sequence[tuple[str, str, Fit]], tolerance: float | None, unit: str) -> tuple[str, ...]:
-    """Return warnings about stated contacts that fit an element poorly.
-
-    Fits: key, element, fit. Raises InputError for misfits beyond `tolerances.NEAR` and the tolerance, `Misfit` where a
-    larger tolerance takes all of them.
-    """
+    """Return warnings about poor fits (key, element, fit); InputError, or `Misfit` if a larger tolerance takes all."""
     warnings, wrong = list[str](), list[tuple[bool, float, str, str]]()
     for where, name, fit in fits:
         allowed = max(tolerances.FACE * fit.size, tolerance or 0.0)
@@ -214,10 +210,7 @@ class NearMiss:
 
 
 def refuse_overlaps(pairs: Sequence[Overlap], expected: str, within: float) -> tuple[str, ...]:
-    """Return a warning about elements that overlap by up to `within`, a length.
-
-    Raises Misfit where they overlap by more, naming up to ten pairs with depth and place.
-    """
+    """Return a warning about overlaps up to `within`; Misfit for more, naming up to ten pairs."""
     most = max((pair.depth for pair in pairs), default=0.0)
     if not pairs or most <= within:
         return (f"{len(pairs)} pairs of elements overlap, by up to {most:.3g}",) if pairs else ()
@@ -257,10 +250,7 @@ def _point(place: Floats) -> str:
 
 
 def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callable[[int], str]) -> Floats:
-    """Compute the unit normals (m, 3) of stated contacts, out of their elements a (m,).
-
-    Raises InputError for a contact without area, or one that is not plane.
-    """
+    """Compute outward unit normals (m, 3) of stated contacts; InputError without area, or if not plane."""
     # The stated polygon gives the direction. The face of a that it lies on only gives the sign.
     normal, place, size = np.empty((len(a), 3)), np.empty((len(a), 3)), np.empty(len(a))
     for chosen, stack in measures.by_corner_count(polygons):
@@ -279,7 +269,7 @@ def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callab
 
 
 def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets) -> Floats:
-    """Return +1 (m,) for normals (m, 3) that point out of element a of the contact at `place` (m, 3), else −1."""
+    """Return +1 (m,) for normals (m, 3) that point out of element a of the contact, else −1."""
     # The nearest face of a decides.
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]

@@ -49,10 +49,7 @@ class Surface:
 
 
 def union_outlines(outlines: Sequence[Floats]) -> list[Region]:
-    """Unite polygons to regions, ordered from left to right.
-
-    Result: connected parts of the union, ordered by their bounding boxes.
-    """
+    """Unite polygons to connected regions, ordered by their bounding boxes from left to right."""
     size = float(np.ptp(np.concatenate(list(outlines)), axis=0).max())
     snapped = snap_polygons(outlines, _NEAR * size, keep_nodes=True)
     whole = shapely.union_all([shapely.Polygon(ring) for ring in snapped.paths])
@@ -71,10 +68,7 @@ def region_of(part: shapely.Polygon) -> Region:
 
 
 def extrude(region: Region, depth: float) -> Surface:
-    """Extrude a region of the x–z plane from y = 0 to y = depth.
-
-    Result: closed surface with outward faces.
-    """
+    """Extrude a region of the x–z plane from y = 0 to y = depth: closed, with outward faces."""
     rings = (region.shell, *region.holes)
     flat = np.concatenate(rings)
     count = len(flat)
@@ -169,10 +163,7 @@ def _weld(points: Floats, reach: float) -> Ints:
 
 
 def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
-    """Compute the outer regions of solids in one plane.
-
-    Returns the outward normal and loops (k, 3) of each; opposite facets that meet leave none.
-    """
+    """Compute outer regions of solids in one plane, normal and loops (k, 3); opposite facets cancel."""
     normal = facets.normal[plane[0]]
     if len(plane) == 1:
         return [(normal, list(facets.loops[plane[0]]))]

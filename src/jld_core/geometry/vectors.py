@@ -31,7 +31,7 @@ def moment_about(arm: Floats, force: Floats) -> Floats:
 
 
 def resultants(count: int, owner: Ints, loads: Floats, arm: Floats) -> Floats:
-    """Sum loads (k, q) at arms (k, d) from the centres of their owners (k,) to resultants (count, q) there."""
+    """Sum loads (k, q) at arms (k, d) from the centres of their owners (k,) to resultants (count, q)."""
     # Sums that cancel up to rounding are exactly zero: the scale of a program must not be made of what is left.
     d = arm.shape[1]
     moment = moment_about(arm, loads[:, :d])

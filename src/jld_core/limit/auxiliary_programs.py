@@ -28,19 +28,13 @@ _SIMPLEX: Final = 6000  # number of columns up to which a dual simplex is used
 
 
 def slack_rows(structure: Structure) -> Ints:
-    """Return the indices (k,) of the rows of a program in which slack is measured.
-
-    They are all linear yield rows, then the first row of each cone. The row that bounds λ is left out.
-    """
+    """Return the rows (k,) in which slack is measured: linear ones, then first rows of cones; not that of λ."""
     linear = np.arange(structure.equalities + 1, structure.equalities + structure.linear)
     return np.concatenate([linear, structure.heads]).astype(np.int64)
 
 
 def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
-    """Return the program that maximises the least slack t ≤ 1 of all yield rows.
-
-    load_fixed: True removes the column of λ, which keeps λ = 0; otherwise λ is a variable.
-    """
+    """Return the program max t ≤ 1, the least slack of all yield rows; load_fixed: λ = 0."""
     # t is the last column, and t ≤ 1 the last linear row.
     s = program.structure
     matrix = program.matrix.tocsr()
@@ -58,11 +52,7 @@ def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> Co
 
 
 def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
-    """Return the program restricted to some columns, without the rows that are then empty.
-
-    kept: (columns,) bool, True for each column that stays; the others are zero. Cones stay or go as a whole. The first
-    inequality, which bounds λ, stays.
-    """
+    """Return the program of the columns `kept` (columns,), without empty rows; cones stay or go as a whole."""
     s = program.structure
     matrix = program.matrix.tocsr()[:, np.flatnonzero(kept)]
     asks = np.diff(matrix.indptr) > 0
@@ -80,11 +70,7 @@ def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
 
 
 def maximise_slacks(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
-    """Find a point at which as many yield rows as possible have positive slack.
-
-    rhs: (rows,) right-hand side; zero below the equilibrium rows for recession cones. Result: solution of the auxiliary
-    program, and slack of each row of `slack_rows`, in [0, cap].
-    """
+    """Find a point with slack in most yield rows: solution, and slacks (rows,) of `slack_rows` in [0, cap]."""
     raw = solve_auxiliary(_slack_sum_program(program, rhs, columns, cap))
     return raw, raw.point[columns:]
 
@@ -100,11 +86,7 @@ class LargestSupport:
     values: Floats  # (rows,) values −M y of the program's matrix M at the point y, which give its position in each cone
 
     def boundary_direction(self, start: int, size: int, least: float = 0.5) -> Floats | None:
-        """Return the direction of the point in one second-order cone, if it lies on the boundary.
-
-        The direction is the unit vector (size − 1,) of the rows after the first. The result is None if the value of the
-        first row is at most `least`, or the norm of the others is below half of that value.
-        """
+        """Return the unit vector (size − 1,) of a point on a cone's boundary; None where it is not there."""
         vector = self.values[start : start + size]
         length = float(np.linalg.norm(vector[1:]))
         return vector[1:] / length if vector[0] > least and length > 0.5 * vector[0] else None
@@ -113,11 +95,7 @@ class LargestSupport:
 def largest_support(
     program: ConicProgram, columns: int, target: Floats | None = None, largest: float = LARGEST
 ) -> LargestSupport:
-    """Find a point of the recession cones at which most rows have positive slack.
-
-    target: (equalities,) right-hand side of the equations; default zero, for a self-stress. Result: the point, exact to
-    the solver's residual; arbitrary if the solver fails, so check it.
-    """
+    """Find a point of the recession cones with slack in most rows; unchecked, arbitrary if the solver fails."""
     # Among such points it has the most cones whose first row is positive.
     s = program.structure
     rhs = np.zeros(s.shape[0])
@@ -136,11 +114,7 @@ def largest_support(
 
 
 def polygonal_support(program: ConicProgram, columns: int, target: Floats | None = None) -> LargestSupport | None:
-    """Find a point of largest support by simplex, with polygons in place of the cones.
-
-    target: (equalities,) right-hand side of the equations; default zero, for a self-stress. Result: the point; None if
-    there is none, if a cone has another size, or if the program is too large.
-    """
+    """Find a point of largest support by simplex, polygons in place of cones; None where not possible."""
     # The point is exact to rounding. The corners of a polygon lie on its cone, among them those on the axes of the
     # face's frame. A self-stress on the friction boundary along an axis is a vertex here, while an interior-point
     # method finds only half its digits. The method needs cones of three rows.
@@ -171,10 +145,7 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
 def project_onto_faces(
     program: ConicProgram, found: LargestSupport, target: Floats, snap: float, least: float = 0.5
 ) -> Floats:
-    """Project a point of largest support onto the faces of the convex cones it lies on.
-
-    target: (equalities,) right-hand side of the equations. Result: (columns,) the projected point.
-    """
+    """Project a point of largest support (columns,) onto the faces of the cones it lies on."""
     # The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
     # whose tip the point lies. In a cone on whose boundary the point lies, the rows after the first keep their
     # direction.
@@ -196,10 +167,7 @@ def project_onto_faces(
 
 
 def without_small_components(way: Floats, snap: float) -> Floats:
-    """Return a unit vector whose components below `snap` are set to zero, normalised again.
-
-    way: (k,) unit vector, left as it is.
-    """
+    """Return a unit vector (k,) without components below `snap`, normalised again."""
     fine = np.where(abs(way) < snap, 0.0, way)
     return np.asarray(fine / np.linalg.norm(fine))
 
@@ -207,10 +175,7 @@ def without_small_components(way: Floats, snap: float) -> Floats:
 def _slack_sum_program(
     program: ConicProgram, rhs: Floats, columns: int, cap: float, largest: float = np.inf, *, heads: bool = False
 ) -> ConicProgram:
-    """Return the program that maximises the sum of the slacks of all rows.
-
-    heads: True counts the first rows of cones as well, each up to 1.
-    """
+    """Return the program that maximises the sum of slacks; heads: also those of first rows of cones."""
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
     tips = slack_rows(s)
@@ -233,11 +198,7 @@ def _slack_sum_program(
 
 
 def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
-    """Find velocities whose jumps lie strictly inside the jumps of finite dissipation.
-
-    columns: number of leading columns of E and G that the condition Eᵀu + Gᵀz = 0 covers. Returns (equalities,):
-    velocities u with Eᵀu + Gᵀz = 0; None if there are none.
-    """
+    """Find velocities (equalities,) with jumps strictly inside those of finite dissipation; None if there are none."""
     # The jumps are −Gᵀz, where G are the yield rows and z lies at least 1 inside their dual cones.
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
@@ -265,11 +226,7 @@ def least_multipliers(
     cones: tuple[int, ...],
     structure: Structure,
 ) -> Floats:
-    """Compute velocities u and multipliers z of yield rows with the least weighted sum.
-
-    least: (rows of G,) lower bound of the multipliers in the sense of the cones. Result: u and z, concatenated; NaN if
-    the dual program is unbounded.
-    """
+    """Compute u and z ≥ least of yield rows with the least weighted sum; NaN if the dual is unbounded."""
     # The multipliers minimise least·z subject to Eᵀu + Gᵀz = 0, with z − least in the cones. Large programs are solved
     # as their dual, min least·G y, E y = 0, G y + s = least: a program in forces, whose columns separate by face.
     equalities, columns = equations.shape

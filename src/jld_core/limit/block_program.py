@@ -18,16 +18,10 @@ from jld_core.program import ConicProgram, Template, pack
 
 
 class BlockFaces(Protocol):
-    """Interface to the margins and dissipation of scaled jumps at faces under one label.
-
-    A face may occur several times, once for each block that it touches.
-    """
+    """Margins and dissipation of scaled jumps at faces under one label; a face may occur several times."""
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the least slack (k,) of the conditions for finite dissipation of jumps.
-
-        jumps: (k, q). faces: (k,) index of the face of each jump.
-        """
+        """Return the least slack (k,) of the conditions for finite dissipation of jumps (k, q) at faces (k,)."""
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
         """Return the dissipation (k,) of jumps (k, q) with non-negative margin, at faces (k,)."""
@@ -46,10 +40,6 @@ class YieldSetFaces:
 
     @classmethod
     def of(cls, template: Template, *, dry: bool) -> YieldSetFaces:
-        """Create the faces of a template under one label.
-
-        dry: True for the dry label, False for the inner one.
-        """
         labels = np.full(len(template.assembly.interfaces), dry)
         return cls(template.yield_set, dry, template.yield_set.strength(labels))
 
@@ -66,11 +56,7 @@ class YieldSetFaces:
         return np.asarray(self.strengths[faces])
 
     def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:
-        """Evaluate a margin or dissipation of jumps (k, q) at faces (k,).
-
-        measure: function of jumps (m, q) and labels (m,). It evaluates all faces at once, so every pass holds at most
-        one jump per face.
-        """
+        """Evaluate a measure of jumps (k, q) at faces (k,), at most one jump per face in each pass."""
         found = np.empty(len(faces))
         count = len(self.strengths)
         labels = np.full(count, self.dry)
@@ -90,11 +76,9 @@ Q: Final = 3
 
 @dataclass(frozen=True)
 class BlockParts:
-    """Struct of arrays over the parts, sides and joints of p possible blocks.
+    """Parts (element of a block), sides (part and face around) and joints (faces inside) of p possible blocks, scaled.
 
-    All values are scaled as in `Template`. A part is an element of a block. A side is a part and a face around its
-    block. A joint is a face inside a block. Counts: k parts, s sides, j joints, n free elements, f faces between two
-    free elements; q = 3, in space 6.
+    Counts: k parts, s sides, j joints, n free elements, f faces between two free elements.
     """
 
     # blocks, elements, shared: counts p, n and f
@@ -125,11 +109,7 @@ class BlockParts:
     live: Floats
 
     def jumps(self, velocity: Floats, wall: Floats) -> tuple[Floats, Floats]:
-        """Compute half jumps (s, q) at the sides and jumps (j, q) at the joints.
-
-        A half jump is the jump between a part and the face beside it, which has a velocity of its own. velocity: (k, q)
-        of the parts. wall: (f, q) of the shared faces; those to supports do not move.
-        """
+        """Compute half jumps (s, q) between parts and the faces beside them, and jumps (j, q) at joints."""
         still = np.vstack([wall, np.zeros((1, wall.shape[1]))])  # Index −1 stands for supports, which do not move.
         half = self.own(velocity) + self.sign[:, None] * still[self.side_shared]
         inner = np.einsum("kij,ki->kj", self.arm_a, velocity[self.joint_a])
@@ -137,17 +117,11 @@ class BlockParts:
         return half, inner
 
     def own(self, velocity: Floats) -> Floats:
-        """Compute the half jumps (s, q) at the sides while all faces stand still.
-
-        velocity: (k, q) of the parts.
-        """
+        """Compute the half jumps (s, q) at the sides of velocities (k, q) while all faces stand still."""
         return np.asarray(np.einsum("kij,ki->kj", self.arm, velocity[self.side_part]))
 
     def halved(self, motion: Motion) -> tuple[Floats, Floats]:
-        """Convert a motion to velocities of parts (k, q) and of shared faces (f, q).
-
-        Each face moves halfway between its two sides.
-        """
+        """Convert a motion to velocities of parts (k, q) and of faces (f, q), halfway between their sides."""
         q = self.dead.shape[1]
         velocity = motion.velocity.reshape(-1, q)[self.part_element]
         wall, known = np.zeros((self.shared, q)), self.side_shared >= 0
@@ -156,19 +130,13 @@ class BlockParts:
         return velocity, wall
 
     def speed(self, velocity: Floats) -> Floats:
-        """Return the sum of the absolute terms (j,) of the jump at each joint.
-
-        It bounds the rounding error of the jump. velocity: (k, q) of the parts.
-        """
+        """Return the sum of absolute terms (j,) of the jump at each joint, which bounds its rounding error."""
         size = np.einsum("kij,ki->k", abs(self.arm_a), abs(velocity[self.joint_a]))
         return np.asarray(size + np.einsum("kij,ki->k", abs(self.arm_b), abs(velocity[self.joint_b])))
 
 
 def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]) -> BlockParts:
-    """Create the parts, sides and joints of possible blocks.
-
-    Result: parts in the order of blocks and of their elements.
-    """
+    """Create the parts, sides and joints of possible blocks, in the order of blocks and of their elements."""
     assembly = template.assembly
     q = assembly.freedoms
     free, faces = assembly.elements.free, assembly.interfaces
@@ -219,10 +187,7 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
 
 
 def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
-    """Return the matrices (k, q, q) from resultants of faces to the equilibrium of elements.
-
-    element, face: (k,) pairs; elements are indices among the free elements.
-    """
+    """Return the matrices (k, q, q) from resultants of faces to the equilibrium of free elements."""
     if not len(element):
         return np.zeros((0, q, q))
     rows = (q * element[:, None] + np.arange(q))[:, :, None]
@@ -240,12 +205,10 @@ worse bound than a low λ.
 
 
 class AllBlocksProgram:
-    """Program min −λ of the relaxation by blocks for all p possible blocks of an assembly.
+    """Program min −λ of the relaxation by blocks for all p possible blocks; `of` selects allowed ones."""
 
-    Subclasses set it up once; `of` selects the rows and columns of the allowed blocks. `shape`: numbers of rows and
-    columns. Rows are equations up to `_equalities`, linear inequalities up to `_linear`, then cones of `_cone` rows
-    each. `_most` and `_least` are the entries with the bounds on the λ of each block.
-    """
+    # Rows: equations up to `_equalities`, linear inequalities up to `_linear`, cones of `_cone` rows; `_most` and
+    # `_least` bound λ of each block.
 
     shape: tuple[int, int]
     _table: tuple[Ints, Ints, Floats]
@@ -259,10 +222,9 @@ class AllBlocksProgram:
     _cone: int
 
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
-        """Create the program that has only the allowed blocks.
+        """Create the program of the allowed blocks (p,); also its rows and columns among all.
 
-        allowed: (p,) blocks that may be chosen. threshold, most: scaled λ to reach, and scaled λ that is not exceeded.
-        Result: the program, and the indices of its rows and of its columns in the program of all blocks.
+        λ in [threshold, most].
         """
         row, column, value = self._table
         value = value.copy()
@@ -288,17 +250,11 @@ class AllBlocksProgram:
 
 
 class BlockProgram(AllBlocksProgram):
-    """Linear program min −λ of the block relaxation, for yield sets that are wedges.
+    """Linear program min −λ of the block relaxation for wedges; its dual is docs/method.md (6.5), (6.6).
 
-    Its dual is docs/method.md (6.5), (6.6). Columns: share x of each block; rays of the dry set of each side; two rays
-    and the shear V of the inner set of each joint; forces by c of each side; λ of each block times x; λ. Rows:
-    cover of every element, equal shares of λ, equal forces on shared faces, equilibrium of each part, shear, bounds on
-    each block's λ.
-
-    parts: parts, sides and joints of the possible blocks. dry, inner: yield sets of all faces under either label.
-    shape: (int, int) numbers of rows and columns of the program of all blocks. x: (p,) columns of x. cover, share: (n,)
-    rows of the cover and of the shares of λ, per element. equal_forces: (f, 3) rows of the equal forces on shared
-    faces. balance: (k, 3) equilibrium rows of the parts. cohesive: indices of the sides with shear strength.
+    Columns: share x of each block; rays of the dry set of each side; two rays and V of the inner set of each joint;
+    forces by c of each side; λ of each block times x; λ. Rows: cover, equal shares of λ, equal forces on shared faces,
+    equilibrium of parts, shear, bounds on each block's λ.
     """
 
     def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> None:
@@ -365,10 +321,7 @@ class BlockProgram(AllBlocksProgram):
         add(self.equal_forces[parts.side_shared[cohesive][known]], sticks[known], across[known])
 
     def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
-        """Add the forces on the inner faces of the blocks.
-
-        They are N = N' − σtA x with N' = r + r', m = (r − r') / bending, and V. bends: (j, 3) columns of r, r' and V.
-        """
+        """Add N = N' − σtA x with N' = r + r', m = (r − r') / bending, and V, of columns `bends` (j, 3)."""
         parts, add, lean = self._parts, self._entries.add_vectors, 1.0 / inner.bending
         for part, arm in ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b)):
             for turn, vector in enumerate((np.array([1.0, 0.0, lean]), np.array([1.0, 0.0, -lean]), np.eye(Q)[1])):
@@ -376,10 +329,7 @@ class BlockProgram(AllBlocksProgram):
             add(self.balance[part], parts.joint_block, -inner.tension[parts.joint_face][:, None] * arm[:, :, 0])
 
     def _shear(self, inner: CoulombWedge, bends: Ints, shear: Ints) -> None:
-        """Add the rows |V| ≤ τA x + μN of inner faces of blocks chosen by x.
-
-        bends: (j, 3) columns of the variables r, r' and V of j inner faces. shear: (j, 2) rows.
-        """
+        """Add the rows |V| ≤ τA x + μN of inner faces, columns `bends` (j, 3)."""
         # N = N' − σtA x is eliminated, so that the constant is (τA − μ σtA) x.
         parts, add = self._parts, self._entries.add
         mu = inner.friction[parts.joint_face]
@@ -395,10 +345,7 @@ class BlockProgram(AllBlocksProgram):
 
 
 class OwnedIndices:
-    """Consecutive row or column indices, each with the block it belongs to (−1: none).
-
-    owner: (count,) block of each index.
-    """
+    """Consecutive row or column indices, each with the block it belongs to (−1: none)."""
 
     def __init__(self) -> None:
         self.owner: Ints = np.empty(0, dtype=np.int64)
@@ -425,20 +372,14 @@ class SparseEntries:
         self._length = 0
 
     def add(self, row: Ints, column: Ints, value: Floats | float) -> slice:
-        """Append entries, and return the slice that they occupy among all entries.
-
-        row, column: (k,) positions. value: (k,) values, or one value for all.
-        """
+        """Append entries at row, column (k,), and return their slice among all entries."""
         begin = self._length
         self._parts.append((row, column, np.broadcast_to(np.asarray(value, dtype=float), row.shape)))
         self._length += len(row)
         return slice(begin, self._length)
 
     def add_vectors(self, rows: Ints, column: Ints, value: Floats) -> None:
-        """Append q entries in each of k columns.
-
-        rows: (k, q) row indices. column: (k,) column indices. value: (k, q) values.
-        """
+        """Append q entries (k, q) in each of k columns."""
         self.add(rows.ravel(), np.repeat(column, rows.shape[1]), value.ravel())
 
     def arrays(self) -> tuple[Ints, Ints, Floats]:
@@ -454,8 +395,7 @@ Column = tuple[list[int], list[float]]
 def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> list[BlockColumns] | None:
     """Create the columns of every possible block, in the form that the batch solver takes.
 
-    Shared rows: three for each shared face, then three for each element, namely its cover, its share of λ, and one
-    unused.
+    Shared rows: three for each shared face, then cover, share of λ and an unused one for each element.
     """
     if np.any(inner.shear[parts.joint_face] < inner.friction[parts.joint_face] * inner.tension[parts.joint_face]):
         return None
@@ -467,11 +407,6 @@ def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> lis
 
 
 class _Block:
-    """Builder of the columns of one block.
-
-    own, sides, joints: indices of its parts (k,), sides (s,) and joints (j,) in `BlockParts`.
-    """
-
     def __init__(
         self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, own: Ints, sides: Ints, joints: Ints
     ) -> None:
@@ -521,10 +456,7 @@ class _Block:
                 self._push(side, np.array([0.0, sign * self._dry.shear[face], 0.0]), self._cohesive[side])
 
     def _push(self, side: int, force: Floats, row: int | None = None) -> None:
-        """Add the column of a force at a side: its part in equilibrium and on the shared face.
-
-        force: (3,) resultants.
-        """
+        """Add the column of a force (3,) at a side: equilibrium of the part, and the shared face."""
         parts = self._parts
         at = self._place[int(parts.side_part[side])]
         found = [(at + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
@@ -703,10 +635,7 @@ class ConeProgram(AllBlocksProgram):
 
 
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
-    """Group integer values by face: for each face its distinct values (k,), ascending.
-
-    face, value: (pairs,) a face and a value that belongs to it.
-    """
+    """Group integer values by face: the distinct values (k,) of each, ascending."""
     face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
     value = np.concatenate([value, np.arange(count * freedoms)])
     pairs = np.unique(np.column_stack([face, value]), axis=0)

@@ -51,11 +51,7 @@ from jld_core.solvers import ClarabelSolver, Solver
 
 @dataclass(frozen=True)
 class BlockMultipliers:
-    """Velocities, multipliers and shares that a solver returned for one set of allowed blocks.
-
-    The counts k (parts), f (shared faces), n (elements) and p (blocks) are those of `BlockParts`; all values are
-    scaled.
-    """
+    """Velocities, multipliers and shares that a solver returned for one set of allowed blocks, scaled."""
 
     velocity: Floats  # (k, q) velocities of the parts
     wall: Floats  # (f, q) velocities of the shared faces
@@ -76,13 +72,7 @@ class BlockMechanism:
 
 
 class BatchBlockProgram:
-    """Program of the block relaxation, in the batch solver, for any set of allowed blocks.
-
-    It is safe for concurrent use by several threads.
-
-    parts: parts, sides and joints of the possible blocks. blocks: columns of each block. places: (f + n, d) positions
-    of the shared faces, then of the elements.
-    """
+    """Program of the block relaxation in the batch solver; several threads may use it at once."""
 
     def __init__(self, parts: BlockParts, blocks: Sequence[BlockColumns], places: Floats) -> None:
         self._elements = Q * (parts.shared + np.arange(parts.elements))
@@ -96,10 +86,7 @@ class BatchBlockProgram:
     def of(
         cls, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, centroids: Floats
     ) -> BatchBlockProgram | None:
-        """Create the block program of an assembly.
-
-        None if the batch solver does not support it, or is not compiled. centroids: (n, d) of the free elements.
-        """
+        """Create the block program; None if the batch solver does not support it, or is not compiled."""
         if chosen() is None:
             return None
         blocks = columns_of(parts, dry, inner)
@@ -114,12 +101,9 @@ class BatchBlockProgram:
     def solve(
         self, allowed: Bools, thresholds: Floats, most: Floats, pool: ThreadPoolExecutor | None = None
     ) -> list[BlockMultipliers]:
-        """Solve the programs of k sets of allowed blocks.
-
-        allowed: (k, p) blocks that may be chosen. thresholds, most: (k,) scaled λ to reach, and scaled λ that is not
-        exceeded, see `AllBlocksProgram.of`. pool: supplies one more thread, which takes half of the full registers. A
-        single register is not split, because a partly filled register takes as long as a full one.
-        """
+        """Solve the programs of k sets of allowed blocks (k, p); `pool` supplies one more thread."""
+        # Full registers are shared by two threads; a single one is not split, as a partly filled register takes as
+        # long.
         width = self._batch.width
         registers = -(-len(allowed) // width)
         here = width * (registers if pool is None else -(-registers // 2))
@@ -146,10 +130,7 @@ class BatchBlockProgram:
 
 
 def _balance(parts: BlockParts, blocks: Sequence[BlockColumns]) -> Ints:
-    """Return the indices (k, q) of the equilibrium rows of all parts.
-
-    They count the rows of all blocks, block after block. The equilibrium rows of a block are its first rows.
-    """
+    """Return the indices (k, q) of the equilibrium rows of all parts, the first rows of each block."""
     begin = np.concatenate([[0], np.cumsum([one.own for one in blocks])])
     first = np.searchsorted(parts.part_block, parts.part_block)
     place = begin[parts.part_block] + Q * (np.arange(len(first)) - first)
@@ -201,14 +182,10 @@ class _Mechanism:
 
 
 class BlockRelaxation:
-    """Upper bounds on λ over the segmentations of one assembly into selectable blocks.
+    """Upper bounds on scaled λ over the segmentations into selectable blocks.
 
-    All values are scaled as in `Template`.
-
-    members: elements of each of the p possible blocks. inside: faces inside each block. seconds: time limit of one
-    program, seconds. After it, the bound is computed from the solver's last values. Raises TypeError if there is no
-    block relaxation of this assembly (`applies_to`). Raises ArithmeticError if the opening motion does not open every
-    face on both sides.
+    seconds: time limit of one program, after which the solver's last values give the bound. Raises TypeError where
+    `applies_to` is False, ArithmeticError if the opening motion does not open every face.
     """
 
     def __init__(
@@ -261,11 +238,7 @@ class BlockRelaxation:
         return self._choose(allowed, threshold, found.bound, self._fine_solver)
 
     def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Bound λ by the mechanism of an earlier program, without a solver.
-
-        allowed: (p,) blocks that may be chosen now. Result: bound, refutation and useless blocks that the mechanism
-        proves.
-        """
+        """Bound λ by the mechanism of an earlier program: bound, refutation and useless blocks; no solver."""
         return self._proven_choice(mechanism.multipliers, allowed, threshold, most)
 
     @property
@@ -294,10 +267,7 @@ class BlockRelaxation:
         return found
 
     def _is_close(self, found: Choice, threshold: float) -> bool:
-        """Return True if the threshold is not refuted, but the bound is close to it.
-
-        A solve with a finer residual may then refute it.
-        """
+        """Return True where a finer residual may refute a threshold that is not refuted."""
         return not found.refuted and found.bound <= threshold + _NEAR * max(1.0, abs(threshold))
 
     def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
@@ -337,11 +307,7 @@ class BlockRelaxation:
     # --- proof ------------------------------------------------------------------------------------------
 
     def _margin(self, velocity: Floats, wall: Floats, allowed: Bools | None = None) -> float:
-        """Return the least margin for finite dissipation over half jumps and jumps at joints.
-
-        velocity: (k, q) of the parts. wall: (f, q) of the shared faces. allowed: (p,) blocks whose jumps count; None:
-        all. The result is inf without jumps.
-        """
+        """Return the least margin of half jumps and jumps at joints of allowed blocks (p,); inf without jumps."""
         parts = self._parts
         half, inner = parts.jumps(velocity, wall)
         margins = [self._dry.margin(half, parts.side_face), self._inner.margin(inner, parts.joint_face)]
@@ -350,10 +316,7 @@ class BlockRelaxation:
         return float(np.concatenate(margins).min(initial=np.inf))
 
     def _repair(self, answer: BlockMultipliers, allowed: Bools, most: float) -> _Mechanism | None:
-        """Open the velocities of an answer until every dissipation is finite, and sum their work.
-
-        allowed: (p,) blocks that may be chosen. None where opening fails.
-        """
+        """Open velocities until every dissipation is finite, and sum their work; None where that fails."""
         if not all(map(usable, (answer.velocity, answer.wall, answer.price, answer.portion))):
             return None
         parts, velocity, wall = self._parts, answer.velocity, answer.wall
@@ -385,20 +348,13 @@ class BlockRelaxation:
         return _Mechanism(live, cost, inside, size, answer.price, answer.portion)
 
     def _sums(self, value: Floats, block: Ints) -> Floats:
-        """Return the sums (p,) of values over the blocks they belong to.
-
-        value, block: (k,) values and the block of each.
-        """
+        """Return the sums (p,) of values (k,) over the blocks they belong to."""
         total = np.zeros(self._parts.blocks)
         np.add.at(total, block, value)
         return total
 
     def _excess(self, mechanism: _Mechanism, load: float, allowed: Bools) -> tuple[float, Floats]:
-        """Bound the total excess of segmentations into allowed blocks (p,) from below.
-
-        The excess of a block, docs/method.md (6.6), is positive where its mechanism refutes the scaled λ `load`.
-        Returns the bound, less rounding, and by how much (p,) it increases if a block is chosen.
-        """
+        """Bound the total excess (6.6) of allowed blocks from below, and by how much (p,) choosing each raises it."""
         value = load * mechanism.portion - mechanism.price
         held = self._sums(value[self._parts.part_element], self._parts.part_block)
         slack = load * mechanism.live - mechanism.cost - held
@@ -409,11 +365,8 @@ class BlockRelaxation:
 
 
 def applies_to(analysis: LimitAnalysis) -> bool:
-    """Return whether a block relaxation of an assembly exists.
-
-    It needs associative friction, known hulls, and joints that can all open, or that all crush. It knows no members,
-    since these act on elements of several blocks at once.
-    """
+    """Return whether a structure has associative friction, known hulls, joints that open or crush, and no members."""
+    # Members act on elements of several blocks at once.
     sets = analysis.template.yield_set
     if analysis.assembly.of_members.any() or sets.hull() is None:
         return False

@@ -528,11 +528,7 @@ def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
 
 
 def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Return True if two brackets of the same λ are disjoint.
-
-    one, other: (float, float) lower and upper bound in any one unit; NaN or infinite where unknown. Result: True if the
-    lower bound of either exceeds the upper bound of the other by more than rounding.
-    """
+    """Return True if two brackets of the same λ, in one unit, are disjoint by more than rounding."""
     return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
 
 

@@ -31,13 +31,9 @@ from jld_core.solvers import make_solver
 
 
 class PartialLabellingBounds(ABC):
-    """Upper bounds that hold for every labelling that agrees on the decided faces.
+    """Upper bounds that hold for every labelling that agrees where `undecided` is False.
 
-    `Relaxation` bounds the scaled λ of one load. `CaseRelaxation` bounds the governing factor of several load cases.
-    Bounds and thresholds of all methods are in this unit, the unit of the object.
-
-    Partial labellings are given by two arrays. labels: (m,) bool array, True = dry, ignored where undecided. undecided:
-    (m,) bool array, True for faces that may have either label.
+    Unit: scaled λ of one load (`Relaxation`), or the governing factor of load cases (`CaseRelaxation`).
     """
 
     @property
@@ -56,69 +52,42 @@ class PartialLabellingBounds(ABC):
         """Return the relaxations of all load cases; of a single load, one."""
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """Refute a threshold for all labellings that agree on the decided faces.
-
-        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        Result: mechanism that proves it; None where no proof is found.
-        """
+        """Return a mechanism that proves that no labelling reaches a threshold; None where none is found."""
         return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
 
     @abstractmethod
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute thresholds for many partial labellings, by the batch solver where it applies.
+        """Refute thresholds (k,), of the first load case that does; None where no proof is found.
 
-        labellings: (k, m) labels, True = dry; ignored where undecided. undecided: (k, m) faces that may have either
-        label. thresholds: (k,) values to refute, in the unit of the object. thorough: (k,) True where another solver is
-        tried if the batch solver finds no proof. Default: everywhere. Result: mechanism that refutes each threshold, of
-        the first load case that does; None where no proof is found.
+        thorough: (k,) True where another solver is tried if the batch solver finds no proof; default: everywhere.
         """
 
     @abstractmethod
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
-        """Remove decided faces of labellings while the bounds stay below their thresholds.
+        """Remove decided faces of labellings and neighbours while bounds stay below thresholds; needs `batched`.
 
-        Neighbours of the labellings are treated as well. The work balance of every refutation is evaluated again here.
-        It requires the batch solver, see `batched`. Result: one entry for each labelling or neighbour that was begun.
-        With load cases, a labelling is treated under the first case that refutes it; labellings that no case refutes
-        come last, without bound.
+        Result: one entry for each that was begun, its work balance evaluated again; those that no case refutes come
+        last, without bound.
         """
 
     @abstractmethod
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Evaluate the work balance of known mechanisms, without solving a program.
-
-        velocities: (k, q·free) mechanisms, scaled. labellings: (k, m) labels, True = dry; ignored where undecided.
-        undecided: (k, m) faces that may have either label. Result: (k,) values that no labelling exceeds that agrees
-        where decided, in the unit of the object. −inf where none is admissible at any λ, inf where the mechanism proves
-        nothing. Raises ValueError if the load case does not exist.
-        """
+        """Bound labellings (k,) by velocities (k, q·free) without a solver; −inf: none admissible, inf: no proof."""
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
-        """Return an upper bound for a partial labelling.
-
-        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        Result: value that no labelling exceeds that agrees where decided, in the unit of the object; inf where no bound
-        was found.
-        """
+        """Return an upper bound of a partial labelling; inf where none was found."""
         found = self.least_bound(labels, undecided)
         return np.inf if found is None else found.bound
 
     @abstractmethod
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism with the least bound found for a partial labelling.
-
-        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        Result: mechanism with its bound, in the unit of the object; None where no bound was found.
-        """
+        """Return the mechanism of the least bound found; None where none was found."""
 
 
 class SharedHull:
-    """Programs of partial labellings of one template whose joints may crush.
-
-    Raises ValueError if yield rows have extra columns.
-    """
+    """Programs of partial labellings of a template whose joints may crush; ValueError for rows of extra columns."""
 
     def __init__(self, template: Template) -> None:
         sets, pattern, matrix = template.yield_set, template.yield_set.pattern, template.matrix.tocoo()
@@ -177,20 +146,12 @@ class SharedHull:
 
     @staticmethod
     def _places(linear: int, count: int, copy: int) -> Ints:
-        """Return the row indices (count,) of one of two copies of yield rows.
-
-        Linear rows of both copies come first, then cones of both. Indices count from the first row of both.
-        """
+        """Return the rows (count,) of one of two copies: linear rows of both first, then cones of both."""
         rows = np.arange(count)
         return np.where(rows < linear, rows + linear * copy, rows + linear + (count - linear) * copy)
 
     def program(self, labels: Bits, undecided: Bools, margin: float) -> ConicProgram:
-        """Return the program of a partial labelling.
-
-        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        Result: the program, scaled. Columns: the resultants of the first, then of the second copy of each face; the
-        share of its second copy; λ as the last one.
-        """
+        """Return the scaled program; columns: resultants of both copies, share of the second of each face, λ."""
         copies = np.concatenate([labels | undecided, labels & ~undecided])
         data = np.where(copies[self._owner], self._dry, self._inner)
         rhs = self._rhs[0].copy()
@@ -205,13 +166,7 @@ _RESIDUAL: Final = 1e-10
 
 
 class Relaxation(PartialLabellingBounds):
-    """Upper bounds on the scaled λ of partial labellings of one assembly under one load.
-
-    Methods and units are documented in `PartialLabellingBounds`.
-
-    analysis: analysis of the assembly; its template, prover and opening motion are shared. Raises TypeError if no hull
-    of the yield sets is known.
-    """
+    """Upper bounds on the scaled λ of partial labellings under one load; TypeError if no hull is known."""
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         self.template = analysis.template
@@ -237,10 +192,6 @@ class Relaxation(PartialLabellingBounds):
         self._counting, self._solving = Lock(), Lock()
 
     def program(self, labels: Bits, undecided: Bools) -> ConicProgram:
-        """Return the program of a partial labelling.
-
-        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        """
         if self._shared is not None:
             return self._shared.program(labels, undecided, self._margin)
         return self.template.program(labels, self._margin, other=self._open, taken=undecided)
@@ -263,12 +214,6 @@ class Relaxation(PartialLabellingBounds):
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute scaled λ for many partial labellings, under one load.
-
-        labellings, undecided: (k, m) labels, True = dry, and faces that may have either. thresholds: (k,) scaled λ.
-        thorough: (k,) True where another solver is tried if the batch solver finds no proof; None: everywhere. The
-        result has a mechanism for each labelling, or None where no proof is found.
-        """
         count = len(labellings)
         with self._counting:
             self.solves += count
@@ -292,10 +237,6 @@ class Relaxation(PartialLabellingBounds):
         return found
 
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
-        """Minimise the conflicts of labellings under one load, by the batch solver.
-
-        Raises RuntimeError without the batch solver.
-        """
         # Parameters and results: see `PartialLabellingBounds.minimize_conflicts`.
         if self._batch is None:
             raise RuntimeError("conflicts are minimised by the batch solver alone; ask `batched` first")
@@ -320,12 +261,6 @@ class Relaxation(PartialLabellingBounds):
         ]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Bound scaled λ (k,) by known mechanisms, under one load.
-
-        velocities: (k, q·free) scaled. labellings, undecided: (k, m) labels, True = dry, and faces that may have
-        either. The result is inf where a mechanism proves nothing, and −inf where no λ is admissible. Raises ValueError
-        for another case.
-        """
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
         balance = self._balances.balance(velocities, labellings, undecided, known=True)
@@ -344,11 +279,7 @@ class Relaxation(PartialLabellingBounds):
         thresholds: Floats,
         found: list[DualBound | None],
     ) -> None:
-        """Write the refutations that velocities prove into the list `found`.
-
-        velocities: (j, q·free) mechanisms, each for one labelling. which: (j,) index of the labelling of each
-        mechanism. labellings, undecided: (k, m). thresholds: (k,) scaled λ.
-        """
+        """Write into `found` the refutations that velocities (j, q·free) of labellings `which` (j,) prove."""
         fine = np.isfinite(velocities).all(axis=1)
         which, velocities = which[fine], velocities[fine]
         size = abs(velocities).max(axis=1, initial=0.0)
@@ -369,10 +300,6 @@ class Relaxation(PartialLabellingBounds):
             which, velocities = which[lacking], velocities[lacking]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism with the least bound found on scaled λ; None if none is found.
-
-        labels, undecided: (m,) labels, True = dry, and faces that may have either.
-        """
         found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._batch is not None:
             # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower
@@ -381,10 +308,7 @@ class Relaxation(PartialLabellingBounds):
         return min((one for one in found if one is not None), key=lambda one: one.bound, default=None)
 
     def _refute_by_solver(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
-        """Refute scaled λ for partial labellings one by one, by the interior-point solver.
-
-        labellings, undecided: (k, m). thresholds: (k,).
-        """
+        """Refute scaled λ one by one, by the interior-point solver."""
         rows, found = self.template.matrix.shape[0], []
         for pair in zip(labellings, undecided, strict=True):
             checkpoint()
@@ -397,11 +321,7 @@ class Relaxation(PartialLabellingBounds):
     def _refutations(
         self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats
     ) -> list[DualBound | None]:
-        """Return the refutations (k,) that velocities prove; None for thresholds not refuted.
-
-        velocities: (k, q·free) scaled, of order one. labels, undecided: (k, m) labels, True = dry, and faces that may
-        have either. thresholds: (k,) scaled λ.
-        """
+        """Return the refutations (k,) that scaled velocities (k, q·free) prove; None where they prove none."""
         balance = self._balances.balance(velocities, labels, undecided)
         work, total = balance.work, balance.total
         excess = thresholds * work - total
@@ -424,9 +344,9 @@ _Kind = TypeVar("_Kind", Relaxation, BlockRelaxation)  # kind of relaxation of t
 
 
 class _Cases(Generic[_Kind]):
-    """Relaxations of all load cases, with their units, in the order in which they are asked.
+    """Relaxations of all load cases with their units, governing factor per scaled λ.
 
-    A unit is the governing factor per scaled λ of a case. The case that refuted most comes first.
+    The one that refuted most first.
     """
 
     def __init__(self, cases: Sequence[_Kind], required: Sequence[float]) -> None:
@@ -445,10 +365,7 @@ class _Cases(Generic[_Kind]):
         return all(one.batched for one in self._cases)
 
     def _reorder(self, refuted: Sequence[int]) -> None:
-        """Sort the load cases by their numbers of refutations (c,), most first.
-
-        The order is a new list, as other threads may iterate over the old one.
-        """
+        """Sort the cases by refutations (c,), in a new list, as other threads may iterate over the old one."""
         self._order = sorted(self._order, key=lambda case: -refuted[case])
 
 
@@ -458,13 +375,7 @@ def _raised(bound: float) -> float:
 
 
 class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
-    """Upper bounds on the governing factor of partial labellings under several load cases.
-
-    The governing factor is the minimum over cases of λ / required. Bounds and thresholds are governing factors, not
-    scaled. The case that refuted most is tried first. Methods are documented in `PartialLabellingBounds`.
-
-    cases: relaxation of each load case. required: required factor of each case.
-    """
+    """Upper bounds on the governing factor, least λ / required, of partial labellings under load cases."""
 
     @property
     def unit(self) -> float:
@@ -479,12 +390,6 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute governing factors of partial labellings, case by case.
-
-        labellings, undecided: (k, m) labels, True = dry, and faces that may have either. thresholds: (k,) governing
-        factors. thorough: (k,) True where another solver is tried if the batch solver finds no proof; None: everywhere.
-        The result has, for each labelling, the mechanism of the first case that refutes its threshold, or None.
-        """
         found: list[DualBound | None] = [None] * len(labellings)
         left = np.arange(len(labellings))
         counts = [0] * len(self._cases)
@@ -528,21 +433,12 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         return found + [MinimizedConflict(k, True, request.free, None, bool(carried[k])) for k in left.tolist()]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Bound governing factors (k,) by known mechanisms of one case.
-
-        velocities: (k, q·free) scaled. labellings, undecided: (k, m) labels, True = dry, and faces that may have
-        either. The result is inf where a mechanism proves nothing. Raises ValueError for an unknown case.
-        """
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
         bounds = self._cases[case].evaluate_mechanisms(0, velocities, labellings, undecided) * self._units[case]
         return np.array([_raised(bound) for bound in bounds.tolist()])
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Return the mechanism of the least bound over all load cases; None if no case has one.
-
-        labels, undecided: (m,) labels, True = dry, and faces that may have either.
-        """
         found = [one.least_bound(labels, undecided) for one in self._cases]
         known = [
             replace(one, bound=_raised(one.bound * unit), case=case)
@@ -553,26 +449,12 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
 
 
 class CaseBlockRelaxation(_Cases[BlockRelaxation]):
-    """Block relaxation under several load cases, with bounds on the governing factor.
-
-    Bounds and thresholds are governing factors, not scaled. The least bound of all cases holds. The case that refuted
-    most is asked first, and after a refutation the remaining cases are skipped.
-
-    cases: block relaxation of each load case. required: required factor of each case.
-    """
+    """Block relaxation under load cases, in governing factors; the least bound of all cases holds."""
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Bound the governing factor over the segmentations into allowed blocks.
-
-        allowed: (p,) blocks that may be chosen.
-        """
         return self.bound_all([(allowed, threshold, most)])[0]
 
     def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
-        """Bound the governing factor by the mechanism of an earlier program.
-
-        Parameters and result: see `BlockRelaxation.evaluate`; values are governing factors.
-        """
         unit = self._units[mechanism.case]
         scaled = self._in_units(threshold, most, unit)
         found = self._cases[mechanism.case].evaluate(mechanism, allowed, *scaled)
@@ -608,10 +490,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
 
     @staticmethod
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
-        """Convert two governing factors to scaled λ of a case, rounded so that bounds stay valid.
-
-        threshold is rounded down, most is rounded up.
-        """
+        """Convert factors to scaled λ of a case: threshold rounded down, most rounded up, so that bounds hold."""
         return (threshold - abs(threshold) * _ROUNDING) / unit, _raised(most) / unit
 
 
@@ -623,10 +502,7 @@ AnyBlockRelaxation = BlockRelaxation | CaseBlockRelaxation
 
 
 def relaxation_of(assembly: Assembly, analyses: Sequence[LimitAnalysis] = ()) -> AnyRelaxation | None:
-    """Create the relaxation of a structure, for its load or for all its load cases.
-
-    Result: the relaxation; None where no hull of the yield sets is known.
-    """
+    """Create the relaxation of a structure with all its load cases; None where no hull is known."""
     known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
     if any(analysis.template.yield_set.hull() is None for analysis in known):
         return None
@@ -641,10 +517,7 @@ def block_relaxation_of(
     analyses: Sequence[LimitAnalysis] = (),
     seconds: float = math.inf,
 ) -> AnyBlockRelaxation:
-    """Create the block relaxation of a structure, for its load or for all its load cases.
-
-    Raises TypeError if there is no block relaxation of the structure (`applies_to`).
-    """
+    """Create the block relaxation with all load cases; TypeError where `applies_to` is False."""
     known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
     each = [BlockRelaxation(analysis, members, inside, seconds) for analysis in known]
     return CaseBlockRelaxation(each, assembly.required.tolist()) if assembly.cases else each[0]

@@ -9,10 +9,7 @@ from jld_core.arrays import Bools, Floats
 
 @dataclass(frozen=True)
 class DualBound:
-    """Mechanism that refutes a λ for every labelling that agrees on the decided faces.
-
-    It is the dual certificate of a relaxation, with the work balance that it proves.
-    """
+    """Mechanism whose work balance refutes a λ for every labelling that agrees on the decided faces."""
 
     excess: float  # threshold · b_λ·u + b·u − Σ D, scaled, rounding deducted; positive (docs/method.md (6.4))
     cost: Floats  # (m,) reduction of the excess if a face becomes undecided, scaled; inf where no bound remains

@@ -51,23 +51,13 @@ _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
 
 
 class FacialReduction:
-    """Repair of motions and states of assemblies that a self-stress confines.
-
-    A self-stress is a set of forces in equilibrium without any load. Where one lies in the recession cones of the yield
-    sets, no motion opens every face, and the usual repair of motions fails, docs/method.md (3.12).
-
-    prover: checks motions and states of this template.
-    """
+    """Repair of motions and states of assemblies that a self-stress confines, docs/method.md (3.12)."""
 
     def __init__(self, template: Template, prover: Prover) -> None:
         self.template, self.prover = template, prover
 
     def repair(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
-        """Project a motion onto the jumps of finite dissipation, and move it into their inside.
-
-        Result: motion whose margin is not negative, up to rounding on faces without slack. None if none was found, or
-        if the assembly is too large.
-        """
+        """Move a motion inside the jumps of finite dissipation, margin ≥ 0 up to rounding; None where not found."""
         # The projection is blended with a motion strictly inside the allowed jumps, docs/method.md (3.12).
         if self.template.structure.cones and self.template.matrix.shape[0] > DENSE:
             return None
@@ -79,10 +69,9 @@ class FacialReduction:
         )
 
     def _repaired(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
-        """Repair a motion by facial reduction, and return the result of least bound.
+        """Return the repaired motion of least bound; idle: no live work.
 
-        idle: True makes the live work of the result zero. loaded: True if self-stresses may include λ, that is, balance
-        a part of the live load. None if no reduction leads to a motion of finite dissipation.
+        loaded: self-stresses may balance live load.
         """
         program = self.template.program(labels)
         columns = program.structure.shape[1] - (0 if loaded else 1)
@@ -104,12 +93,7 @@ class FacialReduction:
         return None
 
     def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
-        """Project a motion onto the jumps of those yield rows whose multipliers are positive in a solver's answer.
-
-        The others are zero up to the solver's residual, as a crossover from an interior point assumes. No self-stress
-        is looked for. Programs without cones only. multipliers: (rows,) multipliers of all rows of the program. Result:
-        motion of finite dissipation, with live work 1; None if the projection has none.
-        """
+        """Project a motion onto the jumps of rows with positive multipliers (rows,); linear programs only."""
         program = self.template.program(labels)
         rows = kept_rows(program).linear
         own = multipliers[rows]
@@ -130,10 +114,7 @@ class FacialReduction:
         return self.prover.motion(velocity if normalise else velocity / size, labels, normalise)
 
     def states(self, labels: Bits) -> list[State]:
-        """Find states that rely on a self-stress at the boundary of the friction cones.
-
-        Result: states found, not necessarily admissible; empty if the assembly is too large or has no cones.
-        """
+        """Find states that rely on a self-stress at the boundary of cones, to be checked; empty if too large."""
         # Such states serve where no other state comes near λ. With t R added to forces F, t large, |V| ≤ μN restricts F
         # only to the half-space that touches the cone along R, up to |V across R|²/(2 t |R|) (docs/method.md (3.12a)).
         # The program of these half-spaces gives F.
@@ -204,10 +185,7 @@ class FacialReduction:
         return None
 
     def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> dict[int, Floats]:
-        """Return a basis (q, k) of the allowed jumps of each face with reduced rows.
-
-        jumps: (m, q) of the present motion.
-        """
+        """Return a basis (q, k) of the allowed jumps of each face with reduced rows."""
         # Reduced rows are removed or replaced by a ray. The bases are orthonormal.
         s, q = program.structure, self.template.assembly.freedoms
         yields = program.matrix.tocsr()
@@ -236,11 +214,7 @@ class FacialReduction:
         return bases
 
     def _forbidden(self, bases: dict[int, Floats]) -> sp.csr_array:
-        """Return equations E u = 0 that hold if and only if reduced faces have allowed jumps.
-
-        bases: orthonormal basis (q, k) of the allowed jumps of each reduced face. u are velocities. Returns E (rows,
-        q·free); it has no rows without reduced faces.
-        """
+        """Return E (rows, q·free) with E u = 0 if and only if reduced faces have jumps in `bases`."""
         q = self.template.assembly.freedoms
         faces = np.array(sorted(bases), dtype=np.int64)
         jumps = sp.csr_array(self.prover.transposed[(q * faces[:, None] + np.arange(q)).ravel()])
@@ -251,10 +225,7 @@ class FacialReduction:
         return sp.csr_array(stacked[abs(stacked).max(axis=1).toarray().ravel() > _LEFT_AFTER_REDUCTION])
 
     def _measured(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
-        """Compute margin and bound of velocities, with jumps of reduced faces put on their bases.
-
-        velocity: (q·free,).
-        """
+        """Compute margin and bound of velocities, jumps of reduced faces projected onto their bases."""
         # The margin is −inf if this changes a jump by more than rounding.
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         # of each face: self-stress bounds no force here, so fast motions elsewhere excuse no closing jump
@@ -290,10 +261,7 @@ def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduce
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
-    """Find a self-stress by an interior-point method, and project it onto faces of the cones.
-
-    Shear that is nearly along an axis of a face is put on that axis.
-    """
+    """Find a self-stress, projected onto faces of the cones, with shear nearly along an axis put on it."""
     found = largest_support(program, columns, largest=LARGEST)
     point = project_onto_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
     return replace(found, point=point, values=-(program.matrix[:, :columns] @ point))
@@ -311,11 +279,7 @@ SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _without
 
 
 def _tangent(rows: Floats, direction: Floats, jump: Floats, place: int, speed: float) -> list[Floats]:
-    """Return the rows that replace a second-order cone on whose boundary a self-stress lies.
-
-    rows: (size, columns) of the cone. direction: (size − 1,) of the self-stress. jump: (q,) of its face, whose columns
-    begin at `place`.
-    """
+    """Return the rows that replace a cone (size, columns) on whose boundary a self-stress of `direction` lies."""
     # The first row (columns,) is the tangent plane of the cone along the ray of the self-stress. Where the face slides,
     # the slip of the motion gives the direction of the ray, and a second row rotates the plane to first order.
     tail = rows[1:]
@@ -373,14 +337,7 @@ class _RowPosition:
 
 
 class SelfStress:
-    """Rays and states of one labelling that are admissible together with large self-stresses.
-
-    A self-stress is a set of forces in equilibrium without any load. Added in a large multiple, it leaves only some
-    yield rows that restrict other forces, docs/method.md (3.14a). Small programs whose cones have three rows are
-    treated; for others nothing is found.
-
-    prover: checks forces of one assembly in space.
-    """
+    """Rays and states admissible beside large self-stresses, docs/method.md (3.14a), for cones of three rows."""
 
     def __init__(self, prover: Prover, labels: Bits) -> None:
         self.prover, self.labels = prover, labels
@@ -391,10 +348,9 @@ class SelfStress:
         self.stages = list(self._reduced())[::-1] if small else []
 
     def ray(self) -> State | None:
-        """Find a ray that is admissible together with self-stresses that grow faster than it.
+        """Find R₁ with A R₁ + b_λ = 0 admissible beside faster growing self-stresses; None where no proof is found.
 
-        Result: R₁ with A R₁ + b_λ = 0, its slack measured in the rows that the self-stresses leave; None where no proof
-        is found. With a state that has slack in all yield sets, it proves that every larger λ is admissible.
+        With a state that has slack in all yield sets it proves that every larger λ is admissible.
         """
         for stage in self.stages:
             left = program_of_rows(self.program, stage.left)
@@ -419,10 +375,9 @@ class SelfStress:
         return None
 
     def states(self, inside: Floats) -> Iterator[State]:
-        """Find states of large λ that self-stresses of sufficient size make admissible.
+        """Find states of large λ, from a point `inside` (columns + 1,) with slack in every yield set.
 
-        inside: (columns + 1,) forces with slack in every yield set, further variables, and λ as the last entry, scaled.
-        Result: admissible state. Its error is that of its large forces: the exact forces next to them are admissible.
+        Their error is that of their large forces: the exact forces next to them are admissible.
         """
         # Forces that are admissible in the rows that the self-stresses leave are blended with `inside`. Self-stresses
         # are then added until all rows hold.
@@ -441,10 +396,7 @@ class SelfStress:
                 yield State(self._table(forces[:resultants]), float(point[-1]), 2.0 * error, error)
 
     def _balanced(self, point: Floats) -> tuple[Floats, float] | None:
-        """Project a point onto equilibrium; return it with the error left, None if it is unusable.
-
-        point: (columns + 1,) forces, further variables, and λ, scaled. The further variables stay as they are.
-        """
+        """Project a point (columns + 1,) onto equilibrium, with the error left; None if unusable."""
         if not usable(point):
             return None
         resultants = self.template.matrix.shape[1]
@@ -456,10 +408,7 @@ class SelfStress:
         return forces.reshape(len(self.labels), -1)
 
     def _with_stresses(self, point: Floats, stage: _Stage) -> Floats | None:
-        """Add large self-stresses to a point until it is admissible in all rows; None on failure.
-
-        point: (columns + 1,) forces, further variables and λ, scaled.
-        """
+        """Add large self-stresses to a point (columns + 1,) until it is admissible in all rows; None on failure."""
         # Self-stresses are added from the last to the first, each so large that the rows it was found in hold.
         for stress, before in zip(stage.stresses[::-1], stage.before[::-1], strict=True):
             rows = program_of_rows(self.program, before, right=True)
@@ -495,10 +444,7 @@ class SelfStress:
                 return
 
     def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
-        """Return the yield rows left beside a self-stress; None if it removes none or is invalid.
-
-        stress: (columns,) scaled forces, invalid if out of equilibrium or not admissible.
-        """
+        """Return the rows left beside a self-stress (columns,); None if it removes none or is no valid one."""
         position, size = _row_position(left, stress), float(abs(stress).max())
         exact = self.prover.exact * max(1.0, size)
         balance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
@@ -521,18 +467,12 @@ class SelfStress:
 
 
 def _without_last_digits(point: Floats) -> Floats:
-    """Set entries of a vector to zero that are rounding errors of its largest entry.
-
-    Elements that carry nothing have such entries.
-    """
+    """Set entries to zero that are rounding errors of the largest, as of elements without load."""
     return np.where(abs(point) <= _LAST_DIGITS * abs(point).max(initial=0.0), 0.0, point)
 
 
 def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
-    """Move a point towards an inner one until all rows have the slack `_LEFT`.
-
-    The result is None if the inner point has less slack. outer, inner: (columns + 1,) points.
-    """
+    """Move a point towards an inner one until all rows have slack `_LEFT`; None if the inner one has less."""
     out, within = _row_position(rows, outer).least, _row_position(rows, inner).least
     if within <= _LEFT:
         return None
@@ -541,10 +481,7 @@ def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
 
 
 def _row_position(program: ConicProgram, point: Floats) -> _RowPosition:
-    """Return the slacks of a scaled vector in all linear rows and cones, but that of λ.
-
-    point: (columns,); if it is shorter, its last columns are zero.
-    """
+    """Return the slacks of a vector (≤ columns,) in all linear rows and cones but that of λ."""
     s = program.structure
     values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point
     tails = [values[s.heads + k] for k in (1, 2)] if s.cones else [np.zeros(0)] * 2

@@ -142,10 +142,7 @@ FALLBACKS: Final = (
 
 
 def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback) -> tuple[Fallback, ...]:
-    """Return fallbacks with one more of them, placed before the one of a given name.
-
-    Raises ValueError if no method has this name.
-    """
+    """Return fallbacks with one more before the one of a name; ValueError for an unknown name."""
     names = [fallback.name for fallback in fallbacks]
     if name not in names:
         raise ValueError(f"there is no fallback {name!r}; expected one of {', '.join(names)}")
@@ -154,10 +151,7 @@ def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback
 
 
 def run_fallbacks(attempt: ProofAttempt, fallbacks: tuple[Fallback, ...]) -> Proof:
-    """Run every solution method whose condition holds, in order, until the attempt is settled.
-
-    Result: bounds and status after the last method.
-    """
+    """Run every method whose condition holds, in order, until the attempt is settled."""
     limit = attempt.analysis.options.seconds
     until = math.inf if limit is None else time.perf_counter() + limit
     for fallback in fallbacks:

@@ -24,10 +24,7 @@ SMALL: Final = 0.01
 
 
 class Movement(StrEnum):
-    """Kind of movement of a face in a mechanism.
-
-    Cracks are movements of inner faces; hinge, slide, open and twist are movements of dry faces. Either may be closed.
-    """
+    """Movement of a face: crack (inner), hinge, slide, open or twist (dry), or closed."""
 
     CLOSED = "closed"
     HINGE = "hinge"
@@ -101,10 +98,7 @@ def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
 
 
 def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
-    """Classify the movement of each face in the mechanism of a result.
-
-    Result: movement of each of the m faces. Raises ValueError if the result holds no mechanism.
-    """
+    """Classify the movement of each face (m,) in a mechanism; ValueError without one."""
     # A dry face is open if it opens everywhere by more than the dilation of its friction. Otherwise the largest of
     # rotation about an axis in the face (hinge), slip (slide) and spin about the normal (twist) names the movement. An
     # inner face that moves is a crack, in shear where it slips more than it opens.
@@ -137,10 +131,7 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
 
 
 def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> tuple[Floats, float, float]:
-    """Compute the opening (k,) at the corners of a face, its slip, and its slip by spin alone.
-
-    mechanism: (n, q) velocities. jumps: (m, q) of all faces.
-    """
+    """Compute the opening (k,) at the corners of a face, its slip, and its slip by spin alone."""
     # Slip is taken at the centroid, slip by spin at the farthest corner; in the plane the latter is 0.
     faces, polygon = assembly.interfaces, assembly.interfaces.polygon[face]
     jump = displacement(assembly, mechanism, int(faces.b[face]), polygon)
@@ -153,10 +144,7 @@ def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> t
 
 
 def _rubbing(assembly: Assembly, jumps: Floats, face: int) -> float:
-    """Return the slip that makes a face dilate, max(|s|, c_T |ω|), or |s| in the plane.
-
-    Under associative friction the face opens by μ times this slip. jumps: (m, q) of all faces.
-    """
+    """Return the slip that opens a face μ times as wide, max(|s|, c_T |ω|), or |s| in the plane."""
     if assembly.dimension == 2:
         return float(abs(jumps[face, 1]))
     slip = float(np.hypot(jumps[face, 1], jumps[face, 2]))

@@ -19,11 +19,7 @@ _RESIDUAL: Final = 1e-8
 
 
 class Movements:
-    """Movements of all faces at collapse, for many labellings of one assembly.
-
-    Searches use them as a hint which labels to change; nothing is proven. The batch solver computes the mechanisms
-    where it supports the yield rows, else Clarabel.
-    """
+    """Movements of all faces at collapse for many labellings: hints for searches, nothing proven."""
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         self.template, self._prover = analysis.template, analysis.prover
@@ -31,11 +27,7 @@ class Movements:
         self._solver = make_solver("clarabel", tolerance=_RESIDUAL)
 
     def of(self, labellings: Bits) -> Floats:
-        """Compute the relative size of the jump of each face in the mechanism of each labelling.
-
-        Returns (k, m): largest entry of the scaled jump of a face, over the largest of all faces; zero where no
-        mechanism is found.
-        """
+        """Compute the jump of each face over the largest, (k, m); zero where no mechanism is found."""
         if self._batch is not None:
             velocities = self._batch.solve(labellings, vectors=True).velocities
         else:

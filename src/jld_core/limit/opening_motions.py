@@ -36,10 +36,7 @@ class OpeningMotions:
         self._expansion_known = False
 
     def opening(self) -> Motion | None:
-        """Find a motion that strictly opens every face; None if the assembly is confined.
-
-        Result: motion with positive margin on every face, not normalised.
-        """
+        """Find a motion with positive margin on every face; None if the assembly is confined."""
         # Every face is taken as dry. A dry face has a stricter condition on jumps (δ ≥ |θ| l/2 + μ|s|) than an inner
         # one (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings
         # of the assembly, and is cached.
@@ -59,13 +56,12 @@ class OpeningMotions:
         return min(motions, key=lambda motion: motion.margin)
 
     def expansion(self) -> Motion | None:
-        """Find an opening motion of simple form, without solving a program.
+        """Find an opening motion without a program: courses separate as they leave the supports.
 
-        All elements move away from the supports, and the courses may separate faster than the elements within them. The
-        result is cached. Result: motion with positive margin on every face; None if no motion of this form opens every
-        face. It is also None without supports or weight, with an additional equation, and where joints crush or inner
-        faces have the larger friction.
+        None if none opens all.
         """
+        # None also without supports or weight, with a further equation, and where joints crush or inner faces have the
+        # larger friction.
         if not self._expansion_known:
             self._expansion, self._expansion_known = self._expanding(), True
         return self._expansion

@@ -311,20 +311,9 @@ class CaseBounds:
 
 @dataclass(frozen=True)
 class Governing:
-    """Status and bounds of the governing factor of a structure.
+    """Status and bounds of the governing factor; case: index of least upper bound, the first of equal ones."""
 
-    Attributes
-    ----------
-    status : Status
-        Outcome of the structure.
-    low, high : float
-        Proven bounds on the governing factor; NaN where a bound is missing.
-    load_factor : float
-        Governing factor; NaN where there is none.
-    case : int
-        Index of the governing case: the one of least upper bound. Of several with the same, as far as brackets tell, it
-        is the first. Two solution methods that find the same λ thus name the same case.
-    """
+    # With the first of equal cases, methods that find the same λ name the same case.
 
     status: Status
     low: float
@@ -388,11 +377,7 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
 
 
 def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limit: float, extra: dict[str, Any]) -> str:
-    """Explain which bound of a result is missing, and why, or how far its bounds are apart.
-
-    bracket: lower and upper bound, NaN where missing. Result: one sentence without a full stop; "" where nothing is
-    missing and the bracket is as narrow as asked.
-    """
+    """Say which bound is missing and why, or how far they are apart; "" where nothing is missing."""
     apart = f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
     if status is not Status.UNCERTIFIED:
         return apart if status is Status.COLLAPSE and gap > gap_limit else ""

@@ -64,17 +64,13 @@ class Analysis(Protocol):
         """Return the status that a proof supports."""
 
     def is_open(self, proof: Proof) -> bool:
-        """Return True if a bound is missing, or the bracket is wider than the gap aimed at."""
+        pass
 
 
 class AttemptState:
-    """Bounds proven so far for one labelling, and conditions under which fallbacks are tried.
+    """Bounds proven so far for one labelling, and the conditions under which fallbacks are tried.
 
-    analysis: limit analysis of the assembly. proof: bounds proven so far. raw: last raw solver answer, from which
-    repairs start; None before the first. settled: True if no further fallback is to be tried. batch_results: results of
-    the batch solver; None before it was tried. reduction_tried: True if facial reduction was tried. less_margin_tried:
-    True if the program was solved with less margin. mechanism_found: True if the mechanism of the last raw answer is
-    proven without loss, so that repairs need none.
+    raw: last solver answer, from which repairs start; mechanism_found: its mechanism is proven without loss.
     """
 
     def __init__(self, analysis: Analysis, labels: Bits) -> None:
@@ -114,18 +110,12 @@ class AttemptState:
 
     @property
     def open_with_point(self) -> bool:
-        """Return True if the attempt is open and the last solver answer has a point.
-
-        An answer has none if the solver reports that the program is infeasible.
-        """
+        """Return True if the attempt is open and the last answer is a point, not "infeasible"."""
         return self.open and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
 
     @property
     def open_after_reduction(self) -> bool:
-        """Return True if the attempt is open although facial reduction was tried.
-
-        The result is False for programs without friction cones, which alone the reduction replaces by rays.
-        """
+        """Return True if facial reduction left a program with cones open; False without cones."""
         return self.open and bool(self.template.structure.cones) and self.reduction_tried
 
     @property
@@ -148,10 +138,7 @@ class AttemptState:
 
     @property
     def settled_by_batch(self) -> bool:
-        """Return True if the batch solver's bracket is conclusive and narrow enough.
-
-        A bracket much wider than those of other solvers does not count.
-        """
+        """Return True if the batch solver's bracket is conclusive, and not much wider than other solvers'."""
         if self.batch_results is None or self.open:
             return False
         return not self._narrow or self._width(0.0) <= tolerances.ALONE
@@ -171,7 +158,7 @@ class AttemptState:
 
     @property
     def lacks_large_mechanism(self) -> bool:
-        """Return True if a large linear program has an answer, which is no ray, but no mechanism of its own."""
+        """Return True if a large linear program has an answer, no ray, but no mechanism of its own."""
         structure, raw = self.template.structure, self.raw
         answered = raw is not None and raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST, RawStatus.LIMIT)
         linear = is_large(structure) and not structure.cones
@@ -188,28 +175,18 @@ class AttemptState:
 
     @property
     def wide_by_crushing(self) -> bool:
-        """Return True if crushing leaves the bracket wider than `CRUSHING_WIDTH`.
-
-        A smaller margin than most crushable scenes need may then narrow it.
-        """
+        """Return True if crushing leaves a bracket wider than `CRUSHING_WIDTH`; less margin may help."""
         crushing = self.template.precision is tolerances.CRUSHING
         return crushing and self._narrow and self._width(self.analysis.load_scale) > tolerances.CRUSHING_WIDTH
 
     @property
     def wide_relative_to_load_factor(self) -> bool:
-        """Return True if the bracket is narrow relative to the load scale but wide relative to λ.
-
-        λ may then be small, or zero.
-        """
+        """Return True if the bracket is narrow by load scale but wide by λ, which is small or zero."""
         return self._narrow and self._width(0.0) > self.analysis.gap
 
     @property
     def wide_for_single_labelling(self) -> bool:
-        """Return True if the bracket of a single labelling is wider than `tolerances.DIGITS`.
-
-        False in analyses of many labellings, for a status other than collapse, for a bracket of the batch solver, and
-        for large programs.
-        """
+        """Return True if the collapse bracket of a single labelling is wider than `tolerances.DIGITS`."""
         # A narrower bracket makes the reported λ independent of the order of elements.
         analysis = self.analysis
         if (
@@ -235,17 +212,10 @@ _NARROW: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which th
 
 
 class ProofAttempt(AttemptState):
-    """Solution methods for one labelling; each adds to `proof` the bounds that it proves.
-
-    A method solves a program or repairs an answer, and `Prover` checks what it finds. Without success it adds no bound.
-    The parameters and attributes are those of `AttemptState`.
-    """
+    """Solution methods for one labelling: each adds to `proof` the bounds that `Prover` confirms."""
 
     def solve_by_batch_solver(self) -> None:
-        """Solve by the batch solver, if there is one, and offer the bounds that it proves.
-
-        It also finds rays for structures in which some immobile faces can only be unloaded.
-        """
+        """Offer the bounds of the batch solver; rays too, where immobile faces can only be unloaded."""
         batch = self.analysis.batch
         if batch is None:
             return
@@ -255,7 +225,7 @@ class ProofAttempt(AttemptState):
         self._offer_batch_results(found)
 
     def try_batch_solver_last(self) -> None:
-        """Offer the bounds of the batch solver where all other methods left the bracket wide or a bound missing."""
+        """Offer the batch solver's bounds where other methods left a wide bracket or a bound missing."""
         if self.batch_results is None:
             self.solve_by_batch_solver()
         else:
@@ -268,10 +238,7 @@ class ProofAttempt(AttemptState):
         offer_results(found, self.labels, self.proof, self.prover, self.repair.opening)
 
     def try_batch_solver_first(self) -> None:
-        """Solve by the batch solver before any other solver, and drop a wide bracket.
-
-        The next solver converges better without the bounds of a wide bracket.
-        """
+        """Solve by the batch solver first, and drop a wide bracket, as the next solver converges better without."""
         proof = self.proof
         state = proof.state
         self.solve_by_batch_solver()
@@ -286,11 +253,7 @@ class ProofAttempt(AttemptState):
         self.solve_by(route, analysis.margin)
 
     def solve_until_narrow(self) -> None:
-        """Solve by Schur complements again, up to the first iterate whose own bounds are close enough.
-
-        With cones, the last iterates may lose in the one what they gain in the other. Without success the earlier
-        answer stays, from which repairs begin.
-        """
+        """Solve by Schur complements up to the first iterate of close bounds: later ones may lose in one of them."""
         earlier = self.raw
         self.solve_by(SchurSolver(self.template.precision.residual), self.analysis.margin, early=True)
         if self.raw is not None and self.raw.status is not RawStatus.OPTIMAL:
@@ -420,10 +383,7 @@ class ProofAttempt(AttemptState):
             proof.offer_motion(self._opened(motion))
 
     def solve_by_schur_complement(self) -> None:
-        """Solve by Schur complements, whose equations of whole blocks keep digits that Clarabel loses.
-
-        An inaccurate answer does not replace the earlier one, from which repairs then begin.
-        """
+        """Solve by Schur complements, which keep digits that Clarabel loses; inaccurate answers are dropped."""
         earlier = self.raw
         self.solve_by(SchurSolver(self.template.precision.residual), self.analysis.margin)
         if self.raw is not None and self.raw.status is not RawStatus.OPTIMAL:
@@ -435,10 +395,6 @@ class ProofAttempt(AttemptState):
         self.repair_answer()
 
     def find_boundary_state(self) -> None:
-        """Offer a state for labellings under which no state has slack in all yield rows.
-
-        See `Repair.boundary_state`.
-        """
         raw = self.raw
         self.proof.solves += 1
         self.proof.solve_log.append("boundary state")
@@ -448,16 +404,12 @@ class ProofAttempt(AttemptState):
             self.proof.offer_state(state)
 
     def find_ray(self) -> None:
-        """Find a ray, which proves that λ is unbounded, where the solver stopped at a large λ."""
+        """Find a ray, which proves λ unbounded, where the solver stopped at a large λ."""
         self.proof.solves += 1
         self.proof.solve_log.append("ray inside")
         self.proof.ray = self.repair.ray(self.labels)
 
     def find_ray_with_self_stress(self) -> None:
-        """Find a ray that is admissible only together with a self-stress that grows faster.
-
-        The self-stress lies on the boundary of friction cones, see `SelfStress.ray`.
-        """
         self.proof.solves += 2
         self.proof.solve_log.append("ray beside self-stress")
         self.proof.ray = self.repair.ray_with_self_stress(self.labels)
@@ -467,28 +419,18 @@ class ProofAttempt(AttemptState):
             )
 
     def find_self_stress_states(self) -> None:
-        """Offer states that are admissible because of a self-stress in the friction cones.
-
-        See `FacialReduction.states` and `SelfStress.states`.
-        """
         self.proof.solves += 2
         self.proof.solve_log.append("self-stress")
         for state in self.repair.self_stress_states(self.labels):
             self.proof.offer_state(state)
 
     def solve_without_margin(self) -> None:
-        """Solve by an interior-point method with refined linear systems and no margin.
-
-        The margin is the slack that programs keep in every yield row. The answer is repaired.
-        """
+        """Solve with refined linear systems and no slack kept in yield rows, and repair the answer."""
         self._solve_refined(self.template.precision.residual, 0.0)
 
     def solve_with_less_margin(self) -> None:
-        """Solve again with refined linear systems and a margin of 1e-11, and repair the answer.
-
-        The margin is the slack kept in every yield row, scaled: ten times that of linear programs. The first solve of a
-        crushable program has 1e-9, which may leave its bracket wide. A second call does nothing.
-        """
+        """Solve again, once, with refined linear systems and a margin of 1e-11, and repair the answer."""
+        # Ten times the margin of linear programs; the first solve of a crushable program has 1e-9.
         if self.less_margin_tried:
             return
         self.less_margin_tried = True
@@ -507,10 +449,7 @@ class ProofAttempt(AttemptState):
             self.solve_by_dual_simplex()
 
     def _solve_refined(self, tolerance: float, margin: float) -> None:
-        """Solve by an interior-point method with refined linear systems, and repair the answer.
-
-        Large structures use the Schur complement solver instead of iterative refinement.
-        """
+        """Solve with refined systems, large structures by Schur complements, and repair the answer."""
         large = is_large(self.template.structure)
         refined = ClarabelSolver(tolerance, iterative_refinement_enable=True)
         self.solve_by(SchurSolver(tolerance, gap=1e-10) if large else refined, margin)

@@ -18,10 +18,7 @@ from jld_core.program import ConicProgram, Template, pack
 
 @dataclass(frozen=True)
 class Reduced:
-    """Yield rows of a program that are left after facial reduction.
-
-    Only their multipliers may differ from zero beside a self-stress.
-    """
+    """Yield rows left after facial reduction, which alone may have multipliers beside a self-stress."""
 
     linear: Ints  # (k,) linear inequalities that are kept, as rows of the program
     cones: tuple[int, ...]  # indices of the cones that are kept
@@ -30,19 +27,13 @@ class Reduced:
 
 
 def kept_rows(program: ConicProgram) -> Reduced:
-    """Return all yield rows of a program, from which facial reduction starts.
-
-    The row that bounds λ is not among them.
-    """
+    """Return all yield rows but that of λ, from which facial reduction starts."""
     s = program.structure
     return Reduced(slack_rows(s)[: s.linear - 1], tuple(range(len(s.cones))))
 
 
 def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
-    """Return a program with the same columns and only the yield rows of `reduced`.
-
-    right: True keeps the right-hand sides of the program, otherwise they are zero.
-    """
+    """Return a program with the yield rows of `reduced` alone; right: False sets their right-hand sides to zero."""
     # The new rows are the equations, the row that bounds λ, the kept inequalities, one inequality s₀ ≥ d·s for each ray
     # of direction d, and the kept cones. Here s₀ is the first slack of the cone, s are the others.
     s = program.structure
@@ -65,10 +56,7 @@ def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False
 
 
 def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
-    """Return the program of forces that are admissible once a large self-stress is added.
-
-    stress: (columns,) the self-stress R.
-    """
+    """Return the program of forces that are admissible once a large self-stress (columns,) is added."""
     # The program is `program_of_rows` with one more cone for each ray, docs/method.md (3.12a). In a cone on whose
     # boundary the self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V
     # across d|², where s = t − d·V.
@@ -113,10 +101,7 @@ def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -
 
 
 def rows_by_element(rows: Floats, freedoms: int) -> Floats:
-    """Reshape a vector with q entries per free element to a table (free, q).
-
-    rows: (q·free,) values, in the order of the equilibrium equations; each further one gets a row of its own.
-    """
+    """Reshape a vector (q·free,) to (free, q); each further entry gets a row of its own."""
     whole = len(rows) // freedoms * freedoms
     more = np.zeros((len(rows) - whole, freedoms))
     more[:, 0] = rows[whole:]
@@ -124,11 +109,7 @@ def rows_by_element(rows: Floats, freedoms: int) -> Floats:
 
 
 def projected_onto(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
-    """Project a vector (columns,) onto the solutions y of the equations rows·y = target.
-
-    target: (rows,) right-hand side. passes: number of projections. Returns the projected vector, its residual (rows,),
-    and an estimate of the error left in its entries.
-    """
+    """Project a vector (columns,) onto rows·y = target: vector, residual (rows,), error estimate."""
     for _ in range(passes):
         vector = vector - projector.correction(projector.rows @ vector - target)
     left = projector.rows @ vector - target
@@ -136,28 +117,18 @@ def projected_onto(projector: Projector, vector: Floats, target: Floats, passes:
 
 
 def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
-    """Return an error estimate, or inf if the residual of equilibrium exceeds rounding.
-
-    A large residual means that the kept resultants cannot reach equilibrium. left: (rows,) residual. forces: (columns,)
-    forces with this residual. All values are scaled.
-    """
+    """Return an error estimate, or inf if the residual (rows,) exceeds rounding, so no equilibrium exists."""
     much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
     return np.inf if much else error
 
 
 def usable(vector: Floats) -> bool:
-    """Return True if a scaled vector is of plausible size (below 1e30).
-
-    A failed solve may leave any values behind.
-    """
+    """Return True if a vector is below 1e30, unlike those that a failed solve may leave."""
     return not vector.size or bool(abs(vector).max() < 1e30)
 
 
 class EquilibriumProjectors:
-    """Projectors onto the equilibrium of one template, one for each set of kept resultants.
-
-    A labelling drops the resultants that its faces do not resist. Projectors are computed when first needed and kept.
-    """
+    """Cached projectors onto the equilibrium of one template, for each set of kept resultants."""
 
     def __init__(self, template: Template) -> None:
         self.template = template
@@ -165,20 +136,13 @@ class EquilibriumProjectors:
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
 
     def with_template(self, template: Template) -> EquilibriumProjectors:
-        """Return these projectors for another template with the same equilibrium matrix.
-
-        Both objects share the projectors computed so far.
-        """
+        """Return these projectors for another template of the same equilibrium matrix, cache shared."""
         other = copy.copy(self)
         other.template = template
         return other
 
     def with_load(self, labels: Bits) -> tuple[Projector, Floats | None]:
-        """Return the projector onto equilibrium for the resultants that a labelling keeps.
-
-        Result: projector of the kept resultants, with λ as last column where any is dropped; and a mask (q·m,), 1 for
-        each kept resultant, 0 for the others, None if all are kept.
-        """
+        """Return the projector of the resultants that a labelling keeps, and their mask (q·m,); None: all."""
         active = self.template.yield_set.active(labels)
         if active.all():
             active = self._everything
@@ -196,8 +160,5 @@ class EquilibriumProjectors:
         return self._known[key], mask
 
     def of_forces(self, mask: Floats) -> Projector:
-        """Return a new projector onto equilibrium at fixed λ.
-
-        mask: (q·m,) 1 for each resultant that is kept, 0 for the others.
-        """
+        """Return a new projector onto equilibrium at fixed λ, of the kept resultants (q·m,)."""
         return Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places)

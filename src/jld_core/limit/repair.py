@@ -1,8 +1,4 @@
-"""Auxiliary programs that make a solver's answer admissible.
-
-They supply states strictly inside all yield sets, motions that open every face, and rays. They are small programs,
-solved only where the first answer does not prove its own bounds.
-"""
+"""Auxiliary programs that make a solver's answer admissible where it does not prove its own bounds."""
 
 from __future__ import annotations
 
@@ -42,11 +38,6 @@ _OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as openi
 
 
 class Repair:
-    """Auxiliary programs that make answers of one template admissible.
-
-    prover: checks states and motions of this template.
-    """
-
     def __init__(self, template: Template, prover: Prover) -> None:
         self.template, self.prover = template, prover
         self._openings = OpeningMotions(template, prover)
@@ -57,36 +48,27 @@ class Repair:
     # --- states -----------------------------------------------------------------------------------------
 
     def state(self, labels: Bits) -> State | None:
-        """Find the state of largest slack at any λ.
-
-        Result: state of largest slack; None where it is not admissible.
-        """
+        """Find the state of largest slack at any λ; None where it is not admissible."""
         state = self.prover.state(self._largest_slack_solution(labels).point[: self.template.columns], labels, passes=3)
         return state if state.admissible else None
 
     def standing_state(self, labels: Bits) -> State | None:
-        """Find the state of largest least slack at λ = 0.
-
-        Result: admissible state, in which yield rows are slack where they can be; None if none is found.
-        """
+        """Find an admissible state at λ = 0, with slack where possible; None if none is found."""
         raw = solve_auxiliary(largest_slack_program(self.template.program(labels), load_fixed=True), 1e-8)
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         state = self.prover.state(point, labels, passes=3, held=True)
         return state if state.admissible else self.boundary_state(raw.point, labels, load_fixed=True)
 
     def stands(self, labels: Bits) -> bool | None:
-        """Decide whether λ = 0 is admissible.
+        """Decide whether λ = 0 is admissible: by a state, or not, by a motion that gains energy.
 
-        Result: True with an admissible state, False with a motion that gains energy, None if neither is found.
+        None: neither found.
         """
         found = self.proof_at_zero(labels)
         return None if found is None else isinstance(found, State)
 
     def proof_at_zero(self, labels: Bits) -> State | Motion | None:
-        """Return what proves whether λ = 0 is admissible for a labelling (m,).
-
-        It is an admissible state, or a motion that gains energy; None if neither is found.
-        """
+        """Return the state or motion that decides whether λ = 0 is admissible; None if neither is found."""
         program = largest_slack_program(self.template.program(labels), load_fixed=True)
         # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
         for gap in (1e-2, 1e-8) if is_large(program.structure) else (1e-8,):
@@ -112,11 +94,7 @@ class Repair:
         return self.boundary_state(raw.point, labels, load_fixed=True)
 
     def instability_velocities(self, labels: Bits) -> Floats:
-        """Find velocities that may prove that no λ ≥ 0 is admissible, docs/method.md (3.15).
-
-        They do so where the largest slack at any λ is negative; the caller has to check it. Returns (≥ q·free,): raw
-        multipliers of the program of largest slack; the velocities come first.
-        """
+        """Find velocities (≥ q·free,) that may prove that no λ ≥ 0 is admissible (3.15), unchecked."""
         return self._largest_slack_solution(labels).dual
 
     def _largest_slack_solution(self, labels: Bits) -> RawSolution:
@@ -156,10 +134,7 @@ class Repair:
         return None
 
     def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
-        """Return matrices (k, rows) whose products with the slacks vanish where rows are tight.
-
-        tight: True for tight rows of `slack_rows`. values: (rows,) slacks of a point.
-        """
+        """Return matrices (k, rows) whose products with slacks vanish where rows are tight."""
         # A tight linear row gives one equation. On the boundary of a cone away from its tip, the tail is a fixed
         # direction times the head. At the tip all rows of the cone are zero.
         tips, linear = slack_rows(s), s.linear - 1
@@ -178,10 +153,7 @@ class Repair:
         return found
 
     def _state_on_boundary(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
-        """Return the state of a point on the boundary of yield sets; None if inadmissible.
-
-        edge: (m,) faces with tight rows, where violations within rounding are accepted.
-        """
+        """Return the state of a point, with rounding accepted on faces `edge` (m,); None if inadmissible."""
         template, sets = self.template, self.template.yield_set
         forces = y[: template.matrix.shape[1]].reshape(len(labels), -1)
         forces = np.where(sets.active(labels), forces, 0.0)
@@ -210,10 +182,7 @@ class Repair:
     # --- rays and self-stress ---------------------------------------------------------------------------
 
     def ray(self, labels: Bits) -> State | None:
-        """Find a ray along which the live load grows without limit.
-
-        Result: ray that holds to rounding; None where no proof is found.
-        """
+        """Find a ray along which the live load grows without limit; None where no proof is found."""
         # A ray R satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)). Faces that crush carry
         # no ray: drop their columns and with them their cones, which solvers satisfy only to a residual.
         program = self.template.program(labels)
@@ -239,34 +208,19 @@ class Repair:
         return None
 
     def ray_with_self_stress(self, labels: Bits) -> State | None:
-        """Find a ray that is admissible together with a self-stress that grows faster.
-
-        Result: ray that holds to rounding, see `SelfStress.ray`; None where no proof is found.
-        """
         inside = self.state(labels)
         return None if inside is None or inside.slack < _OPENS else SelfStress(self.prover, labels).ray()
 
     # --- motions ----------------------------------------------------------------------------------------
 
     def opening(self) -> Motion | None:
-        """Find a motion that strictly opens every face; None if the assembly is confined.
-
-        The result is cached.
-        """
         return self._openings.opening()
 
     def expansion(self) -> Motion | None:
-        """Find an opening motion of simple form, without a program; None if none opens every face.
-
-        The result is cached.
-        """
         return self._openings.expansion()
 
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
-        """Add a small opening motion to a motion whose live work is negative by rounding.
-
-        Result: changed motion; the same one if no opening motion with positive live work exists.
-        """
+        """Add a small opening motion to one whose live work is negative by rounding; the same if none helps."""
         opening = self.opening()
         if opening is None or opening.work <= 0.0:
             return motion
@@ -274,10 +228,6 @@ class Repair:
         return self.prover.motion(motion.velocity + share * opening.velocity, labels, normalise=False)
 
     def reduced(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
-        """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12)).
-
-        Result: repaired motion; None if none was found.
-        """
         return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)
 
     def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:

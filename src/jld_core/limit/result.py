@@ -57,10 +57,7 @@ def without_idle(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def elongations(assembly: Assembly, velocity: Floats) -> Floats:
-    """Return the rates of elongation (k,) of all members in a mechanism.
-
-    velocity: (n, q) velocities of the elements about their centroids, in any unit; the result has the same unit.
-    """
+    """Return the rates of elongation (k,) of all members, in the unit of velocities (n, q)."""
     d, centroid = assembly.dimension, assembly.elements.centroid
     rates = []
     for k in range(len(assembly.members)):
@@ -71,10 +68,7 @@ def elongations(assembly: Assembly, velocity: Floats) -> Floats:
 
 
 def tensions(assembly: Assembly, forces: Floats) -> Floats:
-    """Return the tension (k,) of all members with prestress; compression is negative.
-
-    forces: (m, q) resultants, scene units, as is the result.
-    """
+    """Return the tension (k,) of all prestressed members, scene units; compression is negative."""
     members = assembly.members
     varying = members.face >= 0
     found = members.prestress.copy()
@@ -104,11 +98,7 @@ def effects(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats | None) -> list[dict[str, Any]]:
-    """Return the JSON objects of all members: name, kind, elements, forces and elongation.
-
-    forces: (m, q) resultants; None leaves the forces None. mechanism: (n, q) velocities; None leaves the elongations
-    None.
-    """
+    """Return the JSON objects of all members; forces and elongations are None where not given."""
     # The force is positive in tension; pins also have a shear.
     members, ids = assembly.members, assembly.elements.ids
     force = None if forces is None else tensions(assembly, forces)
@@ -449,10 +439,7 @@ class LimitAnalysisResult(Result):
 
 
 def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
-    """Return the JSON entries of all faces: elements, label, local frame and size.
-
-    Values are in scene units. They suffice to check equilibrium and yield by hand.
-    """
+    """Return the JSON entries of all faces in scene units, which suffice to check equilibrium and yield by hand."""
     faces, ids = assembly.interfaces, assembly.elements.ids
     planar = assembly.dimension == 2
     found = []
@@ -473,18 +460,7 @@ def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
 
 
 def stands_in_words(found: Result) -> str:
-    """Say whether a structure stands without live load, and if not, from which λ on it does.
-
-    Parameters
-    ----------
-    found : Result
-        Its result.
-
-    Returns
-    -------
-    str
-        Words for a table of facts.
-    """
+    """Say whether a structure stands without live load, and if not, from which λ on."""
     stands, least = found.stands_at_zero, found.least_load_factor
     if stands is not False or math.isnan(least):
         return "undecided" if stands is None else "yes" if stands else "no"
@@ -563,11 +539,7 @@ def result_of(
 
 
 def _scene(template: Template, forces: Floats, *, ray: bool = False) -> Floats:
-    """Convert scaled resultants (m, q) to scene units, and subtract the bond from normal forces.
-
-    Resultants of members that cannot occur become zero, see `without_idle`. ray: True for forces that grow with λ; no
-    bond is subtracted from these.
-    """
+    """Convert resultants (m, q) to scene units, without bond unless of a ray, and without those that cannot occur."""
     assembly = template.assembly
     if ray and assembly.members.bond is not None:
         assembly = replace(assembly, members=replace(assembly.members, bond=None))
@@ -575,11 +547,7 @@ def _scene(template: Template, forces: Floats, *, ray: bool = False) -> Floats:
 
 
 def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:
-    """Return the velocities (n, q) that prove an instability, scaled to a largest value of 1.
-
-    That value is the largest displacement, or the largest rotation if nothing is displaced. The result is None if the
-    proof has no such velocities.
-    """
+    """Return the velocities (n, q) that prove an instability, largest displacement or rotation 1; or None."""
     motion = proof.collapse_below_zero or proof.motion
     if proof.status is not Status.UNSTABLE or motion is None:
         return None
@@ -630,11 +598,7 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
 
 
 def element_velocities(template: Template, velocity: Floats) -> Floats:
-    """Convert scaled velocities of the free elements to scene units with b_λ·u = 1.
-
-    velocity: (q·free,) scaled velocities with scaled live work 1. Returns (n, q): velocities about the centroids of all
-    elements, scene units; zero for supports.
-    """
+    """Convert velocities (q·free,) of live work 1 to (n, q) in scene units with b_λ·u = 1; zero for supports."""
     assembly, scaling = template.assembly, template.scaling
     full = np.zeros((len(assembly.elements), assembly.freedoms))
     free = scaling.load * velocity / scaling.row.ravel()

@@ -19,10 +19,7 @@ _TINY: Final = 1e-6
 
 @dataclass(frozen=True)
 class WorkBalance:
-    """Work balances of k mechanisms, each for one partial labelling: λ · work ≤ total.
-
-    The inequality holds for every labelling that agrees with the partial one on its decided faces.
-    """
+    """Work balances λ · work ≤ total of k mechanisms, for all labellings that agree where decided."""
 
     # (k, q·free) mechanisms, scaled: q velocities of each free element, with the opening motion that repairs rounding
     # errors
@@ -38,22 +35,14 @@ class WorkBalance:
 
 
 class WorkBalances:
-    """Work balances of mechanisms of one template, with the support function of the hull.
-
-    prover: measures jumps and rounding. repair: supplies the opening motion.
-    """
-
     def __init__(self, template: Template, prover: Prover, repair: Repair) -> None:
         self.template, self._prover, self._repair = template, prover, repair
 
     def balance(self, velocities: Floats, labels: Bits, undecided: Bools, *, known: bool = False) -> WorkBalance:
-        """Compute the work balances of k mechanisms, each for one partial labelling.
-
-        velocities: (k, q·free) scaled. labels: (k, m) True = dry. undecided: (k, m) True for faces that may have either
-        label, which dissipate the larger value of both. Margins that only rounding violates are repaired by an opening
-        motion: under either label of all faces, as decided faces may become undecided, or only where the label occurs
-        if the mechanisms are `known` from an earlier balance, which are thus left as they are.
-        """
+        """Compute the work balances of k mechanisms; undecided faces dissipate the larger value of both labels."""
+        # Margins that only rounding violates are opened: under either label of all faces, as decided faces may become
+        # undecided; or where the label occurs, if the mechanisms are `known` from an earlier balance, which leaves them
+        # as they are.
         matters = np.array([undecided | labels, undecided | ~labels]) if known else np.True_
         velocities, jumps, finite = self._opened(velocities, matters)
         dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
@@ -71,10 +60,7 @@ class WorkBalances:
         return WorkBalance(velocities, work, total, sound, own, either)
 
     def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
-        """Compute the margins, or the dissipation, of scaled jumps (k, m, q) under both labels.
-
-        margins: True for margins, False for dissipation. Returns (2, k, m): all faces dry, then all faces inner.
-        """
+        """Compute margins, or dissipation, of scaled jumps (k, m, q): (2, k, m), all dry, then all inner."""
         sets, faces = self.template.yield_set, jumps.shape[1]
         measure = sets.margin if margins else sets.dissipation
         every = np.ones(faces, dtype=bool)
@@ -84,11 +70,7 @@ class WorkBalances:
         return np.array(each).reshape(2, *jumps.shape[:2])
 
     def _opened(self, velocities: Floats, matters: Bools | np.bool) -> tuple[Floats, Floats, Floats]:
-        """Add an opening motion to velocities whose margins are negative only by rounding.
-
-        velocities: (k, q·free) scaled. matters: (2, k, m), margins to repair; True for all. Returns velocities, jumps
-        (k, m, q) and margins (2, k, m) of dry and of inner faces. Without an opening motion nothing is added.
-        """
+        """Add an opening motion where margins `matters` (2, k, m) are negative by rounding alone."""
         jumps = self._prover.jumps(velocities)
         finite = self._measured(jumps, margins=True)
         opening = self._repair.opening()

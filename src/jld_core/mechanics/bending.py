@@ -21,16 +21,12 @@ InnerBending = Literal["uncoupled", "kern"]
 
 @dataclass(frozen=True)
 class Bending:
-    """Rows and corners of the bending sets of m faces.
+    """Bending sets of m faces in scaled x = (m1, m2): c·x ≤ N of dry faces, c·x ≤ N + σtA of inner ones.
 
-    With the scaled moments x = (m1, m2), a dry face requires c·x ≤ N for each of its rows c in `dry`. An inner face
-    requires c·x ≤ N + σtA for each of its rows c in `inner`. Face f has the rows start[f] to start[f + 1] − 1.
-
-    start: (m + 1,) first row of each face, then the number of rows. dry, inner: (rows, 2) coefficients c of (m1, m2),
-    in order of angle. dry_corners, inner_corners: (rows, 2) corners of {x : c·x ≤ 1}, each between a row and the next.
-    crushed: faces whose inner set also has an upper limit, c·x ≥ N − σcA. crush_start: first corner of each crushed
-    face, then the number of corners. crush_corners: (corners, 3) corners (ν, x) of the solid of each crushed face,
-    where N = −σtA + ν (σcA + σtA) and x is divided by σcA + σtA.
+    Face f has the rows start[f] to start[f + 1] − 1 of `dry` and `inner` (rows, 2), in order of angle; corners (rows,
+    2) of {x : c·x ≤ 1} lie between a row and the next. crushed: faces with c·x ≥ N − σcA also; crush_corners: (corners,
+    3) corners (ν, x) of their solids, from crush_start on, where N = −σtA + ν (σcA + σtA) and x is divided by σcA +
+    σtA.
     """
 
     start: Ints
@@ -76,10 +72,7 @@ _TIPS = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
 
 
 def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, crushed: Bools) -> Bending:
-    """Compute the bending rows of all faces.
-
-    point: (m,) True for faces that are points. crushed: (m,) True for faces whose inner set has a compressive strength.
-    """
+    """Compute the bending rows of all faces; point, crushed: (m,) points, and inner faces of compressive strength."""
     # A point has 1 row, a rectangle 4, any other face 1 per edge of its hull.
     rectangle = faces.rectangle & ~point
     count = np.where(point, 1, 4)
@@ -125,51 +118,33 @@ def _local(faces: Interfaces, face: int) -> Floats:
 
 
 def local_hulls(faces: Interfaces, which: Ints) -> list[Floats]:
-    """Return the convex hulls of some faces in their own frames.
-
-    Result: corners, counter-clockwise, scene units, without corners inside an edge.
-    """
+    """Return the convex hulls of some faces in their own frames: corners, counter-clockwise, scene units."""
     local = [_local(faces, face) for face in which.tolist()]
     # Take the hull first: the outline of a face with a hole passes its bridges twice.
     return polygons.without_idle_corners(polygons.hulls(local), tolerances.FACE)
 
 
 def _kern(faces: Interfaces, face: int, outline: Floats) -> Floats:
-    """Return the scaled rows (h, 2) that limit the elastic edge stress of one face.
-
-    They follow from its hull, area and second moments, see `polygons.kern_rows`. outline: (h, 2) corners of the hull of
-    the face in its own frame.
-    """
+    """Return the scaled rows (h, 2) that limit the elastic edge stress of one face, see `polygons.kern_rows`."""
     moments = polygons.second_moments(_local(faces, face)[None])[0]
     return polygons.kern_rows(outline, float(faces.area[face]), moments)
 
 
 def _between(rows: Floats) -> Floats:
-    """Return the corners (h, 2) of the polygon {m : c·m ≤ 1 for every row c}.
-
-    rows: (h, 2) coefficients c in order of angle. Each corner lies between a row and the next.
-    """
+    """Return the corners (h, 2) of the polygon {m : c·m ≤ 1}, each between a row (h, 2) and the next."""
     onward = np.roll(rows, -1, axis=0)
     cross = rows[:, 0] * onward[:, 1] - rows[:, 1] * onward[:, 0]
     return np.column_stack([onward[:, 1] - rows[:, 1], rows[:, 0] - onward[:, 0]]) / cross[:, None]
 
 
 def _rectangle_solid(corners: Floats) -> Floats:
-    """Return the corners (k, 3) of the scaled bending solid of a rectangle that crushes.
-
-    They are (ν, m1, m2) of two tips and of the middle section, see `Bending.crush_corners`. corners: (4, 2), twice
-    those of the middle section.
-    """
+    """Return the corners (k, 3) of a crushing rectangle's solid, (ν, m1, m2): two tips and half of corners (4, 2)."""
     middle = np.column_stack([np.full(len(corners), 0.5), 0.5 * corners])
     return np.concatenate([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], middle])
 
 
 def _solid(rows: Floats) -> Floats:
-    """Return the corners (k, 3) of the scaled bending solid of any inner face that crushes.
-
-    The solid is {(ν, m1, m2) : ν − 1 ≤ c·m ≤ ν for every row c}, see `Bending.crush_corners`. rows: (h, 2) coefficients
-    c. Where the hull is not symmetric, the solid is no double pyramid.
-    """
+    """Return the corners (k, 3) of {(ν, m1, m2) : ν − 1 ≤ c·m ≤ ν} for rows (h, 2), of any inner face that crushes."""
     one = np.ones(len(rows))
     lower = np.column_stack([-one, rows, 0.0 * one])
     upper = np.column_stack([one, -rows, -one])

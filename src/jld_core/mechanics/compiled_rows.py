@@ -25,9 +25,9 @@ _TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strength
 
 
 def row_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> RowYield:
-    """Make the yield sets of all faces of an assembly from rows: of the standard criterion, and of plug-ins.
+    """Make the yield sets of all faces from rows, of plug-ins too.
 
-    Raises InputError where joints crush, and for rows that are no yield set.
+    InputError for joints that crush and unusable rows.
     """
     dry, inner = _of_stresses(assembly, inner_bending)
     sets = _aligned(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
@@ -101,7 +101,7 @@ def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
 
 
 def _standard(numbers: Strengths, bending: Bending | None, *, dry: bool) -> FaceRows:
-    """Return the rows of the standard criterion under one label, in stresses; in the plane they limit V too."""
+    """Return the standard criterion's rows under one label, in stresses; in the plane they limit V too."""
     point = np.zeros(len(numbers.friction), dtype=bool)
     side = scaled_strengths(numbers, np.ones(len(point))).side(dry=dry)
     late = 2 if bending is None else int(np.diff(bending.start).max(initial=0))
@@ -135,9 +135,9 @@ def _taken(gauge: Gauge, faces: Bools) -> Gauge:
 
 
 def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], dry: bool) -> LabelRows:
-    """Return the sets of one label in stresses: rows without redundant ones, vertices and rays of each class of faces.
+    """Return one label's sets in stresses: needed rows, vertices, rays, class of each face.
 
-    Raises InputError for rows that are no yield set.
+    InputError for unusable rows.
     """
     count, most = len(assembly.interfaces), max(rows.C.shape[1] for _, rows in groups)
     table = np.zeros((count, most, 4))
@@ -195,10 +195,7 @@ def _padded(parts: list[Floats], *, repeat: bool) -> Floats:
 
 
 def _core(table: Floats, key: str, name: str) -> tuple[Floats, Floats, Floats]:
-    """Return the rows (r, 4) that bound a core, its vertices (p, 3) and its rays (q, 3).
-
-    Raises InputError for an unusable set.
-    """
+    """Return rows (r, 4), vertices (p, 3) and rays (q, 3) of a core; InputError for an unusable set."""
     table = np.unique(table[np.any(table[:, :3] != 0.0, axis=1)], axis=0)
     rows, constants = table[:, :3], table[:, 3]
     if np.linalg.matrix_rank(rows) < 3 if len(rows) else True:
@@ -272,7 +269,7 @@ def _hull_of(dimension: int, vertices: Floats, rays: Floats) -> Floats:
 
 
 def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
-    """Return sets whose rows have places of their own for bending, shear and others, so that they share sparsity."""
+    """Return sets whose rows of bending, shear and others have places of their own, so that they share sparsity."""
     # Within a kind rows stand by falling N, in space by the angle of the moments.
     ordered, kinds = [], []
     for one in sets:
@@ -305,7 +302,7 @@ def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
 
 
 def _widened(points: Floats, most: int) -> Floats:
-    """Return points (m, p, 3), the last of them repeated until there are `most`; zeros where there are none."""
+    """Return points (m, p, 3), the last repeated until there are `most`; zeros where there are none."""
     more = most - points.shape[1]
     last = points[:, -1:] if points.shape[1] else np.zeros((len(points), 1, 3))
     return np.concatenate([points, np.repeat(last, more, axis=1)], axis=1)

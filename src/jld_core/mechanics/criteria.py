@@ -125,10 +125,7 @@ class Criterion(Protocol):
     """Parameters that a scene states."""
 
     def rows(self, faces: FaceGeometry, values: Mapping[str, float]) -> FaceRows:
-        """Return the yield set of faces.
-
-        Result: rows of k faces, or of one for all of them.
-        """
+        """Return the yield set as rows of k faces, or of one for all of them."""
 
 
 def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None) -> FaceGeometry:
@@ -146,9 +143,9 @@ def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None) -> Face
 
 
 def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
-    """Return the checked rows of a criterion: arrays of all k faces.
+    """Return the checked rows of a criterion for k faces.
 
-    Raises InputError if shapes are wrong, numbers are not finite, d is negative, or shear in space is not limited.
+    InputError: wrong shapes, numbers not finite, negative d, shear in space without limit.
     """
     key, k = f"materials.{one.label}.criterion", len(geometry)
     criterion = criterion_of(one.name, f"materials.{one.label}")

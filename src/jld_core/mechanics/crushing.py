@@ -38,7 +38,7 @@ class Crushing(Protocol):
         """Return the work (..., k) of jumps (..., k, 3) of the core, whose opening has lost that of dilation."""
 
     def share(self, forces: Floats, least: float) -> Floats:
-        """Return the ratio (k,) of a demand to its capacity; demands up to `least` are none."""
+        """Return the ratio (k,) of demand to capacity; demands up to `least` are none."""
 
     def lay_out(self, sheet: Sheet) -> list[list[Row]]:
         """Add the linear rows that the cones need, and return the rows of each kind of cone."""
@@ -46,11 +46,7 @@ class Crushing(Protocol):
 
 @dataclass(frozen=True)
 class Parabolas:
-    """Planar faces (k,) that crush, see `Crushing`.
-
-    wide: (k,) limit N_c of the parabola that encloses both labels, inf where there is none. shift: (k,) how far it is
-    moved, σtA.
-    """
+    """Planar faces that crush; wide: (k,) N_c of the parabola of both labels, inf for none, moved by shift σtA."""
 
     faces: Ints
     limit: Floats
@@ -140,11 +136,7 @@ class Rectangles:
         return np.asarray(self.limit * np.where(gain <= 0.0, 0.0, np.where(near, small, large)))
 
     def share(self, forces: Floats, least: float) -> Floats:
-        """Return the ratio (k,) of a demand to its capacity.
-
-        That of bending is 1/q, where q is the factor on moments at which the rectangle crushes: the smallest root of
-        N³ = N_c (N − q|m1|)(N − q|m2|).
-        """
+        """Return 1/q (k,), q the factor on moments that crushes: least root of N³ = N_c (N − q|m1|)(N − q|m2|)."""
         n, one, two = forces[:, 0], np.abs(forces[:, 3]), np.abs(forces[:, 4])
         with np.errstate(divide="ignore", invalid="ignore"):
             half, room = 0.5 * n * (one + two), n * n * (1.0 - n / self.limit)
@@ -188,10 +180,7 @@ class Rectangles:
 
 
 def parabolic_hull(dry: Side, inner: Side, crushed: Ints) -> ParabolicBending | None:
-    """Return sets that enclose the yield sets of both labels, for planar faces that crush.
-
-    crushed: (k,) indices of these faces. The result is None where an inner face carries more N than the dry one.
-    """
+    """Return sets that enclose both labels of planar faces that crush; None if an inner face carries more N."""
     # Bending: in N and |m|, the result is the hull of two sets. Write T = σtA of the inner face, and C for its σcA. The
     # dry set is |m| ≤ N − N²/N_c. The inner set is a triangle with its foot at (−T, 0) and its top at ((C − T)/2, (C +
     # T)/6). The boundary of the hull has three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and
@@ -231,10 +220,7 @@ def parabolic_hull(dry: Side, inner: Side, crushed: Ints) -> ParabolicBending | 
 
 
 def _interaction_planes(strengths: Floats) -> Floats:
-    """Compute the planes that bound V and M together, for planar faces that crush.
-
-    strengths: (k, 7), as the last columns of `ParabolicBending.interaction`.
-    """
+    """Compute the planes that bound V and M together, from `ParabolicBending.interaction` (k, 7)."""
     # The result (k, 5) has one row per face: N and m of a corner of the inner set; how far the shear of this corner is
     # above that of the dry set; and the first and last value N₁ of an interval. For every N₁ in it, one plane touches
     # the corner, and the parabola of the dry set at N₁. It encloses the sets of both labels. A row is zero where there

@@ -124,22 +124,14 @@ def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
 
 
 def _cleared(block: Floats, force: Floats, moment: Floats) -> Floats:
-    """Set those entries of forces and moments (k, q) to zero that are rounding errors.
-
-    block: (k, q) forces, then moments, of unit resultants. force: (k,) magnitude of each force. moment: (k,) magnitude
-    up to which a moment counts as rounding.
-    """
+    """Set entries (k, q) to zero that are rounding errors of forces (k,), or of moments (k,) up to a magnitude."""
     d = 2 if block.shape[1] == 3 else 3
     least = np.repeat(np.column_stack([tolerances.ROUNDING * force, moment]), [d, block.shape[1] - d], axis=1)
     return np.where(abs(block) <= least, 0.0, block)
 
 
 def _least_arm(assembly: Assembly, element: Ints) -> Floats:
-    """Return the lever arm (k,) of each element below which an arm is a rounding error.
-
-    Arms are those about the centroid. The limit is `ROUNDING` times the radius of the element, or the last digits of
-    its coordinates if those are larger.
-    """
+    """Return the arm (k,) below which one is rounding: `ROUNDING` radii, or last digits of coordinates."""
     lower, upper = assembly.elements.lower[element], assembly.elements.upper[element]
     radius = 0.5 * np.linalg.norm(upper - lower, axis=1)
     digits = _LAST_DIGITS * np.maximum(abs(lower), abs(upper)).max(axis=1, initial=0.0)

@@ -26,10 +26,9 @@ Vector = tuple[Fraction, ...]
 
 
 def corners(rows: Floats, constants: Floats) -> tuple[Floats, Floats]:
-    """Return the vertices (p, 3) and extreme rays (q, 3) of {x : C x + d ≥ 0}, C (r, 3) and d (r,).
+    """Return exact vertices (p, 3) and rays (q, 3) of {x : C x + d ≥ 0}, then rounded; the set holds no line.
 
-    Both are exact for the numbers given, then rounded. A ray has N = 1 where its N is positive, else size 1. Rows of
-    zeros are ignored. The set must hold no line.
+    A ray has N = 1 where its N is positive, else size 1. Rows of zeros are ignored.
     """
     used = np.any(rows != 0.0, axis=1)
     return _corners(rows[used].tobytes(), constants[used].tobytes())
@@ -67,7 +66,7 @@ def _corners(rows: bytes, constants: bytes) -> tuple[Floats, Floats]:
 
 
 def _candidates(rows: Floats, constants: Floats) -> list[list[int]]:
-    """Return the triples of rows that may meet in a vertex: those whose point violates no row by far in floats."""
+    """Return the triples of rows whose point violates no row by far in floats."""
     threes = np.array(list(combinations(range(len(rows)), 3)), dtype=np.int64).reshape(-1, 3)
     size = np.linalg.norm(rows, axis=1)
     unit, side = rows / size[:, None], constants / size

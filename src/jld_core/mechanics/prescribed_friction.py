@@ -41,15 +41,10 @@ class EffectiveAreas:
 
 @dataclass(frozen=True)
 class PrescribedFriction:
-    """Yield set with friction μ (α N + (1 − α) N_prev) and frozen effective areas.
+    """Yield set with friction μ (α N + (1 − α) N_prev) and frozen effective areas; bending is that of `base`.
 
-    Bending and capacity without N are those of `base`. Faces of both labels have friction.
-
-    base: set with associative friction. alpha: α, share of the present N: 1 is associative friction, 0 is friction
-    without dilation. previous: (m,) n_prev, scaled; raised to the least N that a face can carry. areas: None leaves the
-    torsion of dry faces as in `base`.
-
-    Source: Gilbert et al. 2006; docs/method.md (4.1).
+    alpha: 1 is associative friction, 0 friction without dilation. previous: (m,) n_prev, raised to the least N that a
+    face carries. areas: None leaves the torsion of dry faces. Source: Gilbert et al. 2006; docs/method.md (4.1).
     """
 
     base: FrictionSet
@@ -64,7 +59,6 @@ class PrescribedFriction:
 
     @cached_property
     def pattern(self) -> RowPattern:
-        """Return the rows of `base` with the prescribed friction in the rows that limit shear."""
         # With effective areas, V enters the torsion rows of dry faces too.
         base = self.base.pattern
         entries = base.capacity
@@ -81,10 +75,7 @@ class PrescribedFriction:
 
     @cached_property
     def _previous(self) -> tuple[Floats, Floats]:
-        """Return the N_prev (m,) that friction uses, for all faces as dry and for all as inner.
-
-        Each value is raised to the least N that the face can carry: 0 if dry, −σtA if inner.
-        """
+        """Return N_prev (m,) for all faces dry, and inner: raised to the least N, 0 if dry, −σtA if inner."""
         return np.maximum(self.previous, 0.0), np.maximum(self.previous, -self.base.tension)
 
     def _frozen(self, labels: Bits) -> Floats:
@@ -125,62 +116,39 @@ class PrescribedFriction:
         return self.base.with_friction(self.alpha)
 
     def has_friction(self, labels: Bits) -> Bools:
-        """Return a mask (m,), True for faces with friction under these labels (m,), True = dry."""
         return np.asarray(self.base.friction_of(labels) > 0.0)
 
     def slides(self, labels: Bits) -> Bools:
-        """Return a mask (m,), True for faces that may slide without opening.
-
-        They are the dry ones, and the inner ones with friction.
-        """
+        """Return the faces (m,) that may slide without opening: dry ones, and inner ones with friction."""
         return np.asarray(self.base.is_dry(labels) | self.has_friction(labels))
 
     def shear(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the shear demand (m,) of forces, with torsion about effective areas.
-
-        It is compared with the shear capacity, as in `FrictionSet.shear_of`. forces: (m, q) scaled resultants.
-        """
+        """Return the shear demand (m,) of forces (m, q), with torsion about effective areas."""
         return self.base.shear_of(self._forces_about(forces, labels))
 
     def slip(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the shear dissipation (m,) of scaled jumps (m, q), per unit of shear capacity.
-
-        It is max(|s|, |ω|/ρ) with slip s at the centre of pressure and spin ω about the normal, both scaled; ρ is 1 for
-        whole faces. Planar faces and points have no spin term.
-        """
+        """Return max(|s|, |ω|/ρ) (m,) of scaled jumps (m, q): slip at the centre of pressure, and spin."""
         return self.base.slip(self._jumps_about(jumps, labels))
 
     def price(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the friction dissipation (m,) of scaled jumps (m, q) per unit of normal force.
-
-        It is μ times `slip`, for slips without dilation.
-        """
+        """Return the friction dissipation μ · `slip` (m,) per unit of normal force, for slips without dilation."""
         return np.asarray(self.base.friction_of(labels) * self.slip(jumps, labels))
 
     def excess(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the shear demand of each face minus its capacity c + μN (m,).
-
-        N is the present normal force. Negative values mean that shear stays within its capacity; faces without friction
-        have −inf. forces: (m, q) scaled resultants.
-        """
+        """Return shear demand minus capacity c + μN (m,) by the present N; −inf without friction."""
         capacity = self.base.capacity_of(labels) + self.base.friction_of(labels) * forces[:, 0]
         return np.where(self.has_friction(labels), self.shear(forces, labels) - capacity, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the opening (m,) of each face beyond what its rotation requires.
+        """Return the opening (m,) beyond that of rotation, docs/method.md (4.5).
 
-        It is the margin of bending alone, docs/method.md (4.5); 0 for faces that cannot slide or that crush. jumps: (m,
-        q) scaled.
+        0 if a face cannot slide, or crushes.
         """
         beyond = self._smooth.margin(self._jumps_about(jumps, labels), labels)
         return np.where(self.slides(labels) & np.isfinite(beyond), beyond, 0.0)
 
     def _forces_about(self, forces: Floats, labels: Bits) -> Floats:
-        """Return scaled resultants (m, q) with the torsion of dry faces about effective areas.
-
-        The torsion is ρ (mT + a·V), see `EffectiveAreas`. forces: (m, q) scaled resultants, returned as they are
-        without effective areas.
-        """
+        """Return resultants (m, q) with the torsion ρ (mT + a·V) of dry faces about effective areas."""
         if self.areas is None:
             return forces
         about = forces.copy()
@@ -189,11 +157,7 @@ class PrescribedFriction:
         return about
 
     def _jumps_about(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return scaled jumps (m, q) that do on `_forces_about` the work of the given jumps.
-
-        Dry faces have the slip at the centre of pressure, and the spin divided by the ratio ρ. jumps: (m, q) scaled,
-        returned as they are without effective areas.
-        """
+        """Return jumps (m, q) that do on `_forces_about` the work of the given ones."""
         if self.areas is None:
             return jumps
         about, dry = jumps.copy(), self.base.is_dry(labels)
@@ -205,10 +169,6 @@ class PrescribedFriction:
     # --- methods of the protocol YieldSet ----------------------------------------------------------------
 
     def active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is zero in every admissible state.
-
-        labels: (m,) True = dry, see `Rows.active`.
-        """
         return self.base.active(labels)
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
@@ -223,32 +183,16 @@ class PrescribedFriction:
         return np.minimum(self._smooth.slack(forces, labels), np.where(holds, spare, np.inf))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of scaled forces (m, q) in the recession cones.
-
-        labels: (m,) True = dry, see `YieldSet.recession_slack`.
-        """
         return self._associated.recession_slack(self._forces_about(forces, labels), labels)
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
-
-        labels: (m,) True = dry, see `YieldSet.recession_active`.
-        """
         return self._associated.recession_active(labels)
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the dissipation (m,) of scaled jumps (m, q) whose `margin` is ≥ 0.
-
-        labels: (m,) True = dry, see `YieldSet.dissipation`.
-        """
         frozen = self._frozen(labels) * self.slip(jumps, labels)
         return np.asarray(self._associated.dissipation(self._jumps_about(jumps, labels), labels) + frozen)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q).
-
-        labels: (m,) True = dry, see `YieldSet.margin`.
-        """
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
 
     def strength(self, labels: Bits) -> Floats:

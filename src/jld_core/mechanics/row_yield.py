@@ -26,14 +26,12 @@ from jld_core.strengths import StatedCriterion
 
 @dataclass(frozen=True)
 class LabelRows:
-    """Yield sets of m faces under one label, stated as rows, in stresses or scaled.
+    """Yield sets of m faces under one label: core rows C (m, r, 3) x + d (m, r) ≥ 0, and gauges B, k, c, mu (m, 2).
 
-    C: (m, r, 3) rows of the core; zeros are idle. d: (m, r) constants. B: (m, 2, 2) of the gauge of shear. k, c, mu:
-    (m, 2) factor of the torsion, capacity without N and friction of the gauge of shear, then of the one of torsion; k =
-    0: there is none. coupled: (m,) True where one gauge limits both; its numbers stand twice. vertices, rays: (m, p, 3)
-    of the core, filled up with the first vertex, and with zeros. kind: (m,) class of the core of each face: faces of
-    one class have the same rows of stresses. acting: (m, 3) core resultants that may be non-zero; None: those of
-    vertices and rays. sized: set whose rows have the scale that the rows of a program get; None: this one.
+    k = 0: no such gauge. coupled: (m,) one gauge limits shear and torsion; its numbers stand twice. vertices, rays: (m,
+    p, 3) of the core, filled up. kind: (m,) class of faces with the same rows of stresses. acting: (m, 3) resultants
+    that may be non-zero; None: those of vertices and rays. sized: set whose rows have the scale of the program's; None:
+    this one.
     """
 
     C: Floats
@@ -112,13 +110,13 @@ class LabelRows:
 
     @cached_property
     def recession_sides(self) -> Floats:
-        """Return the sides (m, r) of the rows of the recession cone: 0, and inf where a row does not limit it."""
+        """Return the sides (m, r) of the recession cone: 0, and inf where a row does not limit it."""
         limits = np.any((self.C != 0.0) & self.grows[:, None, :], axis=2) & self.endless[:, None]
         return np.where(limits, 0.0, np.inf)
 
     @cached_property
     def recession_capacity(self) -> Floats:
-        """Return the limits (m, 2) of gauges in the recession cone: 0, and inf where V does not act there."""
+        """Return the limits (m, 2) of gauges in the recession cone: 0, and inf where V does not act."""
         return np.where((self.mu > 0.0) & self.endless[:, None], 0.0, np.inf)
 
     @cached_property
@@ -128,7 +126,7 @@ class LabelRows:
 
     @cached_property
     def program_rows(self) -> tuple[Floats, Floats]:
-        """Return coefficients (m, r, 3) of G and right-hand sides (m, r) of the rows of the core in a program."""
+        """Return coefficients (m, r, 3) of G and right-hand sides (m, r) of the core's rows in a program."""
         # An idle row keeps its coefficients with side one, so that a resultant that cannot act stays bounded.
         kept = self.idle[:, :, None] | self.acts[:, None, :]
         rows = np.where(kept, -self.C / self.row_sizes[:, :, None], 0.0)
@@ -144,10 +142,8 @@ class LabelRows:
 class RowYield:
     """Yield sets of m faces of either dimension, stated as rows; the interface is that of `YieldSet`.
 
-    dimension: 2 or 3. dry, inner: scaled sets of either label, with as many rows each. enclosing: sets that enclose
-    both, with as many rows; None if their rows have no entries beyond those of the labels, so that `_enclosed` may make
-    them when they are asked for. criteria: criteria of plug-ins among them, for messages. late: number of rows of the
-    core, the last ones, that stand after the rows of gauges in a program. crushing: dry faces that crush.
+    enclosing: sets that enclose both labels; None: `_enclosed` makes them. late: number of core rows that stand after
+    those of gauges. crushing: dry faces that crush.
     """
 
     dimension: int
@@ -169,16 +165,14 @@ class RowYield:
 
     @cached_property
     def _plain(self) -> bool:
-        """Return True if one gauge |V| + k|mT| limits shear and torsion under either label."""
         return self.dry.plain and self.inner.plain
 
     @cached_property
     def _last(self) -> list[tuple[bytes, dict[str, NDArray[Any]]]]:
-        """Return the labels that were asked for last, as bytes, and their arrays by name."""
         return [(b"", {})]
 
     def _of(self, labels: Bits, name: str) -> NDArray[Any]:
-        """Return an array of `LabelRows` by its name, for the label of each face; callers must not write to it."""
+        """Return an array of `LabelRows` by name, for the label of each face; do not write to it."""
         # A proof asks for several arrays of one labelling. A pair is replaced as a whole, so that threads may share it.
         key, known = labels.tobytes(), self._last[0]
         if known[0] != key:
@@ -209,7 +203,7 @@ class RowYield:
         return self._full(labels, "grows", grows & ((self._of(labels, "k") > 0.0) | [True, False]))
 
     def _demands(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the values (m, g) of the gauge of shear and torsion, or of the one of shear and the one of torsion."""
+        """Return the values (m, g) of the gauge of shear and torsion, or of one of each."""
         if self.dimension == 2:
             return abs(forces[:, 1:2])
         if self._plain:
@@ -235,7 +229,7 @@ class RowYield:
         return self._slack(forces, labels, "recession_sides", "recession_capacity")
 
     def _slack(self, forces: Floats, labels: Bits, sides: str, capacity: str) -> Floats:
-        """Return the least slack (m,) of rows and gauges, with the sides and the capacity of these names."""
+        """Return the least slack (m,) of rows and gauges, with sides and capacity of these names."""
         rows = np.einsum("mrj,mj->mr", self._of(labels, "C"), forces[:, self._core]) + self._of(labels, sides)
         demands = self._demands(forces, labels)
         first, mu = (self._of(labels, name)[:, : demands.shape[1]] for name in (capacity, "mu"))
@@ -255,7 +249,7 @@ class RowYield:
         return np.where(coupled, np.maximum(slip, spin), slip), np.where(coupled, 0.0, spin)
 
     def _reduced(self, jumps: Floats, labels: Bits) -> tuple[Floats, Floats]:
-        """Return the jumps (..., m, 3) of the core, less dilation, and the work on the capacity without N (..., m)."""
+        """Return the core jumps (..., m, 3), less dilation, and the work on the capacity without N (..., m)."""
         first, second = self._slips(jumps, labels)
         c, mu, core = self._of(labels, "c"), self._of(labels, "mu"), jumps[..., self._core]
         core[..., 0] -= mu[:, 0] * first + mu[:, 1] * second
@@ -318,7 +312,6 @@ class RowYield:
         return self._laid_out[0] if self.enclosing is not None else _patterns(self, (self.dry, self.inner))[0]
 
     def hull(self) -> Rows:
-        """Return yield rows that enclose the sets of both labels of each face, see `YieldSet.hull`."""
         every = np.ones(len(self.dry.d), dtype=bool)
         return Hull(self._laid_out[1], self.active(every) | self.active(~every))
 
@@ -343,10 +336,7 @@ class RowYield:
 
 
 def _patterns(sets: RowYield, labels: tuple[LabelRows, ...]) -> tuple[RowPattern, ...]:
-    """Return the rows of a program for both labels, and those with enclosing rows in the places of dry ones.
-
-    labels: dry, inner and, if asked for, enclosing sets.
-    """
+    """Return the rows of a program for both labels, and with enclosing rows, if asked for, in place of dry ones."""
     sheet = Sheet(len(sets.dry.d), 3 if sets.dimension == 2 else 6, len(labels))
     early = sets.dry.C.shape[1] - sets.late
     _core_rows(sheet, sets, labels, slice(0, early))
@@ -369,7 +359,7 @@ def _patterns(sets: RowYield, labels: tuple[LabelRows, ...]) -> tuple[RowPattern
 
 
 def _core_rows(sheet: Sheet, sets: RowYield, labels: tuple[LabelRows, ...], part: slice) -> None:
-    """Add the rows of the core of some places, for the faces that have them under any label."""
+    """Add the core's rows of some places, for the faces that have them under any label."""
     stands = np.any([np.any(one.C[:, part] != 0.0, axis=2) for one in labels], axis=0)
     if sets.dimension == 3:
         face, place = np.nonzero(stands)
@@ -399,7 +389,7 @@ def _capacities(labels: tuple[LabelRows, ...], face: Ints, which: int) -> list[F
 
 
 def _gauge_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> list[tuple[Ints, list[Row]]]:
-    """Add the linear rows of shear and torsion of spatial faces; return the faces and rows of the cones of shear."""
+    """Add the linear rows of shear and torsion of spatial faces; return faces and rows of the cones of shear."""
     # A variable t of each face bounds shear: |B V| ≤ t, and t ± k mT ≤ c + μN where one gauge limits both, else t and ±
     # k mT have rows of their own. Where nothing twists, |B V| ≤ c + μN needs no variable.
     twists = np.all([one.k[:, 1] > 0.0 for one in labels], axis=0)

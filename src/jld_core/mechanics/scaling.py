@@ -1,8 +1,7 @@
-"""Non-dimensional scaling: solvers see values of order one in any units of the scene.
+"""Non-dimensional scaling, docs/method.md (8.1): solvers see values of order one in any units of the scene.
 
-The accuracy on large assemblies depends on scaling (docs/method.md (8.1)). Forces are divided by the weight of a pile
-of elements, and live work is normalised to the sum of live loads. Velocities are then of order one, so that the
-relative residuals of a solver measure the error of λ.
+Forces are divided by the weight of a pile of elements, live work is normalised to the sum of live loads. Relative
+residuals of a solver then measure the error of λ.
 """
 
 from __future__ import annotations
@@ -125,9 +124,6 @@ def reference_load(assembly: Assembly) -> float:
 
 
 def _usable(assembly: Assembly, *strengths: Floats) -> Floats:
-    """Return all finite strengths above zero, each times the area of its face.
-
-    strengths: arrays (m,), scene units.
-    """
+    """Return all finite strengths (m,) above zero, each times the area of its face."""
     capacity = np.concatenate(strengths) * np.tile(assembly.interfaces.area, len(strengths))
     return np.asarray(capacity[np.isfinite(capacity) & (capacity > 0.0)])

@@ -45,11 +45,7 @@ class Sheet:
         *,
         limits_shear: bool = False,
     ) -> None:
-        """Add one row for each face (k,): terms, and right-hand sides of each set.
-
-        place: (k,) positions of the rows, by default after the present ones. limits_shear: True if the first of the
-        terms is −μN.
-        """
+        """Add one row for each face (k,), by default after the present ones; limits_shear: the first term is −μN."""
         if place is None:
             place = self.rows + np.arange(len(face))
             self.rows += len(face)
@@ -77,7 +73,7 @@ class Sheet:
         self._cones += len(face)
 
     def patterns(self, linear: int) -> tuple[RowPattern, ...]:
-        """Return the rows of both labels, and those with enclosing rows in the places of dry ones."""
+        """Return the rows of both labels, and those with enclosing rows in place of dry ones."""
         row, column, face, values = (np.concatenate(part, axis=-1) for part in zip(*self._entries, strict=True))
         order = np.argsort(np.concatenate([place for place, _, _ in self._sides]))
         h = np.concatenate([side for _, _, side in self._sides], axis=1)[:, order]

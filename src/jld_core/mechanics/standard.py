@@ -37,10 +37,7 @@ _SOLID: Final = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 1.0 / 6.0
 
 
 def standard_rows(side: Side, bending: Bending | None, point: Bools, late: int, *, dry: bool) -> LabelRows:
-    """Return the standard criterion of m faces under one label as rows; the last `late` of each limit compression.
-
-    bending: rows of spatial faces; None in the plane. point: (m,) spatial faces that are points and have no moments.
-    """
+    """Return the standard criterion under one label as rows; the last `late` of each limit compression."""
     count, unit = len(side.tension), np.ones(len(side.tension))
     scale = np.where(point, 1.0, 1.0 if dry else 3.0)
     curved = dry & np.isfinite(side.crush)
@@ -83,7 +80,7 @@ def standard_rows(side: Side, bending: Bending | None, point: Bools, late: int, 
 
 
 def _lines(normal: float, moments: Floats, used: Bools, scale: Floats) -> Floats:
-    """Return the vectors (normal, moments) / scale (m, e, 3) from moments (m, e, 2); zeros where not `used` (m, e)."""
+    """Return vectors (normal, moments) / scale (m, e, 3) from moments (m, e, 2); zeros where not `used` (m, e)."""
     found = np.empty((*used.shape, 3))
     found[..., 0], found[..., 1:] = normal, moments
     found *= (used / scale[:, None])[..., None]
@@ -92,18 +89,14 @@ def _lines(normal: float, moments: Floats, used: Bools, scale: Floats) -> Floats
 
 @dataclass(frozen=True, eq=False)
 class StandardYield(RowYield):
-    """Yield sets of m faces that have the standard criterion, see `FrictionSet`.
-
-    numbers: scaled strengths. bending: rows of spatial faces; None in the plane. point: (m,) spatial faces that are
-    points; they are always dry.
-    """
+    """Standard criterion of m faces; bending: None in the plane; point: (m,) spatial points, always dry."""
 
     numbers: Strengths = field(kw_only=True)
     bending: Bending | None = field(kw_only=True)
     point: Bools = field(kw_only=True)
 
     def _enclosed(self) -> LabelRows:
-        """Return the sets that enclose both labels, docs/method.md (6.3); their rows have the scale of dry ones."""
+        """Return the sets that enclose both labels, docs/method.md (6.3), scaled as dry ones."""
         # Without a bound on N, the closed convex hull of the dry and the inner set is the dry set moved to N = −σtA and
         # widened in shear: {|m| ≤ N + σtA, |V| ≤ w + μ (N + σtA)}. Here μ is the larger one of both labels and w =
         # max(c − μ σtA, τA − μ_inner σtA). With compressive strengths, or where inner faces have more friction, the
@@ -141,11 +134,10 @@ class StandardYield(RowYield):
         return self
 
     def is_dry(self, labels: Bits) -> Bools:
-        """Return a mask (m,), True for dry faces and for points, which are always dry."""
+        """Return the dry faces (m,), and points, which are always dry."""
         return np.asarray(labels | self.point)
 
     def friction_of(self, labels: Bits) -> Floats:
-        """Return the friction coefficient μ (m,) of each face under labels (m,), True = dry."""
         return np.array(self._of(labels, "mu")[:, 0])
 
     def capacity_of(self, labels: Bits) -> Floats:
@@ -153,11 +145,10 @@ class StandardYield(RowYield):
         return np.array(self._of(labels, "c")[:, 0])
 
     def shear_of(self, forces: Floats) -> Floats:
-        """Return the shear demand (m,) of scaled resultants (m, q): |V|, in space |V| + |mT|, but |V| at points."""
+        """Return the shear demand (m,) of resultants (m, q): |V|, in space |V| + |mT|, but |V| at points."""
         return self._demands(forces, self.point)[:, 0]
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return the shear dissipation (m,) of scaled jumps (m, q), per unit of shear capacity, see `FrictionSet`."""
         return self._slips(jumps, self.point)[0]
 
     def with_strengths(self, sets: Strengths) -> StandardYield:
@@ -165,11 +156,11 @@ class StandardYield(RowYield):
         return _standard_yield(sets, self.bending, self.point)
 
     def with_friction(self, share: float) -> StandardYield:
-        """Return a copy of the set with all friction coefficients multiplied by `share`, for proofs alone."""
+        """Return a copy with all friction coefficients multiplied by `share`, for proofs alone."""
         return self._sliding(lambda one: replace(one, mu=share * one.mu))
 
     def without_shear_limit(self) -> StandardYield:
-        """Return a copy of the set without any limit on shear, for proofs of bending alone."""
+        """Return a copy without any limit on shear, for proofs of bending alone."""
         return self._sliding(lambda one: replace(one, c=0.0 * one.c, mu=0.0 * one.mu))
 
     def _sliding(self, change: Callable[[LabelRows], LabelRows]) -> StandardYield:
@@ -192,14 +183,13 @@ class StandardYield(RowYield):
         return ParabolicBending(crushed, np.column_stack([1.0 / limit, none]), rows)
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the yield sets of planar faces under one label as wedges; None if any face has a limit on N."""
+        """Return the planar sets of one label as wedges; None if any face has a limit on N."""
         one = self.dry if dry else self.inner
         if self.dimension == 3 or not (self.dry.endless.all() and self.inner.endless.all()):
             return None
         return CoulombWedge(-one.vertices[:, 0, 0], 1.0 if dry else 3.0, one.mu[:, 0], one.c[:, 0])
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Return the linear yield rows C F + d ≥ 0 of planar faces, see `YieldSet`; None if a face can crush."""
         # C is (m, 4, 3) and d (m, 4). Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient
         # is a given number or a small integer.
         if self.dimension == 3 or not self._of(labels, "endless").all():
@@ -257,10 +247,7 @@ def _crushing(dry: Side, inner: Side, *, plane: bool) -> Crushing | None:
 
 
 def standard_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> StandardYield:
-    """Make the yield sets of all faces of an assembly, planar or spatial.
-
-    Raises InputError: a dry compressive strength is given for a spatial face that is no rectangle.
-    """
+    """Make the standard yield sets; InputError: dry compressive strength of a spatial face that is no rectangle."""
     faces, strengths = assembly.interfaces, assembly.strengths(_ROUTE)
     numbers = scaled_strengths(strengths, faces.area / scaling.force)
     if assembly.dimension == 2:

@@ -64,20 +64,14 @@ class Rows(Protocol):
         """Return the sparsity and numbers of the yield rows of all faces."""
 
     def active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), False where a resultant is zero in every admissible state.
-
-        Examples are shear without friction and without shear strength.
-        """
+        """Return a mask (m, q), False where a resultant is zero in every admissible state."""
 
 
 @dataclass(frozen=True)
 class Hull:
-    """Yield rows of undecided faces: they enclose the dry and the inner yield set.
+    """Yield rows of undecided faces that enclose both sets, in the places of rows of dry faces, docs/method.md (6.3).
 
-    Relaxations use them in the places of the rows of dry faces, docs/method.md (6.3).
-
-    pattern: yield rows of all m faces. `dry` and `h_dry` hold the enclosing rows; `inner` and `h_inner` are unchanged.
-    either: (m, q) scaled resultants, q per face, that at least one of the labels allows to be non-zero.
+    pattern: `dry` and `h_dry` hold the enclosing rows. either: (m, q) resultants that a label allows to be non-zero.
     """
 
     pattern: RowPattern
@@ -111,12 +105,9 @@ class ParabolicBending:
 
 @dataclass(frozen=True)
 class CoulombWedge:
-    """Yield sets of planar faces of one label without compressive strength, scaled.
+    """Planar sets of one label without crushing: bending·|m| ≤ N + tension, |V| ≤ shear + friction·N.
 
-    Bending: bending·|m| ≤ N + tension; shear: |V| ≤ shear + friction·N. Directions of recession are N (1, ±μ,
-    ±1/bending).
-
-    tension, friction, shear: (m,) strengths. bending: 1 (dry) or 3 (inner), the same for all faces.
+    bending: 1 (dry) or 3 (inner). Directions of recession are N (1, ±μ, ±1/bending).
     """
 
     tension: Floats
@@ -125,27 +116,17 @@ class CoulombWedge:
     shear: Floats
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the margin δ − μ|s| − |θ|/bending (k,) of scaled jumps (δ, s, θ).
-
-        The dissipation of a jump is finite where its margin is ≥ 0. jumps: (k, 3). faces: (k,) index of the face of
-        each jump.
-        """
+        """Return δ − μ|s| − |θ|/bending (k,) of scaled jumps (δ, s, θ) (k, 3): finite dissipation where ≥ 0."""
         slip, turn = abs(jumps[:, 1]), abs(jumps[:, 2])
         return np.asarray(jumps[:, 0] - turn / self.bending - self.friction[faces] * slip)
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
-        """Return the dissipation σt (δ − μ|s|) + c|s| (k,) of scaled jumps (δ, s, θ).
-
-        The value holds where `margin` is ≥ 0. jumps: (k, 3). faces: (k,) index of the face of each jump.
-        """
+        """Return σt (δ − μ|s|) + c|s| (k,) of scaled jumps (k, 3), where `margin` ≥ 0."""
         slip = abs(jumps[:, 1])
         return np.asarray(self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.shear[faces] * slip)
 
     def strength(self, faces: Ints) -> Floats:
-        """Return the sum of tensile and shear strength (k,) of faces (k,).
-
-        It is the largest dissipation of a jump of size 1.
-        """
+        """Return tensile plus shear strength (k,) of faces: the largest dissipation of a jump of size 1."""
         return np.asarray(self.tension[faces] + self.shear[faces])
 
 

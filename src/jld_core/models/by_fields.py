@@ -49,21 +49,14 @@ class FieldResult(Result):
 
     @property
     def decided(self) -> Governing:
-        """Return the governing factor, the least over load cases of λ / required.
-
-        Its value is the lower bound.
-        """
+        """Return the governing factor, the least lower bound over load cases of λ / required."""
         known = [case_bounds_of(bounds) for bounds in self.cases.values()]
         found = governing(known, self.assembly.required.tolist())
         return Governing(found.status, found.low, found.high, found.low, found.case)
 
     @property
     def governing_case(self) -> tuple[Assembly, Bits, FieldBounds]:
-        """Return structure, labels and planar bounds of the governing load case, for pictures.
-
-        The structure is the assembly under this load case alone; the labels are (m,), True = dry. Raises InputError for
-        bounds in space, of which there are no pictures.
-        """
+        """Return structure under its governing case alone, labels (m,), planar bounds; InputError in space."""
         case = self.decided.case
         bounds = list(self.cases.values())[case]
         if bounds.dimension != 2:
@@ -72,10 +65,7 @@ class FieldResult(Result):
 
     @property
     def status(self) -> Status:  # type: ignore[override]
-        """Return the outcome of the bounds by fields.
-
-        It is collapse where both bounds are known, unstable where an upper bound is below 0, else uncertified.
-        """
+        """Return collapse where both bounds are known, unstable where an upper one is below 0, else uncertified."""
         return self.decided.status
 
     @property
@@ -108,10 +98,7 @@ class FieldResult(Result):
 
     @property
     def stands_at_zero(self) -> bool | None:  # type: ignore[override]
-        """Return True if the structure stands without live load in every load case.
-
-        False if it does not in one of them; None where it is undecided.
-        """
+        """Return whether the structure stands without live load in every case; None where undecided."""
         known = [stands_by(bounds, least) for bounds, least in zip(self.cases.values(), self._reversed, strict=True)]
         return False if False in known else None if None in known else True
 
@@ -126,7 +113,7 @@ class FieldResult(Result):
 
     @property
     def reason(self) -> str | None:  # type: ignore[override]
-        """Explain in one sentence why the bounds of the governing case did not reach the gap; None where they did."""
+        """Explain why the bounds of the governing case did not reach the gap; None where they did."""
         bounds = list(self.cases.values())[self.decided.case]
         if bounds.status is FieldStatus.CLOSED or self.status is Status.UNSTABLE:
             return None
@@ -191,10 +178,7 @@ class FieldResult(Result):
 
 
 def case_bounds_of(bounds: FieldBounds | FieldBounds) -> CaseBounds:
-    """Return status and bounds of one load case.
-
-    Result: bounds on λ, NaN where one is missing; `load_factor` is the lower bound.
-    """
+    """Return status and bounds of one load case, NaN where one is missing."""
     if bounds.upper < 0.0:
         return CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan)
     low = bounds.lower if math.isfinite(bounds.lower) else math.nan
@@ -270,10 +254,9 @@ def _width(low: float, high: float) -> float:
 def least_by_fields(
     alone: Assembly, labels: Bits, bounds: FieldBounds | FieldBounds, seconds: float
 ) -> tuple[float, float]:
-    """Bound the least λ under which a structure of crackable blocks stands, which may be below 0.
+    """Bound the least λ, maybe below 0, within `seconds`, by the reversed live load on a coarse mesh.
 
-    seconds: time for the bounds under the reversed live load, on a coarse mesh, s. Result: proven bounds; NaN where one
-    is unknown.
+    NaN where unknown.
     """
     # The reversed live load that a structure carries is the opposite of that λ.
     if bounds.upper < 0.0:
@@ -289,11 +272,11 @@ def least_by_fields(
 
 
 def stands_by(bounds: FieldBounds | FieldBounds, least: tuple[float, float]) -> bool | None:
-    """Decide whether a structure of crackable blocks stands without live load.
+    """Decide whether a structure stands without live load: it carries some of it and some of the reverse.
 
-    It does if it carries some live load and some of the reversed one, since the states between both are admissible.
-    least: bounds on its least λ by `least_by_fields`. None where undecided.
+    None: undecided.
     """
+    # The states between a load and the reversed one are admissible.
     if bounds.upper < 0.0 or least[0] > 0.0:
         return False
     return True if least[1] <= 0.0 <= bounds.lower or least == (0.0, 0.0) else None

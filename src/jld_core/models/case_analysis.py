@@ -110,14 +110,10 @@ _FAR: Final = 4.0
 
 
 def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Proof) -> tuple[float, float]:
-    """Bound the least λ from which on a structure stands: λ is minimised by the program that maximises it.
-
-    proof: proof of the labelling, with `stands` decided. Result: proven bounds in scene units; zeros where the
-    structure stands without live load. NaN where unknown, and where friction has no dilation or areas are effective,
-    since the states under such models are not convex.
-    """
+    """Bound the least λ in scene units, zeros where it stands; NaN where unknown, or states are not convex."""
     # The structure carries its dead load with a live load λ₀ that it stands under, and reversed live load is added: of
     # that, it takes λ₀ less the least λ.
+    # Minimised by the program that maximises λ. Without dilation, or with effective areas, states are not convex.
     unknown = math.nan, math.nan
     if proof.stands:
         return 0.0, 0.0
@@ -146,10 +142,7 @@ Structure = str | Path | Mapping[str, Any] | Scene | Assembly
 
 
 def assembly_of(structure: Structure) -> Assembly:
-    """Return the assembly of a scene file, of a dict or a scene, or an assembly itself.
-
-    Raises InputError if the file or the scene cannot be used, or the object is none of these.
-    """
+    """Return the assembly of a scene file, dict, `Scene` or `Assembly`; InputError for others."""
     if isinstance(structure, Assembly):
         return structure
     if isinstance(structure, Scene):
@@ -165,11 +158,7 @@ def assembly_of(structure: Structure) -> Assembly:
 
 
 def labellings_of(assembly: Assembly, labellings: ArrayLike | Iterable[Labels]) -> Bits:
-    """Return several labellings as a checked bool array.
-
-    labellings: (k, m) each row as in `labels_of`. Returns (k, m). Raises InputError if a row has a wrong number of
-    labels, or a label has another value.
-    """
+    """Return several labellings (k, m) as a checked bool array; InputError as `labels_of`."""
     expected = f"rows of {assembly.faces} labels"
     if isinstance(labellings, np.ndarray) and labellings.ndim == 2 and labellings.dtype == np.bool_:
         if labellings.shape[1] not in (assembly.faces, len(assembly.interfaces)):
@@ -186,10 +175,7 @@ R = TypeVar("R")
 
 
 def model_of(model: Model | None, options: dict[str, Any]) -> Model:
-    """Return a model with some of its fields replaced.
-
-    Raises InputError: a name is no field of the model, or a value is not allowed.
-    """
+    """Return a model with fields replaced; InputError for an unknown name or value."""
     if model is not None and not isinstance(model, Model):
         raise ParameterError("model", f"{type(model).__name__!r} is no model", "a `Model`")
     names = [one.name for one in fields(Model)]
@@ -202,10 +188,7 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
 
 
 def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
-    """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors.
-
-    Result: the same function.
-    """
+    """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors."""
     signature = inspect.signature(function)
     own = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
     kind = inspect.Parameter.KEYWORD_ONLY
@@ -262,26 +245,9 @@ def solve(
 
 
 def solve_cracked(assembly: Assembly, labels: Bits, model: Model) -> Result:
-    """Compute λ of one labelling under the crack model of an assembly.
+    """Compute λ of one labelling under the crack model of an assembly, whatever `cracks` of the model.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with its crack model.
-    labels : (m,) bool array
-        Labels, True = dry.
-    model : Model
-        Model; its `cracks` does not count any more.
-
-    Returns
-    -------
-    Result
-        Result in scene units.
-
-    Raises
-    ------
-    InputError
-        As `solve`.
+    InputError as `solve`.
     """
     require_cracks(assembly, model)
     by_fields = replace(model, cracks=assembly.cracks).by_fields

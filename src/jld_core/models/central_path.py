@@ -85,10 +85,7 @@ class CentralPath:
         return self.rows.linear + (len(self.rows.rhs) - self.rows.linear) // 3
 
     def points(self) -> Iterator[PathPoint]:
-        """Follow the central path, and yield each iterate until it ends.
-
-        Yields: iterate; of a converged path the last ones have a small gap and residual.
-        """
+        """Follow the central path, and yield each iterate until it ends."""
         # The path ends where it converges, stalls, λ grows without limit, or rounding takes an iterate out of the
         # cones.
         point, reduction = self._start(), _REDUCTIONS[1]
@@ -142,19 +139,13 @@ class CentralPath:
         return bool((values[: self.rows.linear] > 0.0).all() and curved.all())
 
     def _inverse(self, s: Floats) -> Floats:
-        """Return the inverse of slacks s in the Jordan algebra of the cones.
-
-        It is minus the gradient of the barrier.
-        """
+        """Return the inverse of slacks s in the Jordan algebra of the cones, minus the barrier's gradient."""
         linear, cones = s[: self.rows.linear], s[self.rows.linear :].reshape(-1, 3)
         form = (cones**2 @ _FLIP)[:, None]
         return np.concatenate([1.0 / linear, (cones * _FLIP / form).ravel()])
 
     def _distance(self, point: PathPoint, parameter: float) -> float:
-        """Return the distance of a point from the central path at one parameter.
-
-        It is the norm of s∘z − weight · parameter, relative to the parameter, where s are slacks and z multipliers.
-        """
+        """Return the norm of s∘z − weight · parameter, relative to the parameter."""
         first = self.rows.linear
         s, z = point.s[first:].reshape(-1, 3), point.z[first:].reshape(-1, 3)
         linear = point.s[:first] * point.z[:first] - parameter * self.weights[:first]
@@ -163,10 +154,7 @@ class CentralPath:
         return float(np.linalg.norm(np.concatenate([linear, heads, tails.ravel()]))) / parameter
 
     def _largest_step(self, start: Floats, way: Floats) -> float:
-        """Return the largest t ≤ 3 for which start + t · way still lies in the cones.
-
-        start: (rows,) slacks or multipliers inside the cones. way: (rows,) the step.
-        """
+        """Return the largest t ≤ 3 for which start + t · way (rows,) still lies in the cones."""
         first, share = self.rows.linear, 3.0
         down = way[:first] < 0.0
         share = min(share, float((start[:first][down] / -way[:first][down]).min(initial=share)))
@@ -200,11 +188,7 @@ class CentralPath:
         matrix: sp.csr_array,
         slopes: Floats,
     ) -> PathPoint | None:
-        """Return the Newton step towards a path parameter, as changes of a point; None if singular.
-
-        target: path parameter. residuals: of stationarity, of equilibrium and of rows. matrix: G at the point. slopes:
-        from `parameters`.
-        """
+        """Return the Newton step of a point towards path parameter `target`; None if singular."""
         rows, n, e = self.rows, self.rows.size, len(self.rows.load)
         dual, balance, primal = residuals
         values, _ = rows.parameters(point.y)
@@ -321,11 +305,7 @@ def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, 
 
 
 def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS) -> FixedPoint | None:
-    """Search forces that are an optimum of the problem frozen at their own effective areas.
-
-    Result: the first one with a bracket no wider than `analysis.gap`, otherwise that with the narrowest bracket; None
-    if no path comes near, or no dry rectangle resists torsion.
-    """
+    """Search forces optimal under their own areas: the first within `analysis.gap`, else the narrowest, or None."""
     # Source: docs/method.md (2.16) to (2.18). Fixed points need not be unique. The weights of each start depend on the
     # structure and its loads alone.
     rows = MovingRows(analysis.template, labels)
@@ -379,10 +359,7 @@ def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: in
 
 
 def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> FixedPoint:
-    """Improve the mechanism of a fixed point by an analysis at its effective areas.
-
-    The mechanism of that analysis is more accurate than the multipliers of an iterate. The narrower bracket is kept.
-    """
+    """Improve a fixed point by the more accurate mechanism at its areas; the narrower bracket stays."""
     proof = analysis.with_template(found.prover.template, labels).prove(labels)
     width = (
         np.inf if proof.motion is None else relative_width(found.state.load, proof.motion.bound, analysis.load_scale)
@@ -391,12 +368,9 @@ def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPo
 
 
 def barrier_weights(assembly: Assembly, rows: MovingRows, start: int) -> Floats:
-    """Compute the weights of the barrier for one of several central paths.
-
-    start: number of the path. All weights of the first one are equal. Returns (rows,): weights. They vary with the
-    place of a face in axes of the loads, so that order, position, rotation and units do not change them. Symmetry is
-    broken: symmetric paths may end at a branch point.
-    """
+    """Compute the weights (rows,) of the barrier for path number `start`, all equal for the first."""
+    # Weights vary with a face's place in axes of the loads, so that order, position, rotation and units do not matter.
+    # Symmetry is broken, as symmetric paths may end at a branch point.
     spread = _SPREAD[min(start, len(_SPREAD) - 1)]
     places = assembly.interfaces.origin - assembly.interfaces.origin.mean(axis=0)
     places = places @ load_axes(assembly).T
@@ -412,12 +386,10 @@ def barrier_weights(assembly: Assembly, rows: MovingRows, start: int) -> Floats:
 
 
 def load_axes(assembly: Assembly) -> Floats:
-    """Compute three orthonormal directions (3, 3), as rows, that turn with the structure and its loads.
-
-    Rows: direction of the dead load, of the live load across it, and their cross product. Where loads are parallel or
-    zero, the way to the middle of the live load and the first face's e1 and e2 take their place.
-    """
+    """Compute three orthonormal directions (3, 3), as rows, that turn with the structure and its loads."""
     # Weights that depend on coordinates along them do not depend on the position or rotation of the scene.
+    # Rows: dead load, live load across it, their cross product; where parallel or zero, the way to the middle of the
+    # live load and the first face's e1 and e2.
     elements, free = assembly.elements, assembly.elements.free
     dead, live = assembly.dead[free, :3], assembly.live[free, :3]
     size = np.linalg.norm(live, axis=1)

@@ -1,8 +1,4 @@
-"""Estimate time and memory of one labelling from the size of its assembly.
-
-The estimates were measured by benchmarks/large.py on one core, on layouts of small blocks. Walls whose faces are all
-dry may take half as long.
-"""
+"""Estimate time and memory of one labelling, as benchmarks/large.py measured on one core, small blocks."""
 
 from __future__ import annotations
 
@@ -39,7 +35,7 @@ class CostEstimate:
 
     @property
     def long(self) -> str | None:
-        """Return a sentence with the expected time if it is long, above `LONG` (5 s), else None."""
+        """Return a sentence with the expected time if it is above `LONG`, else None."""
         if self.seconds <= LONG:
             return None
         few = f"{self.seconds:.0f} s" if self.seconds < 100.0 else f"{self.seconds / 60.0:.0f} min"

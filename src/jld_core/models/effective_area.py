@@ -62,18 +62,12 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
 
 
 def largest_area_change(old: EffectiveAreas, new: EffectiveAreas) -> float:
-    """Compute the largest change of effective areas between two iterates.
-
-    Result: largest change of c_T,e / c_T and of a = x / c_T over all faces.
-    """
+    """Compute the largest change of c_T,e / c_T and of a = x / c_T over all faces, between two iterates."""
     return float(_changes(old, new).max(initial=0.0))
 
 
 def _changes(old: EffectiveAreas, new: EffectiveAreas) -> Floats:
-    """Return the largest change (m,) of the effective area of each face between two iterates.
-
-    It is the change of c_T,e / c_T or of a = x / c_T, whichever is larger.
-    """
+    """Return the largest change (m,) of c_T,e / c_T or a = x / c_T of each face between two iterates."""
     ratio = np.abs(1.0 / old.ratio - 1.0 / new.ratio)
     return np.asarray(np.maximum(ratio, np.abs(old.arm - new.arm).max(axis=1)))
 
@@ -86,12 +80,10 @@ def slack_to_request(own: State, margin: float, tries: int) -> float:
 def prove_effective_area(
     analysis: LimitAnalysis, labels: Bits, *, stands: bool = False, most: int = 60, weight: float = 1e-2
 ) -> Proof:
-    """Prove the load factor with torsion on effective areas, docs/method.md (2.14) to (2.16).
+    """Prove λ with torsion on effective areas, docs/method.md (2.14) to (2.16).
 
-    Result: `extra["effective_area"]["fixed_point"]` is the change of areas that is left. The status is uncertified if
-    it exceeds 1e-8, or if the bracket is wider than the gap of the analysis. `extra["effective_area"]` is None where
-    the labelling is unstable or has no state with whole faces. Raises InputError if the scene is planar, no dry face is
-    a rectangle, or a dry face has a shear strength.
+    Uncertified where the areas still change by more than 1e-8, or the bracket is wider than the gap. InputError: planar
+    scene, no dry rectangle, or dry shear strength.
     """
     # The forces of the result lie within the effective areas that they cause themselves. The bracket is that of the
     # problem with those areas frozen; in general it does not bound λ of other such solutions. λ is proven unbounded by
@@ -137,11 +129,7 @@ def prove_effective_area(
 
 
 def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof:
-    """Convert a fixed point to a proof: its forces and its mechanism bound λ from both sides.
-
-    The bounds are those of the problem frozen at its areas. A wide bracket, or a status other than collapse, becomes
-    uncertified.
-    """
+    """Convert a fixed point to a proof at its areas; a wide bracket or other status becomes uncertified."""
     proof = Proof(state=found.state, motion=found.motion)
     frozen = analysis.with_template(found.prover.template, labels)
     proof.status = frozen.status_of(proof)
@@ -152,10 +140,7 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
 
 
 def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
-    """Prove that λ is unbounded, by a ray and forces within their own effective areas.
-
-    None if no such ray, or no such forces along it, are found.
-    """
+    """Prove that λ is unbounded, by a ray and forces within their own areas, or return None."""
     ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
     if ray is None or plain.state is None:
         return None
@@ -279,11 +264,7 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) ->
 def _iterate(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
 ) -> tuple[State, Proof, Floats, int]:
-    """Iterate on forces and effective areas until the areas belong to the forces.
-
-    forces: (m, q) scaled start. most, weight: as in `prove_effective_area`. The results are a state, the proof with
-    constant areas, the remaining change (m,) of areas, and the number of programs.
-    """
+    """Iterate from scaled forces (m, q) until areas belong to forces: state, proof, changes (m,), programs."""
     # `_STEPS` free steps come first, then steps that keep the forces near those before.
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin, residual = template.precision.margin, template.precision.residual

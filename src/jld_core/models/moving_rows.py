@@ -61,10 +61,9 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
 
 
 def area_derivatives(assembly: Assembly, forces: Floats, labels: Bits) -> tuple[Floats, Floats]:
-    """Differentiate the effective areas of dry rectangles with respect to N, m1 and m2.
+    """Differentiate the areas by N, m1, m2 of forces (m, 6): c_T / c_T,e (m, 3) and x / c_T (m, 2, 3).
 
-    forces: (m, 6) scaled forces N, V1, V2, M1, M2, MT. Result: derivatives (m, 3) of c_T / c_T,e, at x = 0, where |x|
-    has a kink, the mean of both sides; and derivatives (m, 2, 3) of x / c_T.
+    Mean at kinks.
     """
     faces = assembly.interfaces
     labels = labels & faces.rectangle
@@ -88,35 +87,25 @@ def area_derivatives(assembly: Assembly, forces: Floats, labels: Bits) -> tuple[
 
 
 def _torsion_length_slope(one: Floats, other: Floats) -> Floats:
-    """Return the derivative (n,) of the torsion length c_T of rectangles by side `one`.
-
-    one, other: (n,) sides.
-    """
+    """Return the derivative (n,) of the torsion length c_T of rectangles by side `one`."""
     diagonal = np.hypot(one, other)
     ends = one / (6.0 * other) * np.arcsinh(other / one) - other**2 / (12.0 * one**2) * np.arcsinh(one / other)
     return np.asarray(one / (12.0 * diagonal) + other**2 / (12.0 * one * diagonal) + ends)
 
 
 def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
-    """Build the template of associative friction with torsion about given effective areas.
-
-    Result: template with the same equilibrium, and yield sets with the effective areas.
-    """
+    """Build the template of associative friction with torsion about given effective areas."""
     base = template.yield_set.associative
     none = np.zeros(len(template.assembly.interfaces))
     return template.renumbered(PrescribedFriction(base, 1.0, none, areas))
 
 
 class MovingRows:
-    """Conic program of one labelling whose torsion rows follow the effective areas.
+    """Program min q·y, E y = e, G(y) y + s = r, s in a cone, whose torsion rows follow the effective areas.
 
-    The program is: minimise q·y subject to E y = e, G(y) y + s = r, s in a cone. E y = e is equilibrium. G depends on y
-    through the parameters ρ, ρ a1, ρ a2 of each dry rectangle, see `EffectiveAreas`.
-
-    template: template of the assembly with whole faces, spatial. objective: (n,) objective q. balance, load: matrix E
-    and right-hand side e of equilibrium. rows, rhs: matrix G for whole faces, and right-hand side r of the rows.
-    linear: number of linear rows; the rows after them are second-order cones of size three. face: (rows,) face of each
-    row; 0 for the row λ ≥ −c. torsion: (k,) rows whose coefficients depend on the areas.
+    G depends on y through ρ, ρ a1, ρ a2 of each dry rectangle, see `EffectiveAreas`. rows: G of whole faces. linear:
+    number of linear rows, before cones of size three. face: (rows,); 0 for the row λ ≥ −c. torsion: (k,) rows that
+    depend on the areas.
     """
 
     def __init__(self, template: Template, labels: Bits) -> None:
@@ -151,11 +140,7 @@ class MovingRows:
         )
 
     def _matrix(self, template: Template, labels: Bits, ratio: float, arm: tuple[float, float]) -> sp.csr_array:
-        """Return the matrix of the program with one and the same effective area for all faces.
-
-        arm: (x2, −x1) / c_T with centre of pressure x, see `EffectiveAreas`. The rows are those of equilibrium, of λ,
-        and of yield.
-        """
+        """Return the matrix with one and the same area of all faces; arm: (x2, −x1) / c_T."""
         count = len(labels)
         areas = EffectiveAreas(np.full(count, ratio), np.tile(np.array(arm), (count, 1)))
         program = frozen_areas(template, areas).program(labels)
@@ -178,12 +163,7 @@ class MovingRows:
         return np.asarray(6 * self.face[self.torsion][None] + np.array(_OWN)[:, None])
 
     def parameters(self, y: Floats) -> tuple[Floats, Floats]:
-        """Compute ρ, ρ a1, ρ a2 of the torsion rows and their derivatives at a point.
-
-        y: (n,) point: forces of all faces, further variables, and λ as the last entry, scaled. Result: parameters (3,
-        k) of each torsion row, and slopes (3, 3, k): entry [i, j] is the derivative of parameter i with respect to N,
-        m1 or m2 (j = 0, 1, 2).
-        """
+        """Compute ρ, ρ a1, ρ a2 (3, k) of the torsion rows at y (n,), and slopes (3, 3, k) by N, m1, m2."""
         forces, face = y[: 6 * len(self.labels)].reshape(-1, 6), self.face[self.torsion]
         areas = areas_under(self.assembly, forces, self.labels)
         of_ratio, of_arm = area_derivatives(self.assembly, forces, self.labels)
@@ -193,38 +173,23 @@ class MovingRows:
         return values, np.concatenate([of_ratio[face].T[None], slopes.transpose(1, 2, 0)])
 
     def entries(self, values: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return the changes of the matrix G from whole faces to given effective areas.
-
-        values: (3, k) parameters of the torsion rows. Returns rows, columns and values (3k,) of a sparse matrix, which
-        is added to `rows`.
-        """
+        """Return the changes of G from whole faces to parameters (3, k): rows, columns, values (3k,)."""
         coefficients = self._coefficients * (values - np.array([1.0, 0.0, 0.0])[:, None])
         return np.tile(self.torsion, 3), self._columns.ravel(), coefficients.ravel()
 
     def matrix(self, values: Floats) -> sp.csr_array:
-        """Return the sparse matrix G for given effective areas.
-
-        values: (3, k) parameters of the torsion rows.
-        """
+        """Return the sparse matrix G for parameters (3, k) of the torsion rows."""
         row, column, data = self.entries(values)
         return self.rows + sp.csr_array((data, (row, column)), shape=self.rows.shape)
 
     def row_slopes(self, y: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return the derivative of G(y) v with respect to y, at v = y held fixed.
-
-        Newton steps use it. y: (n,) point. slopes: (3, 3, k) from `parameters`. The results are rows, columns and
-        values of a sparse matrix (rows, n).
-        """
+        """Return the derivative of G(y) v by y, at v = y held fixed, for Newton steps: sparse (rows, n)."""
         work = self._coefficients * y[self._columns]
         data = np.einsum("kr,kjr->jr", work, slopes)
         return np.tile(self.torsion, 3), self.own.ravel(), data.ravel()
 
     def column_slopes(self, z: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return the derivative of G(y)ᵀ z with respect to y, at fixed multipliers z.
-
-        z: (rows,) multipliers. slopes: (3, 3, k) from `parameters`. The results are rows, columns and values of a
-        sparse matrix (n, n).
-        """
+        """Return the derivative of G(y)ᵀ z by y, at fixed multipliers z (rows,): sparse (n, n)."""
         work = self._coefficients * z[self.torsion]
         data = work[:, None] * slopes
         row = np.broadcast_to(self._columns[:, None], data.shape)

@@ -60,13 +60,10 @@ class RigidBlocks:
 
 
 def worth_condensing(template: Template, labels: Bits) -> bool:
-    """Return True if the inner faces are strong enough that rigid blocks save time.
-
-    If strengths are of the order of the loads, most blocks fail a check and are taken apart, which costs more than
-    rigid blocks save. If strengths are far above the loads, the full program is slow and badly scaled, and rigid blocks
-    are exact in the first round. Measurements: docs/notes/tried.md. Result: True if the weakest inner face is stronger
-    than a threshold, relative to the force scale. False if there are no inner faces.
-    """
+    """Return True if the weakest inner face is so strong that rigid blocks save time; False without inner faces."""
+    # Where strengths are of the order of loads, most blocks fail a check and are taken apart, which costs more than
+    # rigid blocks save. Far above, the full program is slow and badly scaled, and rigid blocks are exact at once
+    # (docs/notes/tried.md).
     inner = ~labels & ~template.assembly.of_members
     if not inner.any():
         return False
@@ -76,10 +73,9 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
 
 
 def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
-    """Join elements through inner faces into rigid blocks, except for elements in `apart`.
+    """Join elements through inner faces into rigid blocks, except those in `apart` (k,).
 
-    apart: (k,) elements that remain separate bodies. Result: condensed assembly. A block glued to a support is itself a
-    support.
+    One glued to a support is one.
     """
     elements, faces = assembly.elements, assembly.interfaces
     alone = np.zeros(len(elements), dtype=bool)
@@ -98,10 +94,7 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
 
 
 def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
-    """Build the condensed assembly: sum loads and weights per block, keep some interfaces.
-
-    group: (n,) block of each element. support: (blocks,) True for supports.
-    """
+    """Build the condensed assembly: sum loads and weights per block `group` (n,), keep some interfaces."""
     elements, faces, d = assembly.elements, assembly.interfaces, assembly.dimension
     number = len(support)
     size = np.bincount(group, minlength=number)
@@ -162,12 +155,9 @@ def cracked(full: LimitAnalysis, labels: Bits, velocity: Floats) -> Ints:
 
 
 def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None) -> Proof | None:
-    """Prove the load factor with rigid blocks, taking apart blocks that fail a check.
+    """Prove λ with rigid blocks but elements `apart` (k,), taking apart blocks that fail a check.
 
-    apart: (k,) elements that are separate bodies from the first round on, for example of blocks that are known to
-    crack. Result: proof about the full model: its lower bound is a state checked in the full model, and its mechanism
-    moves each element with its block. Its bracket may be wide, or lack the lower bound. The status may also be
-    unstable, without bounds. None where the full model must be solved instead.
+    The proof holds in the full model; it may lack the lower bound. None where the full model must be solved instead.
     """
     # Source: docs/method.md (7.1), (7.2).
     assembly, own = full.assembly, full.options
@@ -231,10 +221,7 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
 def _inner_forces(
     template: Template, labels: Bits, rigid: RigidBlocks, boundary: Floats, load: float
 ) -> tuple[Floats, Ints] | None:
-    """Compute scaled forces (m, q) on all faces, and list blocks without admissible ones.
-
-    None if the solver returns forces that are not finite.
-    """
+    """Compute scaled forces (m, q) on all faces, and blocks without admissible ones; None if not finite."""
     # Given boundary forces and λ, each block maximises its own least slack.
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
     count = len(labels)
@@ -293,10 +280,7 @@ def _inner_forces(
 
 
 def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
-    """Return the face of each second-order cone of a row pattern.
-
-    row_face: (rows,) face of each row.
-    """
+    """Return the face of each second-order cone of a row pattern."""
     return np.asarray(row_face[linear + beginnings(cones)])
 
 
@@ -316,9 +300,9 @@ def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, 
 
 
 def prove_loaded_part(full: LimitAnalysis, labels: Bits, known: Proof) -> Proof | None:
-    """Prove bounds by the free elements that are connected to a loaded one, in a scale of their own.
+    """Prove bounds by the elements connected to a loaded one, in their own scale.
 
-    Result: proof about the whole; None where all elements are connected to a loaded one, or no bounds are found.
+    None if that are all, or none holds.
     """
     assembly, scale = full.assembly, full.template.scaling
     elements, faces = assembly.elements, assembly.interfaces
@@ -355,15 +339,12 @@ _ROUTE: Final = Route("contact at points", STANDARD - ADHESION - {"dry crushing"
 
 
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
-    """Build the assembly of concave contact: one point face per hull corner of a dry face.
-
-    Result: the assembly with m' faces, and (m',) the face of `assembly` from which each comes, sorted. Raises
-    InputError if a dry face has a compressive or shear strength, since a point has no area.
-    """
+    """Build the assembly of concave contact: a point face per hull corner of a dry face; and its face (m',)."""
     # Labels are dry for point faces and inner for all others. A point face has no area, no moments and a polygon of one
     # point. Its sizes are those of its parent face; they only scale moments, which a point face does not have. Corners
     # inside the hull are omitted: their cones are sums of the cones of the hull corners. Source: Livesley 1992;
     # docs/method.md (2.13).
+    # A point has no area: dry compressive and shear strengths are refused.
     faces = assembly.interfaces
     if assembly.members.bond is not None:
         raise ParameterError("contact", "points have no tensile strength of bond", "convex contact there")
@@ -394,11 +375,7 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
 
 
 def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, proof: Proof) -> Proof:
-    """Convert a proof about point contacts into a proof about whole faces.
-
-    Result: the same bounds for whole faces, in the scaled units of `full`. The ray of unbounded forces and the collapse
-    below zero are dropped.
-    """
+    """Convert a proof about point contacts to one about whole faces, without the ray and the collapse below zero."""
     one, other = full.template.scaling, points.template.scaling
     unit = other.load / one.load
 
@@ -510,10 +487,7 @@ def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
 
 
 def require_solver_accepts(analysis: LimitAnalysis, options: Model) -> None:
-    """Raise InputError if a solver does not accept the programs of an analysis.
-
-    The message names the parameter `solver`.
-    """
+    """Raise InputError, naming `solver`, if a solver does not accept the programs of an analysis."""
     if options.solver == "auto":
         return
     try:
@@ -581,10 +555,7 @@ def _rigid_blocks(attempt: ProofAttempt) -> None:
 
 
 def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
-    """Prove bounds with rigid blocks, except for blocks that crack in the last solver answer.
-
-    The attempt adopts them if this succeeds. A block cracks if its inner faces jump, see `cracked`.
-    """
+    """Adopt bounds with rigid blocks, except for blocks that crack in the last answer, see `cracked`."""
     analysis, raw = cast(LimitAnalysis, attempt.analysis), attempt.raw
     apart = None
     if raw is not None and raw.status is not RawStatus.UNBOUNDED:
@@ -607,21 +578,18 @@ def _strong(attempt: ProofAttempt) -> bool:
 
 
 def _large(attempt: ProofAttempt) -> bool:
-    """Return True if an attempt is open and has inner faces and a large program.
-
-    For large programs see `is_large`.
-    """
+    """Return True if an attempt is open, with inner faces and a large program, see `is_large`."""
     return attempt.open and not attempt.labels.all() and is_large(attempt.template.structure)
 
 
 def _large_bounded(attempt: ProofAttempt) -> bool:
-    """Return True if `_large` holds and repairs are slow: the last solver answer is no ray and has no mechanism."""
+    """Return True if `_large`, and repairs are slow: the last answer is no ray and has no mechanism."""
     ray = attempt.raw is not None and attempt.raw.status is RawStatus.UNBOUNDED
     return _large(attempt) and not ray and not attempt.mechanism_found
 
 
 def _large_unbounded(attempt: ProofAttempt) -> bool:
-    """Return True if `_large` holds and quick repairs of a ray or a state have not settled the last solver answer."""
+    """Return True if `_large`, and quick repairs of a ray or state have not settled the last answer."""
     return _large(attempt) and not _large_bounded(attempt)
 
 
@@ -631,10 +599,7 @@ def _large_crushing(attempt: ProofAttempt) -> bool:
 
 
 def _small(attempt: ProofAttempt) -> bool:
-    """Return True if an attempt is open, has inner faces, and its program is not large.
-
-    For large programs see `is_large`.
-    """
+    """Return True if an attempt is open, with inner faces, and its program is not large."""
     return attempt.open and not attempt.labels.all() and not is_large(attempt.template.structure)
 
 

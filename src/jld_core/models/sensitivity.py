@@ -127,10 +127,7 @@ class _Change:
     strength: str = ""  # field of `Strengths`; "" for weight
 
     def of(self, assembly: Assembly, step: float) -> Assembly:
-        """Return an assembly with the parameter increased by `step`.
-
-        A strength increases at all faces that are no members. Weight increases by this share of itself.
-        """
+        """Return an assembly with a strength of all faces but members, or the share of weight, increased by `step`."""
         if self.strength:
             strengths = assembly.strengths(_ROUTE)
             values = getattr(strengths, self.strength) + step * ~assembly.of_members

@@ -188,7 +188,7 @@ def solve_many(
 
 
 def _by_fields(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
-    """Bound k labellings of blocks that crack by fields, one by one; labels: (k, m) True = dry."""
+    """Bound k labellings (k, m) of blocks that crack by fields, one by one."""
     from jld_core.models.by_fields import FieldResult, case_bounds_of  # loads the mesh and the programs of fields
 
     found = [solve_cracked(assembly, row, model) for row in labels]
@@ -200,7 +200,7 @@ def _by_fields(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
 
 
 def _collected(assembly: Assembly, labels: Bits, model: Model, bounds: list[CaseBounds]) -> BatchResult:
-    """Return bounds of k labellings under one load as one result; labels: (k, m) True = dry."""
+    """Return bounds of k labellings under one load as one result."""
     value, low, high = (
         np.array([getattr(one, name) for one in bounds], dtype=float) for name in ("load_factor", "low", "high")
     )
@@ -208,10 +208,7 @@ def _collected(assembly: Assembly, labels: Bits, model: Model, bounds: list[Case
 
 
 def _solve_many(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
-    """Solve k labellings under one load, by the batch solver where it settles them.
-
-    labels: (k, m) True = dry.
-    """
+    """Solve k labellings (k, m) under one load, by the batch solver where it settles them."""
     require_materials(assembly, np.asarray(labels.any(axis=0)), np.asarray(~labels.all(axis=0)))
     analysis = limit_analysis(assembly, model)
     scale, count = analysis.template.scaling.load, len(labels)
@@ -232,10 +229,7 @@ def _solve_many(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
 
 
 def _governing(assembly: Assembly, labels: Bits, model: Model, cases: dict[str, BatchResult]) -> BatchResult:
-    """Combine the results of load cases into the least λ / required of each labelling.
-
-    labels: (k, m) True = dry.
-    """
+    """Combine the results of load cases into the least λ / required of each labelling."""
     required, names = assembly.required.tolist(), list(cases)
     decided = [
         governing(

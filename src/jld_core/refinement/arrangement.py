@@ -38,12 +38,7 @@ def split_by_cells(
     size: float,
     snap: float = 0.0,
 ) -> list[list[shapely.Polygon]]:
-    """Cut elements along the boundaries of cells.
-
-    ids: (n,) names of the elements, for error messages. Result: parts of each element, in order of the cells and then
-    of place. Parts that touch share their corners exactly. Raises InputError: the parts of an element do not add up to
-    it.
-    """
+    """Cut elements (n,) along cells into parts that share corners exactly; InputError if parts do not add up."""
     known = np.concatenate([*outlines, *fixed])
     origin, extent = known.min(axis=0), float(np.ptp(known, axis=0).max())
     shapes = [shapely.Polygon(outline) for outline in outlines]
@@ -71,11 +66,7 @@ def _faces(
     size: float,
     snap: float,
 ) -> list[shapely.Polygon]:
-    """Return the polygons that all outlines and cell boundaries together enclose.
-
-    outlines: corners (k, 2) of each element that is cut. known: (c, 2) corners that stay exact. origin: (2,) point
-    about which coordinates are computed.
-    """
+    """Return the polygons that outlines and cell boundaries enclose, about `origin`; known: (c, 2) exact corners."""
     rings = [shapely.LinearRing(outline - origin) for outline in outlines]
     borders = shapely.transform(shapely.boundary(np.array(list(cells))), lambda points: points - origin)
     pieces = shapely.get_parts(shapely.union_all([*rings, *borders], grid_size=_GRID * extent))
@@ -98,7 +89,7 @@ def _faces(
 
 
 def _on_coordinates(points: Floats, corners: Floats, reach: float) -> Floats:
-    """Return points (k, 2) with each coordinate replaced by the nearest one of some corners (c, 2) within `reach`."""
+    """Return points (k, 2) with each coordinate replaced by the nearest of corners (c, 2) within `reach`."""
     moved = points.copy()
     for axis in (0, 1):
         values = np.unique(corners[:, axis])
@@ -112,10 +103,7 @@ def _on_coordinates(points: Floats, corners: Floats, reach: float) -> Floats:
 def _nodes(
     points: Floats, corners: Floats, rings: Sequence[shapely.LinearRing], extent: float, size: float
 ) -> tuple[Ints, Floats]:
-    """Merge near points; return the row (k,) of each in a table of places, and the table.
-
-    points: (k, 2). corners: (c, 2).
-    """
+    """Merge near points (k, 2); return the row (k,) of each in a table of places, and the table."""
     # The table holds the unchanged corners, then the points. Points merge with corners first, then with points on
     # outlines, then with others, so that a node on an outline stays on it.
     near = shapely.STRtree(list(rings)).query(shapely.points(points), predicate="dwithin", distance=_ON_LINE * extent)[
@@ -137,10 +125,7 @@ def _nodes(
 def _snapped(
     node: Ints, place: Floats, corners: int, rings: Sequence[shapely.LinearRing], on: float, reach: float
 ) -> Ints:
-    """Move nodes to near ones, so that few edges are shorter than a distance.
-
-    node: (k,) rows of `place`. place: (r, 2), corners first. reach: largest move, length. Returns the new rows (k,).
-    """
+    """Move nodes (k,) of places (r, 2), corners first, to near ones, so that few edges are short; new rows."""
     # Corners stay. A node on outlines moves to the nearest corner on them, else to a node that stays there; other nodes
     # move to the nearest corner or node that stays.
     used = np.concatenate([np.arange(corners), np.unique(node[node >= corners])])
@@ -183,10 +168,7 @@ def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polyg
 
 
 def _joined(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
-    """Join a polygon to the neighbour with the longest common boundary, if that makes one.
-
-    Returns the neighbour's index and the union; None if there is no such neighbour.
-    """
+    """Join a polygon to the neighbour of longest common boundary: its index and the union, or None."""
     # Neighbours whose union with it would have a hole or two components are passed over.
     edges = _edges(part)
     lengths = [sum(float(np.hypot(*np.subtract(*edge))) for edge in edges & _edges(other)) for other in others]
@@ -214,10 +196,7 @@ _ON: Final = 1e-9  # distance from a plane, relative to a solid, up to which a c
 
 
 def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[shapely.Polygon]:
-    """Cover a box with rectangles of a given size, row by row from the lower left corner.
-
-    lower, upper: (2,) corners of the box. Raises InputError for more than `MOST` cells.
-    """
+    """Cover a box (2,), (2,) with rectangles, row by row from below; InputError for more than `MOST`."""
     counts = [
         max(1, int(np.ceil((high - low) / size - 1e-9))) for low, high, size in zip(lower, upper, cell, strict=True)
     ]
@@ -228,10 +207,7 @@ def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[sha
 
 
 def courses_of(lower: Floats, upper: Floats, cell: tuple[float, float], bond: str) -> list[shapely.Polygon]:
-    """Cover a box with stones in courses of a masonry bond, course by course from below.
-
-    lower, upper: (2,) corners of the box. Raises InputError for an unknown bond or more than `MOST` cells.
-    """
+    """Cover a box with stones of a masonry bond, course by course from below; InputError as `squares`."""
     length = float(upper[0] - lower[0])
     count = max(1, int(np.ceil((upper[1] - lower[1]) / cell[1] - 1e-9)))
     _refuse(count * max(length / cell[0], 1.0))
@@ -245,10 +221,7 @@ def courses_of(lower: Floats, upper: Floats, cell: tuple[float, float], bond: st
 
 
 def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> list[shapely.Polygon]:
-    """Return Voronoi cells that cover a region, about as many as cells of a given size.
-
-    Raises InputError for more than `MOST` cells.
-    """
+    """Return Voronoi cells of about a given size that cover a region; InputError as `squares`."""
     count = max(2, round(region.area / (cell[0] * cell[1])))
     _refuse(count)
     rng = np.random.default_rng(seed)
@@ -271,10 +244,7 @@ def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> l
 def sectors(
     lower: Floats, upper: Floats, cell: tuple[float, float], centre: tuple[float, float]
 ) -> list[shapely.Polygon]:
-    """Cover a box with sectors of rings about a centre, with chords for arcs.
-
-    lower, upper: (2,) corners of the box. Raises InputError for an angle above 120 degrees, or more than `MOST` cells.
-    """
+    """Cover a box with sectors of rings about a centre, chords for arcs; InputError above 120° as well."""
     thick, angle = cell
     if not angle <= 120.0:
         raise ParameterError("cell", f"sectors of {angle:g} degrees are no sectors", "at most 120 degrees")
@@ -317,16 +287,11 @@ def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[t
 
 
 def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tuple[Floats, Faces]:
-    """Return the part of a convex polyhedron above a plane, with the cut as its last face.
-
-    vertices: (k, 3). height: (k,) signed distance of every vertex from the plane, exactly 0 on it, with both signs
-    present. normal: (3,) unit vector towards the part that is returned.
-    """
+    """Return a convex polyhedron above a plane; height: (k,) of vertices, exactly 0 on it, of both signs."""
     points: list[Floats] = []
     place: dict[tuple[int, int], int] = {}
 
     def number(key: tuple[int, int], point: Floats) -> int:
-        """Return the index of the vertex with a key, adding it at `point` at first use."""
         if key not in place:
             place[key] = len(points)
             points.append(point)
@@ -364,10 +329,7 @@ def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tup
 
 
 def convex(vertices: Floats, faces: Faces) -> bool:
-    """Return True if a polyhedron is convex, up to 1e-5 of its size.
-
-    vertices: (k, 3).
-    """
+    """Return True if a polyhedron of vertices (k, 3) is convex, up to 1e-5 of its size."""
     facets = facets_of([vertices], [faces])
     size = float(np.ptp(vertices, axis=0).max())
     over = np.einsum("fd,fvd->fv", facets.normal, vertices[None] - facets.origin[:, None])

@@ -71,7 +71,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
 
 
 def _at_means(scene: Scene) -> Scene:
-    """Return a scene whose members have their mean capacities: pieces share a number, not a distribution."""
+    """Return a scene with mean capacities of members: pieces share a number, not a distribution."""
     means = [
         {key: float(value) for key, value in vars(member).items() if isinstance(value, Uncertain)}
         for member in scene.members
@@ -81,11 +81,7 @@ def _at_means(scene: Scene) -> Scene:
 
 
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:
-    """Split the elements of an assembly into cells, under the assembly's loads.
-
-    Result: the finer assembly, and the joint face of each of its faces. Raises InputError as `crack_cells`, or if the
-    assembly was changed since it was built of its scene.
-    """
+    """Split elements into cells under the assembly's loads, with joint faces; InputError if changed since built."""
     if assembly.scene is None:
         raise InputError("cracks", "cells are cut from a scene, and this assembly has none", "the scene itself")
     whole = (build_robust if assembly.has_low_values else build_assembly)(assembly.scene)
@@ -110,10 +106,7 @@ def _same(one: Assembly, other: Assembly) -> bool:
 
 
 def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Ints:
-    """Map each face of the cells to the joint-grid face that it is a piece of, (M,).
-
-    The value is −1 inside an element. Raises InputError if two cells touch although their elements do not.
-    """
+    """Map each face of the cells to its joint-grid face (M,), −1 inside; InputError where elements do not touch."""
     element = np.array([joints.elements.index[parent[name]] for name in fine.elements.ids])
     between: dict[tuple[int, int], list[int]] = {}
     for face, pair in enumerate(zip(joints.interfaces.a.tolist(), joints.interfaces.b.tolist(), strict=True)):

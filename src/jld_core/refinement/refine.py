@@ -181,10 +181,7 @@ def _planar(assembly: Assembly, grid: CellOptions, down: Floats) -> list[list[Pi
 def _cells(
     assembly: Assembly, outlines: list[shapely.Polygon], grid: CellOptions, down: Floats
 ) -> tuple[list[shapely.Polygon], float, float]:
-    """Return the cells, the length of their shortest side, and the least area of a piece.
-
-    down: (2,) direction of weight. Pieces of smaller area join a neighbour later.
-    """
+    """Return the cells, their shortest side, and the least area of a piece, below which it joins a neighbour."""
     elements, free = assembly.elements, assembly.elements.free
     if grid.voussoirs is not None:
         shapes = [elements.shape[k] for k in free]
@@ -227,11 +224,7 @@ def _spatial(assembly: Assembly, grid: CellOptions, down: Floats) -> list[list[P
 
 
 def _cut_of(assembly: Assembly, grid: CellOptions, down: Floats) -> Callable[[int], list[tuple[Floats, Faces]]]:
-    """Return the function that cuts a spatial element, given by its index, into vertices and faces of its pieces.
-
-    down: (3,) direction of weight. Raises ParameterError for too many cells of a grid; the function raises InputError
-    for an element that cannot be cut.
-    """
+    """Return the function that cuts a spatial element, by index, into vertices and faces of pieces."""
     elements = assembly.elements
     if grid.voussoirs is None and grid.kind == "grid":
         return _by_planes(assembly, grid.cell)
@@ -249,10 +242,7 @@ def _cut_of(assembly: Assembly, grid: CellOptions, down: Floats) -> Callable[[in
 
 
 def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], list[tuple[Floats, Faces]]]:
-    """Return the function that cuts an element, given by its index, by planes along the axes.
-
-    Raises ParameterError for too many cells; the function raises InputError for an element that is not convex.
-    """
+    """Return the function that cuts a convex element, by index, by planes along the axes."""
     elements = assembly.elements
     sizes = (cell[0], cell[min(1, len(cell) - 1)], cell[-1])
     lower = elements.lower[elements.free].min(axis=0)
@@ -297,10 +287,7 @@ def _volume(vertices: Floats, faces: Faces) -> float:
 def _elements(
     scene: Scene, assembly: Assembly, cut_up: list[list[Piece]]
 ) -> tuple[list[dict[str, Any]], dict[str, str], list[str]]:
-    """Write the scene entries of all pieces; return them, their original elements, and notes.
-
-    Raises InputError if a piece would have the id of another element.
-    """
+    """Write the scene entries of all pieces, with original elements and notes; InputError for an id taken."""
     elements = assembly.elements
     given = {e.id: e.model_dump(mode="json", exclude_defaults=True) for e in scene.elements or []}
     entries, parent = [], {}

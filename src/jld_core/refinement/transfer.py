@@ -41,10 +41,7 @@ class Piece:
 
 
 def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]]) -> dict[str, Any]:
-    """Transfer loads on elements to the pieces at their points of application.
-
-    Raises InputError for pressure on a free part of a solid that has a hole.
-    """
+    """Transfer loads to the pieces at their points; InputError for pressure on a free part with a hole."""
 
     def moved(entry: dict[str, Any]) -> list[dict[str, Any]]:
         """Return the load entries on pieces that replace an entry."""
@@ -81,10 +78,7 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
 
 
 def _free_parts(assembly: Assembly, between: list[str]) -> list[dict[str, Any]]:
-    """Return the free parts of the boundary of an element as values of "face"; between: its id and "outside".
-
-    Raises InputError for a part with a hole.
-    """
+    """Return the free parts of an element's boundary as values of "face"; between: its id and "outside"."""
     boundary = Boundary(assembly.elements, assembly.interfaces, 1.0)
     parts = boundary.loads([FaceLoad(face=FacePlace(between=between), pressure=1.0)], "loads")
     if any(len(one.rings) > 1 for one in parts.tractions):
@@ -98,11 +92,7 @@ def _free_parts(assembly: Assembly, between: list[str]) -> list[dict[str, Any]]:
 
 
 def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:
-    """Transfer members to the pieces that contain their points; pieces that hold a point in common share its members.
-
-    Raises InputError for more than `_MOST_SHARES` shares, and for shares of an uncertain capacity, which would vary
-    each by itself.
-    """
+    """Transfer members to the pieces that contain their points, which share them; InputError for too many shares."""
     # A pin without length is shared by the pieces that touch along the face that it crosses.
     reach = tolerances.ON_OUTLINE * assembly.size
 
@@ -149,10 +139,7 @@ def _share(value: Any, count: int, position: int, key: str) -> Any:
 def _beside_face(
     assembly: Assembly, cut_up: list[list[Piece]], anchors: list[dict[str, Any]], reach: float
 ) -> set[tuple[str, str]]:
-    """Return the pairs of pieces of two elements that touch along their face, around the common point of two anchors.
-
-    Points on the face near the common point tell, away from the corners of pieces. reach: as in `_holding`.
-    """
+    """Return the pairs of pieces of two elements that touch around the common point of two anchors."""
     elements, faces, at = assembly.elements, assembly.interfaces, np.array(anchors[0]["at"])
     one, two = (elements.index[anchor["element"]] for anchor in anchors)
     between = np.flatnonzero(
@@ -195,10 +182,8 @@ def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
 
 
 def face_of_piece(old: Interfaces, candidates: list[int], new: Interfaces, piece: int) -> int:
-    """Return which of some faces contains a face of pieces: the one at distance zero from a point inside it.
-
-    The centroid would not do: that of another face may be nearer, and that of a face around a corner lies outside it.
-    """
+    """Return which face contains a piece's face: the one at distance zero from a point inside it."""
+    # The centroid would not do: another face's may be nearer, and that of a face around a corner lies outside it.
     if len(candidates) == 1:
         return candidates[0]
     point = point_in_face(new, piece)

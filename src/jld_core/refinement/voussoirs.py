@@ -46,10 +46,7 @@ class Arc:
 
 
 def find_arcs(ring: Floats) -> list[Arc]:
-    """Return the arcs of a closed outline, in the order of its corners.
-
-    ring: (k, 2) corners, counter-clockwise, none in a straight edge. An arc has at least four corners.
-    """
+    """Return the arcs, of at least four corners, of a counter-clockwise outline (k, 2) without straight corners."""
     count = len(ring)
     step = np.roll(ring, -1, axis=0) - ring
     back = np.roll(step, 1, axis=0)
@@ -69,11 +66,7 @@ def find_arcs(ring: Floats) -> list[Arc]:
 
 
 def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) -> int:
-    """Return the number of corners from `start` on that form one arc, 1 if there is none.
-
-    ring: (k, 2) corners. turn: (k,) angle at each corner, radians. smooth: (k,) True where that angle is small enough
-    for an arc.
-    """
+    """Return the number of corners from `start` that form one arc, 1 if none; turn: (k,) angles."""
     # Corners of an arc lie on one circle and turn to one side.
     count, run = len(ring), 1
     for number in range(_LEAST, most + 1):
@@ -87,10 +80,7 @@ def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) 
 
 
 def _fit(points: Floats) -> tuple[Floats, float] | None:
-    """Fit a circle to points (k, 2) by least squares; return its centre (2,) and radius.
-
-    None if a point is off the circle by more than a tolerance, or the points lie on a line.
-    """
+    """Fit a circle to points (k, 2): centre (2,) and radius; None if off by a tolerance, or on a line."""
     middle, extent = points.mean(axis=0), float(np.ptp(points, axis=0).max())
     local = (points - middle) / extent
     rows = np.column_stack([2.0 * local, np.ones(len(local))])
@@ -103,10 +93,7 @@ def _fit(points: Floats) -> tuple[Floats, float] | None:
 
 
 def _arc(points: Floats) -> Arc | None:
-    """Fit an arc to consecutive corners (k, 2) of a counter-clockwise outline.
-
-    None if the points are on no circle, or turn by less than the least angle of an arc.
-    """
+    """Fit an arc to consecutive corners (k, 2) of an outline; None on no circle, or of too small an angle."""
     fitted = _fit(points)
     if fitted is None:
         return None
@@ -171,10 +158,7 @@ def voussoir_cells(
     centre: tuple[float, float] | None,
     skew: float | None = None,
 ) -> VoussoirCells:
-    """Return cells of voussoirs that cover a structure.
-
-    down: (2,) direction of weight. Raises InputError if there is neither an arc nor such a centre.
-    """
+    """Return cells of voussoirs that cover a structure; InputError without an arc or a centre."""
     # Joints radiate from the centre of each arc of an opening, and divide the arc between its springings in equal
     # parts. Rings divide the depth below an extrados. Without an extrados, a ring has the depth of the crown over the
     # number of rings, and rings go on outwards. Parts of the structure that no ray reaches are cut in courses. A
@@ -241,10 +225,7 @@ def _chains(arcs: list[Arc]) -> list[list[Arc]]:
 
 
 def _shared(chain: list[Arc], voussoirs: int) -> list[int]:
-    """Distribute voussoirs over the arcs of one chain by their lengths, at least one each.
-
-    Raises ParameterError if there are fewer voussoirs than arcs.
-    """
+    """Distribute voussoirs over a chain's arcs by length, at least one each; ParameterError if too few."""
     if len(chain) == 1:
         return [voussoirs]
     if voussoirs < len(chain):
@@ -258,10 +239,7 @@ def _shared(chain: list[Arc], voussoirs: int) -> list[int]:
 
 
 def _of_arc(arc: Arc, arcs: list[Arc], part: shapely.Polygon, voussoirs: int, rings: int) -> _Fan:
-    """Make the rays and rings of one arc.
-
-    Raises ParameterError for too many cells, and InputError if no material lies above the arc.
-    """
+    """Make the rays and rings of one arc; InputError if no material lies above it."""
     joints = np.linspace(arc.angles[0], arc.angles[-1], voussoirs + 1)
     near = 1e-3 * (joints[1] - joints[0])
     corners = [angle for angle in arc.angles if abs(joints - angle).min() > near]
@@ -298,10 +276,7 @@ def _at_corners(arc: Arc, angles: Floats) -> Floats:
 
 
 def _extrados(arc: Arc, arcs: list[Arc], directions: Floats) -> Floats | None:
-    """Return the distances (s,) along rays from the centre of an intrados to the extrados.
-
-    directions: (s, 2) unit vectors of the rays. The result is None without an extrados.
-    """
+    """Return the distances (s,) along rays (s, 2) from an intrados' centre to the extrados, or None."""
     for other in arcs:
         if other.hollow or other.radius <= arc.radius:
             continue
@@ -320,10 +295,7 @@ def _extrados(arc: Arc, arcs: list[Arc], directions: Floats) -> Floats | None:
 
 
 def _crown(arc: Arc, part: shapely.Polygon) -> float:
-    """Return the depth of material above the middle of an arc.
-
-    Raises InputError if there is none.
-    """
+    """Return the depth of material above the middle of an arc; InputError if there is none."""
     middle = 0.5 * (arc.angles[0] + arc.angles[-1])
     direction = np.array([np.cos(middle), np.sin(middle)])
     far = _reach(part, arc.centre) + arc.radius
@@ -348,10 +320,7 @@ def _flat(
     centre: tuple[float, float] | None,
     skew: float | None,
 ) -> _Fan | None:
-    """Return the fan of a flat arch; None if its sides do not meet below the soffit.
-
-    ring: (k, 2) corners of the part, counter-clockwise.
-    """
+    """Return the fan of a flat arch; None if its sides do not meet below the soffit."""
     edge = np.roll(ring, -1, axis=0) - ring
     length = np.hypot(*edge.T)
     outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / length[:, None]
@@ -388,10 +357,7 @@ def _flat(
 
 
 def _exit(part: shapely.Polygon, centre: Floats, direction: Floats, start: float) -> float:
-    """Return the distance from a centre at which a ray leaves a part of the structure.
-
-    direction: (2,) unit vector of the ray.
-    """
+    """Return the distance from a centre at which a ray leaves a part of the structure."""
     far = 2.0 * (_reach(part, centre) + start)
     line = shapely.LineString([centre, centre + far * direction])
     points = shapely.get_coordinates(shapely.intersection(line, part.buffer(1e-9 * far)))
@@ -405,10 +371,7 @@ def _reach(region: shapely.Geometry, centre: Floats) -> float:
 
 
 def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
-    """Return the strip of the plane, along the direction of weight, that each fan cuts.
-
-    down: (2,) direction of weight.
-    """
+    """Return the strip of the plane, along the direction of weight, that each fan cuts."""
     # Borders lie in the middle of the piers between openings. Fans of one opening share a strip.
     right = np.array([-down[1], down[0]])
     spans: dict[int, tuple[float, float]] = {}
@@ -432,10 +395,7 @@ def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
 
 
 def _courses(region: shapely.Geometry, fans: list[shapely.Polygon], fan: _Fan, down: Floats) -> list[shapely.Polygon]:
-    """Cover the part of a structure outside all voussoirs by cells in courses.
-
-    down: (2,) direction of weight. If nothing is left, the result is one box around the structure.
-    """
+    """Cover the part outside all voussoirs by cells in courses; one box if nothing is left."""
     rest = shapely.difference(region, shapely.union_all(fans))
     if rest.area <= 1e-9 * region.area:
         return [shapely.box(*region.bounds)]  # slivers along springings join their neighbours

@@ -31,11 +31,7 @@ _THIN: Final = 0.25  # least height of a course between the sills and heads of o
 
 
 def bed_joints(shapes: Sequence[Floats], faces: Sequence[Faces], down: Floats, height: float) -> Floats:
-    """Return the heights of the bed joints of walls, against `down`, ascending.
-
-    shapes: (k, 3) vertices of each wall. down: (3,) direction of weight. Raises ParameterError for more than `MOST`
-    courses, or where sills and heads are closer than a quarter of a course.
-    """
+    """Return the heights of bed joints, ascending against `down`; ParameterError if too many or too close."""
     # Courses begin at the lowest point. Sills and heads of openings, and steps of a wall, are bed joints; the courses
     # below, between and above them are equally high.
     own = [-(vertices @ down) for vertices in shapes]
@@ -73,11 +69,7 @@ def split_walls(
     bond: str,
     lintel: Lintel,
 ) -> list[tuple[Floats, Faces]]:
-    """Cut the walls of a solid with upright and level faces into a masonry bond with bonded corners.
-
-    vertices: (k, 3). down: (3,) direction of weight. Raises InputError if a face is inclined, walls do not meet at
-    right angles or an opening cannot be spanned, and ParameterError for more than `MOST` stones.
-    """
+    """Cut walls with upright and level faces into a bond with bonded corners; InputError for others."""
     # Windows and doors are rectangles through the wall; a lintel spans each.
     axes = _axes_of(name, vertices, faces, down)
     local = vertices @ axes.T
@@ -99,10 +91,7 @@ def split_walls(
 
 
 def _axes_of(name: str, vertices: Floats, faces: Faces, down: Floats) -> Floats:
-    """Return two level axes along the walls of a solid, and the upright one, as rows (3, 3).
-
-    down: (3,) direction of weight. Raises InputError if a face is neither level nor upright.
-    """
+    """Return two level axes along walls, and the upright one (3, 3); InputError for an inclined face."""
     # The first lies along the longest edge of an upper face, anticlockwise. Of equally long ones that counts along
     # which the centroid is farthest beyond the middle, then that nearest to a level world axis, so that a solid is cut
     # alike wherever it stands.
@@ -131,10 +120,7 @@ def _axes_of(name: str, vertices: Floats, faces: Faces, down: Floats) -> Floats:
 
 
 def _sections(name: str, facets: Facets, heights: Floats) -> list[shapely.Geometry]:
-    """Return the plan of a solid at each of some heights, ascending.
-
-    Raises InputError if the solid is empty at a height.
-    """
+    """Return the plan of a solid at each of some heights, ascending; InputError if empty there."""
     level = np.flatnonzero(abs(facets.normal[:, 2]) > 0.5)
     order = level[np.argsort(facets.origin[level, 2], kind="stable")]
     section: shapely.Geometry = shapely.Polygon()
@@ -162,10 +148,7 @@ class Prism:
     length: float  # distance of the caps
 
     def part(self, outline: Floats, low: float, high: float) -> tuple[Floats, Faces]:
-        """Return vertices and outward faces of a part of the prism.
-
-        outline: (k, 2) outline of the part in the profile.
-        """
+        """Return vertices and outward faces of the part with an outline (k, 2) in the profile."""
         count = len(outline)
         flat = self.origin + outline @ self.axes[:2]
         vertices = np.concatenate([flat + low * self.axes[2], flat + high * self.axes[2]])
@@ -227,11 +210,9 @@ def split_prism(
     running: bool,
     skew: float | None = None,
 ) -> list[tuple[Floats, Faces]]:
-    """Cut a prism into voussoirs, rings and courses along its axis.
+    """Cut a prism into voussoirs, rings and courses along its axis; running: shifts every second by half.
 
-    vertices: (k, 3). down: (3,) direction of weight. running: True shifts every second voussoir by half a course.
-    Returns vertices and faces of each piece. Raises InputError if the solid is no prism, its axis is upright, or its
-    profile has neither an arc nor a soffit.
+    InputError: no prism, an upright axis, or a profile with neither arc nor soffit.
     """
     prism = prism_of(vertices, faces)
     if prism is None:

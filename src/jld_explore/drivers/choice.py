@@ -114,10 +114,7 @@ _SHARE: Final = 0.2  # largest share of the time left for these batches
 
 
 def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
-    """Return a labelling (1, m) of the space, or (0, m) if it has none.
-
-    That of the scene comes first, then random ones, then a constructed one.
-    """
+    """Return the scene's labelling (1, m), else a random, else a constructed one; (0, m) if there is none."""
     # Few random labellings keep tight limits. One is then constructed from the formula of the limits, which also finds
     # out where no labelling keeps them.
     ways, rng = operators(space), BufferedRandom(np.random.default_rng(seed))

@@ -299,11 +299,7 @@ class Enumeration(Driver):
         return np.asarray(bad & members.any(axis=0))
 
     def _prune(self, rows: _Frontier, p: Names, q: Names, apart: Bools, is_dry: Bools) -> _Frontier:
-        """Remove rows that no completion can bring within the limits.
-
-        p, q: (r,) blocks beside the face just decided. apart: (r,) True where they differed before. is_dry: (r,) its
-        label.
-        """
+        """Remove rows that no completion can bring within the limits, after the face between p and q (r,)."""
         # A block beside the face just decided may be closed and too small, or the number of blocks out of bounds.
         small, greatest = self._limits.has_least, self._greatest
         good = np.ones(len(apart), dtype=bool)

@@ -19,10 +19,9 @@ _BELOW: Final = 1e-9  # relative amount by which the goal lies below best / (1 â
 
 
 class ProofAim(Protocol):
-    """Aim of a proof by fields: which labellings to refute, above which governing factor.
+    """Aim of a proof by fields: ask for `target` and `goal`, refute, and `next` until None; then check `claims`.
 
-    The proof asks for `target` and `goal`, refutes, and calls `next` until that returns None; then the `claims` are
-    checked. `best` maps each count to the largest governing factor that a layout of that count is proven to carry.
+    `best` maps each count to the largest governing factor that a layout of it is proven to carry.
     """
 
     count: Count | None  # count whose values are the targets; None where all labellings are one target
@@ -46,10 +45,7 @@ class ProofAim(Protocol):
         ...
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
-        """Record the bound on the target; return the known bound of the next one, None at the end.
-
-        left: (k,) counts of labellings of the target that are neither refuted nor refined any more.
-        """
+        """Record the target's bound; return the known one of the next, None at the end. left: (k,) open counts."""
         ...
 
     def claims(self) -> list[Claim]:

@@ -47,14 +47,10 @@ class FieldProblem:
 
 
 class FieldRelaxation:
-    """Upper bounds on the governing factor of partial labellings by velocity fields.
+    """Upper bounds on governing factors of partial labellings by velocity fields.
 
-    Bounds and thresholds are governing factors in scene units. A mechanism belongs to a **problem**: a load case on one
-    mesh. The first problems are asked for refutations, in the order in which they refuted most; those that were added
-    later only weigh mechanisms.
-
-    problems: problems that are asked, at least one; the attribute holds all problems, and `Mechanism.case` and
-    `DualBound.case` are their positions. solves: number of programs solved.
+    A problem is a load case on one mesh. The first ones are asked, those that refuted most before; later ones only
+    weigh. `Mechanism.case` is the position of one.
     """
 
     many = False
@@ -73,10 +69,7 @@ class FieldRelaxation:
         return sum(one.solves for one in self._asked)
 
     def restart(self) -> None:
-        """Ask the problems in their first order again.
-
-        `refute` moves successful problems to the front; after a restart its answers do not depend on earlier calls.
-        """
+        """Ask the problems in their first order, so that answers do not depend on earlier calls."""
         self._order = list(range(len(self._asked)))
 
     def add(self, problem: FieldProblem) -> int:
@@ -85,12 +78,6 @@ class FieldRelaxation:
         return len(self.problems) - 1
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float = math.inf) -> DualBound | None:
-        """Refute a governing factor for all labellings that agree on the decided faces.
-
-        labels: (m,) labels, True = dry; ignored where undecided. undecided: (m,) faces that may have either label.
-        Result: mechanism of the first problem that proves it; None where no proof is found. Raises DeadlinePassed:
-        after an enforced deadline.
-        """
         # A factor is refuted where a velocity field proves a smaller bound. Problems are asked one by one; one that
         # succeeds is asked first the next time.
         for place, number in enumerate(self._order):
@@ -111,19 +98,9 @@ class FieldRelaxation:
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Refute governing factors of many partial labellings one by one; see `refute`.
-
-        labellings, undecided: (k, m) labels, True = dry, and faces that may have either. thresholds: (k,) governing
-        factors to refute. thorough: (k,) ignored: there is one solver. Result: one entry for each labelling.
-        """
         return [self.refute(*one) for one in zip(labellings, undecided, thresholds.tolist(), strict=True)]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """Find the least bound for a partial labelling over the problems that are asked.
-
-        labels: (m,) True = dry, ignored where undecided. undecided: (m,). The result has an infinite excess, as no
-        threshold is given. None: no problem has a finite bound.
-        """
         best: DualBound | None = None
         for number, partial in enumerate(self._asked):
             found = partial.field(labels, undecided)
@@ -135,12 +112,6 @@ class FieldRelaxation:
         return best
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Compute again, without a solver, the bounds that mechanisms of one problem prove.
-
-        velocities: (k, t, 3, 2) mechanisms, scaled. labellings, undecided: (k, m) labels, True = dry, and faces that
-        may have either. Returns (k,): governing factors that no labelling exceeds that agrees where decided; inf where
-        a mechanism proves none. Raises ValueError if the problem does not exist.
-        """
         if not 0 <= case < len(self.problems):
             raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
         required = self.problems[case].required
@@ -149,11 +120,7 @@ class FieldRelaxation:
         return np.array([math.inf if m is None else raised(m.bound_of(*part) / required) for m, *part in rows])
 
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
-        """Compute the dissipation of a mechanism in blocks and on faces, or return the stored one.
-
-        velocity: (t, 3, 2), scaled. None where it proves nothing. Results are stored, since several conflicts rest on
-        one mechanism.
-        """
+        """Compute the dissipation of velocities (t, 3, 2), or return the stored one; None where it proves nothing."""
         key = number, hashlib.sha256(np.ascontiguousarray(velocity).tobytes()).digest()
         if key not in self._known:
             self._known[key] = self._of(number).weigh(velocity)
@@ -215,13 +182,7 @@ class CommonBound:
 
 
 class CommonMeshes:
-    """Sequence of meshes of one load case, each refined where all labellings dissipate most.
-
-    `step` bounds all labellings on one mesh; `shared` chooses those on which single labellings are refuted.
-
-    required: required factor of the load case; a governing factor is λ over it. labels, undecided: (m,) labels, True =
-    dry, and the faces that may have either. meshes: meshes that were bounded, the coarsest first.
-    """
+    """Meshes of one load case, each refined where all labellings dissipate most; required: factor of the case."""
 
     def __init__(self, setting: FieldSetting, required: float, labels: Bits, undecided: Bools) -> None:
         self._setting, self._required = setting, required
@@ -232,17 +193,11 @@ class CommonMeshes:
 
     @property
     def ended(self) -> bool:
-        """True if `step` has no further mesh.
-
-        No finite bound was found, or the next mesh would be no finer or too large.
-        """
+        """True if `step` has no further mesh."""
         return self._next is None
 
     def step(self) -> CommonBound | None:
-        """Bound all labellings on the next mesh, and refine it for another step.
-
-        None if no mesh is left, or no field with a finite bound was found; the sequence then ends.
-        """
+        """Bound all labellings on the next mesh; None at the end, which is also where no bound is finite."""
         mesh, self._next = self._next, None
         if mesh is None:
             return None
@@ -259,10 +214,9 @@ class CommonMeshes:
 
     @property
     def shared(self) -> tuple[int, ...]:
-        """Positions in `meshes` of those on which labellings are refuted, the coarsest first.
+        """Positions in `meshes` by triangles, coarsest first, repeated where refinement ended.
 
-        They are chosen by their numbers of triangles. Where refinement ended earlier, the last mesh stands for finer
-        ones, so that all load cases have as many. Positions may repeat.
+        As many for all cases.
         """
         sizes = np.array([len(mesh) for mesh in self.meshes])
         least = [int(np.searchsorted(sizes, times * len(self._setting.coarse))) for times in _SHARED]

@@ -21,10 +21,7 @@ _PAIRS: Final = 1 << 22  # largest number of pairs compared in one step; limits 
 
 
 def fronts_of(values: Floats, enough: int) -> list[Ints]:
-    """Sort values (k, c), to be minimised, into non-dominated fronts until enough rows are ranked.
-
-    Each front is an ascending array of row numbers, the best front first.
-    """
+    """Sort values (k, c), to be minimised, into fronts of row numbers until enough rows are ranked."""
     # A row dominates another if it is nowhere larger and somewhere smaller. The first front holds the rows that none
     # dominates, each further front those that only rows of earlier fronts dominate. Equal rows share a front.
     # Deb et al. 2002, section III.A: count the rows that dominate each row, and take away the fronts one by one. Up to

@@ -26,17 +26,7 @@ DRIVERS: Final[dict[str, type[Driver]]] = {
 
 
 def driver_kinds() -> dict[str, type[Driver]]:
-    """Return all driver classes by name: those of jld, then those of plug-ins.
-
-    Returns
-    -------
-    dict of str to type
-
-    Raises
-    ------
-    InputError
-        If a plug-in cannot be loaded, is no driver, or has a name that is taken.
-    """
+    """Return all driver classes by name, plug-ins last; InputError for one unusable, or of a taken name."""
     added = plugins.load_all("jld.drivers", tuple(DRIVERS))
     for name, kind in added.items():
         if not (isinstance(kind, type) and issubclass(kind, Driver) and getattr(kind, "name", None) == name):

@@ -178,11 +178,7 @@ class FieldPool:
         step: Callable[..., FieldStep] = refined_step,
         more: tuple[Any, ...] = (),
     ) -> list[tuple[int, int, Mesh, FieldStep]]:
-        """Refine labellings `rows` by one mesh: return row, load case, mesh and step of each.
-
-        enough: (k,) governing factor below which no lower bound is asked for. A labelling without a finer mesh, without
-        time for it, or without bounds after several is given up.
-        """
+        """Refine labellings by one mesh: row, load case, mesh and step of each; hopeless ones are given up."""
         tasks: list[tuple[int, int, Mesh, tuple[Any, ...]]] = []
         for row in rows:
             case, mesh = self._next(row)
@@ -225,44 +221,25 @@ class FieldPool:
 
 
 class RaceAim(Protocol):
-    """Aim of a race: it selects the layouts to refine next, and says when the race is decided.
-
-    All arrays are over its k layouts; `low` and `high` are their proven bounds on the governing factor.
-    """
+    """Aim of a race of k layouts, by their proven bounds: which to refine next, when it is decided."""
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return a mask (k,) of the layouts to refine; all False once the race is decided.
-
-        low, high: (k,) bounds. closed: (k,) True where both bounds of a layout lie within the relative `gap`.
-        """
+        """Return the layouts (k,) to refine; none once decided. closed: (k,) both bounds within `gap`."""
         ...
 
     def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return the indices `rows` of open layouts in the order in which they are refined.
-
-        high: (k,) upper bounds.
-        """
+        """Return the open layouts in the order in which they are refined."""
         ...
 
     def enough(self, low: Floats) -> Floats:
-        """Return the factor (k,) of each layout below which its lower bound does not matter.
-
-        A layout whose upper bound is below its factor needs no lower bound.
-        """
+        """Return the factor (k,) below which a lower bound does not matter."""
         ...
 
 
 class BestAim:
-    """Aim of a race for the strongest layout: refine until no other layout can be stronger.
-
-    Implements `RaceAim`; layouts are refined in order of their upper bounds.
-    """
+    """Aim for the strongest layout, in order of upper bounds, until no other can be stronger."""
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return a mask (k,) of the layouts that may be stronger than the best lower bound.
-
-        See `RaceAim.open`.
-        """
         best, most = low.max(initial=-np.inf), high.max(initial=-np.inf)
         if _near(np.asarray(best), np.asarray(most), gap):
             return np.zeros(len(low), dtype=bool)
@@ -278,19 +255,12 @@ class BestAim:
 
 
 class FrontAim(BestAim):
-    """Aim to find the strongest layout for every combination of counts.
-
-    counts: (k, c) counts of the layouts, less is better.
-    """
+    """Aim for the strongest layout of every combination of counts (k, c), less is better."""
 
     def __init__(self, counts: Floats) -> None:
         self._counts = counts
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return a mask (k,) of layouts that may be stronger than all of equal or better counts.
-
-        See `RaceAim.open`.
-        """
         return np.asarray(~closed & ~_near(self.enough(low), high, gap) & (high > self.enough(low)))
 
     def enough(self, low: Floats) -> Floats:
@@ -305,19 +275,12 @@ class FrontAim(BestAim):
 
 
 class RequirementAim:
-    """Aim to find the best count among layouts that carry a required factor.
-
-    required: required governing factor. counts: (k,) count of each layout, less is better.
-    """
+    """Aim for the best count (k,), less is better, among layouts that carry a required factor."""
 
     def __init__(self, required: float, counts: Floats) -> None:
         self._required, self._counts = required, counts
 
     def open(self, low: Floats, high: Floats, closed: Bools, gap: float) -> Bools:
-        """Return a mask (k,) of layouts that may carry the factor and would improve the count.
-
-        The factor is not proven for them yet, and their counts are better than the best proven one. See `RaceAim.open`.
-        """
         met = low >= self._required
         best = self._counts[met].min(initial=np.inf)
         return np.asarray(~met & (high >= self._required) & (self._counts < best))
@@ -357,12 +320,7 @@ class RaceResult:
 
 
 class FieldRace:
-    """Race of the layouts of a pool: those that may still be the strongest get finer meshes.
-
-    pool: layouts with the bounds that are known. gap: relative distance between the best lower and the greatest upper
-    bound at which the race is decided. report: function called with the bounds (k,) on the governing factor while the
-    race goes on. aim: aim of the race. Default: to find the strongest layout.
-    """
+    """Race of a pool's layouts: those that may still be the strongest get finer meshes; decided at `gap`."""
 
     def __init__(
         self,
@@ -375,10 +333,7 @@ class FieldRace:
         self._aim: RaceAim = BestAim() if aim is None else aim
 
     def run(self) -> RaceResult:
-        """Race until the aim is reached to the gap, nothing can be refined, or time is up.
-
-        Result: bounds of all layouts, each proven.
-        """
+        """Race until the aim is reached to the gap, nothing can be refined, or time is up; proven bounds of all."""
         pool, begun = self.pool, False
         # one layout is bounded however short the time is
         while len(pool) and (not begun or not pool.deadline.passed()):
@@ -398,11 +353,7 @@ class FieldRace:
         return self.result()
 
     def _place(self) -> None:
-        """Bound from below, on the coarsest mesh, the layouts that may be the strongest.
-
-        These are layouts without a lower bound whose upper bound is at least the best lower bound. Layouts with the
-        greatest upper bounds come first. At the deadline the method returns early if some layout has a lower bound.
-        """
+        """Bound from below, on the coarsest mesh, layouts that may be the strongest, greatest upper bounds first."""
         pool = self.pool
         low, high = pool.low(), pool.high()
         rows = np.flatnonzero((high >= low.max(initial=-np.inf)) & ~np.isfinite(low))
@@ -412,7 +363,6 @@ class FieldRace:
             pool.bound_below(row)
 
     def result(self) -> RaceResult:
-        """Return the bounds of all layouts as they are known, also before the race has ended."""
         pool = self.pool
         low, high = pool.low(), pool.high()
         best, most = float(low.max(initial=-np.inf)), float(high.max(initial=-np.inf))

@@ -117,10 +117,7 @@ class EvaluatorSettings:
 
 
 class LabellingEvaluator(Protocol):
-    """Evaluator of the labellings of one assembly, for one thread at a time.
-
-    An evaluation depends only on its labelling and the threshold, never on other labellings or the order of calls.
-    """
+    """Evaluator of one assembly's labellings, each by its own alone, for one thread at a time."""
 
     @abstractmethod
     def evaluate_all(

@@ -178,10 +178,7 @@ COLUMN: Final = "evidence"  # name of the column of the evidence
 def front_rows(
     front: pd.DataFrame, summary: Mapping[str, Any], axes: Sequence[tuple[str, str]], *, complete: bool, aimed: bool
 ) -> list[dict[str, Any]]:
-    """Return the best λ known for every count, with its evidence, for summary.json.
-
-    complete: every class was evaluated. aimed: the driver searched for the whole front.
-    """
+    """Return the best λ known for every count, with evidence; complete: every class; aimed: whole front sought."""
     # Counts are those on the front and those of the driver's own front. Each row has count, load_factor, bound, proven
     # and evidence ("proven", "found" or "visited"). With two counts `count` is a list. The strongest layout alone is
     # proven the best of its count, and not on the front: one with a better count may carry as much.

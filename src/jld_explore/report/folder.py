@@ -72,20 +72,7 @@ RESERVED: Final = frozenset(
 
 
 def check_folder(folder: Path, resume: bool) -> None:
-    """Check that a results folder may be written into.
-
-    Parameters
-    ----------
-    folder : Path
-        Results folder.
-    resume : bool
-        Whether the folder must hold a study; else it must be new or empty.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written, is not empty, or has no study to resume.
-    """
+    """Raise InputError unless a folder is writable, and new or empty, or holds a study to resume."""
     require_folder(folder)
     if not folder.exists() or not any(folder.iterdir()):
         return

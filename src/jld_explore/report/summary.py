@@ -117,9 +117,9 @@ COLUMN: Final = "meets"  # column of layouts that reach the required load factor
 
 
 def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str, Any]:
-    """Return the column of rows (k,) that reach the required load factor; empty if none is required.
+    """Return the column of rows (k,) that reach the required load factor, as locked ones do.
 
-    low: (k,) proven lower bounds on λ. status: (k,) names. Locked layouts carry any load and reach it.
+    Empty if none is required.
     """
     if search.require is None:
         return {}

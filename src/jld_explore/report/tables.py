@@ -119,10 +119,7 @@ _DIGITS: Final = 12  # decimal digits to which counts are compared, relative to 
 
 
 def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
-    """Return (k,) the rows that are not dominated in load factors (k,) and counts (k, c).
-
-    A row with NaN is never on the front. *senses: "max" or "min" for each count.
-    """
+    """Return (k,) rows not dominated in load factors (k,), never NaN, and counts (k, c) of senses "max" or "min"."""
     # A row is dominated if another is at least as good in all objectives and better in one.
     signs = np.array([1.0 if sense == "max" else -1.0 for sense in senses])
     worth = np.asarray(counts, dtype=float).reshape(len(load_factors), len(senses)) * signs
@@ -202,10 +199,7 @@ def results_table(
     standing: Standing | None = None,
     by_fields: bool = False,
 ) -> pd.DataFrame:
-    """Make the table of results: one row per class, collapse by λ, then the other statuses.
-
-    own_objective: `load_factor` is a user's value, and λ the last entry of `cases`.
-    """
+    """Make the table of results: one row per class, collapse by λ, then the other statuses."""
     # Rows share a rank if their brackets overlap: equally many others are proven stronger. Layouts that fall under
     # their dead load alone follow those of the same status that stand. If a load factor is required, layouts that reach
     # it come first, sorted by the count of the front.
@@ -329,10 +323,7 @@ def nominal_of_best(results: pd.DataFrame) -> float | None:
 
 
 def _ties(load_factor: Floats, low: Floats, high: Floats) -> tuple[Ints, Ints]:
-    """Return the groups (k,) that share a rank, and within them levels (k,) of equal strength, best first.
-
-    Rows share a rank if equally many others are proven stronger by their brackets; without λ both are 0.
-    """
+    """Return groups (k,) that share a rank, as many proven stronger, and within them levels of strength, best first."""
     group, level = np.zeros((2, len(load_factor)), dtype=np.int64)
     # Replace a missing end of a bracket by λ.
     low, high = (np.where(np.isnan(end), load_factor, end) for end in (low, high))

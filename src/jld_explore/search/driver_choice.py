@@ -39,10 +39,7 @@ def choose_driver(
     many: bool = False,
     cracks_by_fields: FieldCracks | None = None,
 ) -> tuple[Driver, int | None]:
-    """Return the driver of a search, and the number of classes if the space is small.
-
-    many: True excludes drivers that prove by bounds on faces alone, unless one is named.
-    """
+    """Return the driver, and the number of classes of a small space; many: no proof by faces alone unless named."""
     wanted = settings.driver
     if isinstance(wanted, str):
         driver_named(wanted)
@@ -76,7 +73,7 @@ def choose_driver(
 
 
 def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
-    """Return the InputError, not raised, for a search without any layout; it says whether the space is proven empty."""
+    """Return the InputError for a search without any layout; it says whether the space is proven empty."""
     where, problem, remedy = "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
     if seconds is not None:
         problem = "no layout that satisfies the constraints was found"
@@ -100,10 +97,7 @@ def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputErro
 
 
 def affordable_settings(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:
-    """Return settings with as many jobs as memory allows, and append messages on long solves.
-
-    Raises InputError if the scene needs more memory than there is.
-    """
+    """Return settings with as many jobs as memory allows, with messages; InputError for too little."""
     effort = require_memory(assembly)
     jobs = max(1, min(settings.jobs, int(memory_limit() / effort.memory))) if settings.jobs > 1 else 1
     if jobs < settings.jobs:

@@ -51,10 +51,7 @@ class FieldStudy(Study):
 
     @property
     def gap(self) -> float:
-        """Return the relative gap of bounds that the scene asks for.
-
-        Raises RuntimeError if the scene does not crack by fields.
-        """
+        """Return the relative gap of bounds that the scene asks for."""
         cracks = self.scene.cracks
         if not isinstance(cracks, FieldCracks):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
@@ -219,10 +216,7 @@ class FieldStudy(Study):
         }
 
     def _next(self, race: RaceResult, gap: float | None) -> str | None:
-        """Return a sentence on how to narrow the remaining gap, and on its cause.
-
-        gap: None if unknown.
-        """
+        """Return a sentence on how to narrow the remaining gap, None if unknown, and on its cause."""
         # The reason is the discretisation or the search.
         finer = f"the gap is of the discretisation: --cracks fields:{0.5 * self.gap:g} refines further"
         if isinstance(self.driver, FieldExact):
@@ -293,10 +287,7 @@ class FieldStudy(Study):
         self.evaluated, self.solved = len(found), max(self.solved, pool.programs)
 
     def _nominal(self, pool: FieldPool) -> list[float | None]:
-        """Return lower bounds on the governing factor at nominal material values.
-
-        Only the best layout has one; others have NaN.
-        """
+        """Return lower bounds at nominal values, of the best layout alone; others NaN."""
         found: list[float | None] = [math.nan] * len(pool)
         best = int(np.argmax(pool.low())) if len(pool) else -1
         if best >= 0 and math.isfinite(pool.low()[best]):

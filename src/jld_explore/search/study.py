@@ -291,10 +291,7 @@ class Study:
         self.driver.restore(rows, restored)
 
     def _reason(self, dry: bool) -> StopReason:
-        """Return the reason why the study ends.
-
-        dry: True if the driver proposed no labelling and no evaluation is in progress.
-        """
+        """Return why the study ends; dry: no labelling was proposed and none is being evaluated."""
         if self._empty:
             return StopReason.EXHAUSTED
         if self.driver.exhaustive and self.total is not None and len(self.records) >= self.total:

@@ -84,10 +84,7 @@ def conflict_of(
     tries: int = _FAILED_TRIES,
     decided: Bools | None = None,
 ) -> Conflict | None:
-    """Find few labels of a labelling (m,) that prevent a λ; None where it may reach it.
-
-    candidates: (m,) faces that may take either label. decided: (m,) those whose labels the conflict may use.
-    """
+    """Find few labels, of those `decided`, that prevent a λ of a labelling (m,); None where it may reach it."""
     decided = candidates.copy() if decided is None else decided.copy()
 
     def refuted(whole: bool = False) -> DualBound | None:

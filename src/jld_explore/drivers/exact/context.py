@@ -49,11 +49,7 @@ class PossibleBlocks:
 
 
 def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
-    """List the possible blocks of a space.
-
-    Result: the blocks, possibly none. None if they are too many (`MOST`), if slits are allowed, or if a block may
-    contain a support. Raises DeadlinePassed if an enforced deadline passes first.
-    """
+    """List the possible blocks of a space; None above `MOST`, with slits, or if one may hold a support."""
     assembly = space.assembly
     faces, support = assembly.interfaces, assembly.elements.support
     a, b = faces.a, faces.b
@@ -85,11 +81,7 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
 
 
 def _connected_sets(space: SearchSpace, links: Ints) -> Bools | None:
-    """List the connected sets of free elements that are within the upper limits on blocks.
-
-    links: (k, 2) positions, among the free elements, of those that may be joined. Returns (p, f): sets by size, those
-    of equal size in the order of their members; None above `MOST`.
-    """
+    """List the connected sets (p, f) of free elements within upper limits, by size; None above `MOST`."""
     # A set is grown by one element at a time, so that a set above a limit is not grown further.
     number = len(space.assembly.elements.free)
     around = [0] * number
@@ -148,14 +140,7 @@ def _sizes(rows: Bools, space: SearchSpace) -> SizeOf:
 
 
 class BlockTables:
-    """Tables of the possible blocks that contain, touch or lie on the first side of a face.
-
-    Each row is one of the c faces that can separate or join blocks; columns are the p blocks.
-
-    blocks: its p possible blocks. faces: (c,) candidate faces that some block contains. inside: (c, p) blocks that
-    contain each of these faces. beside: (c, p) blocks with the element on the first side of each face. separated_by:
-    (c, p) blocks on whose edge each face lies.
-    """
+    """Tables (c, p) of the p blocks that contain, touch or are bounded by each of the c faces `faces`."""
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks) -> None:
         free, a, b = space.assembly.elements.free, space.assembly.interfaces.a, space.assembly.interfaces.b
@@ -174,7 +159,7 @@ class BlockTables:
         self._overlaps = overlap
 
     def agreeing(self, faces: Ints, labels: Bits) -> Bools:
-        """Return (p,) True for the blocks that labels (k,), True = dry, on faces (k,) admit."""
+        """Return (p,) True for the blocks that labels (k,) on faces (k,) admit."""
         label = dict(zip(faces.tolist(), labels.tolist(), strict=True))
         known = np.isin(self.faces, faces)
         dry = np.array([label.get(face, False) for face in self.faces.tolist()], dtype=bool)
@@ -182,10 +167,7 @@ class BlockTables:
         return np.asarray(~excluded, dtype=bool)
 
     def propagated(self, allowed: Bools) -> Bools | None:
-        """Return (p,) True for the blocks left by propagation; None if an element has none.
-
-        allowed: (p,) True for the blocks left before.
-        """
+        """Return (p,) the blocks left of `allowed` (p,) by propagation; None if an element has none."""
         # An element with a single block left takes that block, which excludes the blocks that overlap it.
         while True:
             left = self._covering & allowed
@@ -199,10 +181,7 @@ class BlockTables:
             allowed = kept
 
     def undecided(self, allowed: Bools) -> Ints:
-        """Return the positions in `faces` of faces whose label the blocks left do not decide.
-
-        Such a face is inside some blocks left and on the edge of others. allowed: (p,) True for the blocks left.
-        """
+        """Return the positions of faces inside some blocks left (p,) and on the edge of others."""
         around = (self.beside & allowed).sum(axis=1)
         holding = (self.inside & allowed).sum(axis=1)
         return np.flatnonzero((holding > 0) & (holding < around))
@@ -220,10 +199,7 @@ class PartialLabellingRelaxation(Protocol):
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """Prove that partial labellings (k, m) do not exceed thresholds (k,); None if unproven.
-
-        thorough: (k,) True where another solver may be tried.
-        """
+        """Prove that partial labellings (k, m) do not exceed thresholds (k,); None if unproven."""
         ...
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
@@ -235,10 +211,7 @@ class PartialLabellingRelaxation(Protocol):
         ...
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Return bounds (k,) that mechanisms (k, q · free) give for labellings (k, m).
-
-        inf where a mechanism proves nothing, −inf where no λ is admissible.
-        """
+        """Return bounds (k,) of mechanisms (k, q · free): inf proves nothing, −inf no λ."""
         ...
 
 

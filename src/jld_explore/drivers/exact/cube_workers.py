@@ -155,10 +155,7 @@ class _WorkerState:
 
 @dataclass(frozen=True)
 class _AssignedCube:
-    """Cube assigned to a worker, with the number of earlier tasks on it and its target.
-
-    The target consists of its number, the count and the scaled λ to refute.
-    """
+    """Cube assigned to a worker, with the number of earlier tasks on it and its target (number, count, scaled λ)."""
 
     worker: Pool
     cube: Cube
@@ -169,14 +166,7 @@ class _AssignedCube:
 
 
 class CubeWorkers:
-    """Worker processes that refute cubes of the search space.
-
-    Call `begin` for a formula, then `step` until it returns True, and `close` at the end.
-
-    context: space, relaxation and other data that stay fixed during the proof. jobs: number of processes; a connected
-    cluster contributes all its workers instead. state: state of the proof, to which all results are added. solves,
-    closed: numbers of relaxations solved and of cubes closed. task_seconds: processor time of each task, s.
-    """
+    """Worker processes that refute cubes: `begin` for a formula, `step` until True, `close`."""
 
     def __init__(self, context: ProofContext, jobs: int, state: ProofState) -> None:
         self._context, self._contexts_sent = context, 0
@@ -412,13 +402,7 @@ class _GeneratorThread:
 
 
 class ThreadedGenerator:
-    """Threads that generate conflicts and add them to the state of the proof.
-
-    Call `begin` for a target, `step` until it returns True, and `close` at the end.
-
-    context: data that stay fixed during the proof; the batch solver solves its relaxation. threads: number of threads.
-    state: state of the proof; other sources of conflicts may add to the same state.
-    """
+    """Threads that add conflicts to the state: `begin` for a target, `step` until True, `close`."""
 
     def __init__(self, context: ProofContext, threads: int, state: ProofState) -> None:
         self._context, self._state = context, state
@@ -442,11 +426,7 @@ class ThreadedGenerator:
             self._target = None
 
     def step(self, threshold: float) -> bool:
-        """Wait briefly for results of the threads, and start those that are idle.
-
-        True once no labelling is left that may exceed the threshold. threshold: scaled λ, which must not decrease
-        between calls for the same target, which `begin` sets. An exception of a thread is raised here.
-        """
+        """Wait briefly for results, start idle threads; True once none may exceed scaled λ `threshold`."""
         with self._results_changed:
             if self._target is None:
                 self._target = _Target(self._count, threshold)
@@ -518,15 +498,9 @@ _CLOSING_SECONDS: Final = 0.5  # time, s, for which results of the workers are s
 
 
 class ConflictSources:
-    """Source of conflicts for one formula after another, in one process or several.
+    """Source of conflicts in one process or several: `begin` with a formula, `step` until True, `close`.
 
-    Call `begin` with a formula, `step` until it returns True, and `close` at the end. A formula describes the
-    labellings that no conflict refutes yet.
-
-    context: space, relaxation and other data that stay fixed during the proof. state: state of the proof, to which all
-    results are added. solo_relaxations: relaxations before worker processes start. 0: the workers solve from the first
-    relaxation. None: start them where they are useful. solves: number of relaxations solved by the workers.
-    cube_workers: the worker processes, None until they start.
+    solo_relaxations: relaxations before worker processes start; None: where they are useful. solves: by the workers.
     """
 
     def __init__(self, context: ProofContext, state: ProofState, solo_relaxations: int | None = None) -> None:
@@ -542,10 +516,7 @@ class ConflictSources:
         self.cube_workers: CubeWorkers | None = None
 
     def set_workers(self, jobs: int) -> None:
-        """Set the number of worker processes; a connected cluster contributes all its workers.
-
-        Workers start in `step`, once the proof is long enough; a second thread is made at once where it helps.
-        """
+        """Set the number of worker processes, which start in `step`; a cluster contributes all."""
         self._jobs, self._on_cluster = jobs, client_of_cluster() is not None
         self._workers_allowed = jobs > 1 or self._on_cluster
         if jobs > 1 and self._threads is None and self._context.relaxation.batched:
@@ -576,18 +547,12 @@ class ConflictSources:
             self.cube_workers.end()
 
     def exchange(self) -> None:
-        """Collect results of the workers and send them new tasks, without waiting.
-
-        Call it while this process does something else; without workers it does nothing.
-        """
+        """Collect results of the workers and send them new tasks, without waiting."""
         if self.cube_workers is not None:
             self.cube_workers.exchange()
 
     def step(self, threshold: float) -> bool:
-        """Add the conflicts of a short time to the proof; return True if no labelling is left.
-
-        threshold: scaled λ, at least that of the call before with the same formula.
-        """
+        """Add the conflicts of a short time to the proof; return True if no labelling is left."""
         formula = self.formula
         if self.cube_workers is None and self._workers_allowed and self._workers_due():
             formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only

@@ -45,10 +45,7 @@ class ExactOptions(DriverOptions):
 
 
 class ProvingDriver(Driver):
-    """Driver that draws labellings from a formula, refutes them, minimises the conflicts and records these.
-
-    The proof is checked when no labelling is left. A subclass brings the relaxation that refutes.
-    """
+    """Driver that draws labellings from a formula, refutes them, and minimises and records their conflicts."""
 
     name = "exact"
     remembers = True
@@ -100,10 +97,7 @@ class ProvingDriver(Driver):
         return len(self._contradictions) > 1
 
     def withdraw(self, reason: str) -> None:
-        """Forget all conflicts and start the proof again.
-
-        After a second contradiction the proof is given up.
-        """
+        """Forget all conflicts and start again; after a second contradiction give up."""
         self._contradictions.append(reason)
         self._restart()
 
@@ -299,10 +293,7 @@ class ConflictDriver(ProvingDriver):
 
     @abstractmethod
     def _search(self) -> Iterator[Bits]:
-        """Yield labellings (k, m) to evaluate, maybe none, until nothing is left to prove.
-
-        After each item the caller checks the time. The evaluations of an item are known when the next one is sought.
-        """
+        """Yield labellings (k, m), maybe none, until nothing is left; evaluations are known by the next item."""
 
     @abstractmethod
     def _checked(self) -> ProofCheck:

@@ -227,10 +227,7 @@ class Formula:
     def next(
         self, faces: Iterable[int] = (), labels: Iterable[bool] = (), preferred: Bits | None = None
     ) -> Bits | None:
-        """Return a labelling (m,) that no clause rules out, with labels (k,) on faces (k,); None if none is left.
-
-        preferred: (m,) labels that the solver tries first.
-        """
+        """Return a labelling (m,) that no clause rules out, preferred labels first; None if none is left."""
         assumptions = self._assumed + self._face_literals(faces, labels)
         if preferred is not None:
             signs = np.where(preferred[self._candidates], -1, 1)
@@ -457,10 +454,7 @@ EVERYTHING: Final = Cube()
 
 
 def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
-    """Yield the two parts of a cube.
-
-    weight: (m,) scores of the faces, high for those of recent conflicts.
-    """
+    """Yield the two parts of a cube by the face of most weight (m,), high for recent conflicts."""
     # The cube is split by the face with the largest product of numbers of literals that unit propagation derives from
     # each label. If propagation refutes a part, only the other part follows, or none. A cube without a further face is
     # returned itself.

@@ -95,10 +95,7 @@ class Cutter:
     def assemble(
         self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float
     ) -> list[list[int]] | None:
-        """Cut a region into parts by keys (key, pair, a, b) in ascending order; None if not allowed.
-
-        With limits other than those on cells parts may be too small, but never too large.
-        """
+        """Cut a region into parts by keys (key, pair, a, b) in ascending order; None if not allowed."""
         # the tree takes pairs in ascending order of keys; dynamic programming over the cells of open parts then finds
         # the cuts that agree best with the keys
         if not self.exact:

@@ -122,10 +122,7 @@ class Batches:
         return inside
 
     def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
-        """Return a mask (k, atoms) of the atoms that a move transfers to the block beyond a joint.
-
-        name: (k, atoms) block of each atom. joint: (k,) pair of atoms. here: (k,) atom of block `old` at the joint.
-        """
+        """Return the atoms (k, atoms) that a move transfers to the block beyond a joint (k,)."""
         # Where `single`, only atom `here` moves. Elsewhere all atoms of block `old` move that touch block `new` along
         # the straight line of the joint.
         moving = np.zeros(name.shape, dtype=bool)
@@ -513,10 +510,7 @@ class Segmentations:
 
 
 class Operators(Protocol):
-    """Interface of the operators on labellings (k, m): draw, change and cross them.
-
-    Rows that cannot be made to keep the limits are left out; the others may be neither canonical nor new.
-    """
+    """Operators on labellings (k, m): draw, change, cross; rows that cannot keep limits are left out."""
 
     keys: int
     """Number of keys that `read` takes."""
