@@ -31,8 +31,7 @@ class Showable:
         """Make the interactive page of this object, with sliders for friction and strengths.
 
         Make it the last line of a cell; the running kernel solves what the sliders say. A saved notebook keeps facts,
-        picture and table. `html` of the page needs no kernel. Raises ParameterError for a height that is no number of
-        pixels, InputError for an invalid scene.
+        picture and table. `html` of the page needs no kernel.
         """
         return import_module(_PAGES).make_page(self, height)
 

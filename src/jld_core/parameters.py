@@ -49,7 +49,6 @@ def require_kind(parameter: str, value: Any, *kinds: Any) -> None:
 
 
 def _words(kinds: tuple[Any, ...]) -> str:
-    """Return in words what some kinds admit."""
     named = [kind for kind in kinds if kind is not NoneType]
     return " or ".join(
         dict.fromkeys(

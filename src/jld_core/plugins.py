@@ -97,7 +97,6 @@ def refuse_type(group: str, name: str, expected: str) -> InputError:
 
 
 def package(point: EntryPoint) -> str:
-    """Return the name of the package that an entry point belongs to."""
     return point.dist.name if point.dist is not None else point.module
 
 

@@ -172,7 +172,6 @@ class FaceStrengths:
 
     @property
     def has_low_values(self) -> bool:
-        """Return True if the strengths are the low values of materials."""
         return self._nominal_numbers is not None
 
     def facts(self) -> dict[str, Bools]:
@@ -188,8 +187,7 @@ class FaceStrengths:
     ) -> Strengths:
         """Return the strengths for a route.
 
-        Raise InputError if it does not know a fact of the interfaces `among` (m,). labels: (m,); without them a fact of
-        either label counts.
+        labels: (m,); without them a fact of either label counts.
         """
         for fact, stated in self.facts().items():
             if fact in route.KNOWS:
@@ -303,10 +301,7 @@ def stated(label: str, name: str, parameters: Mapping[str, float], key: str) -> 
 
 
 def criterion_of(name: str, key: str) -> Any:
-    """Return the criterion of an entry point, an instance or a class without arguments.
-
-    Raise InputError for no criterion.
-    """
+    """Return the criterion of an entry point, an instance or a class without arguments."""
     known = list(plugins.entry_points(GROUP))
     if name not in known:
         expected = near(name, known) if known else f"an installed package with an entry point in {GROUP}"

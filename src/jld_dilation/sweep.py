@@ -376,7 +376,6 @@ class MultiStartSearch:
         self._ends = list[float]()  # Scaled λ at the end of each descent.
 
     def search(self, thorough: bool = True, sufficient_load: float = -math.inf) -> Found:
-        """Search for solutions from all starts, and return the solutions found."""
         for forces in starts(self.fixed_point, self.associative, thorough):
             self.search_from(forces)
             if self.found.lowest_load <= sufficient_load:

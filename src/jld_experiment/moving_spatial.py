@@ -70,7 +70,6 @@ def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float)
 
 @compiled
 def is_among(table: Ints, row: int, value: int) -> bool:
-    """Return whether a row of a table has a value."""
     found = False
     for k in range(table.shape[1]):
         found = found or table[row, k] == value
@@ -520,7 +519,6 @@ def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -
 
 
 def _table(rows: list[list[int]]) -> Ints:
-    """Return lists as one table, filled with −1."""
     table = np.full((len(rows), max((len(row) for row in rows), default=0)), -1)
     for line, row in zip(table, rows, strict=True):
         line[: len(row)] = row

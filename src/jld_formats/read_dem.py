@@ -22,10 +22,7 @@ _GRAVITY: Final = 9.81  # acceleration of a problem that states none, m/s²
 
 
 def data_of(value: Any) -> dict[str, Any]:
-    """Return the data of an object, without its COMPAS envelopes if it has some, those of before COMPAS 1 too.
-
-    Raises InputError if the data are no object.
-    """
+    """Return the data of an object, without its COMPAS envelopes if it has some, those of before COMPAS 1 too."""
     for key in ("value", "data"):
         if isinstance(value, dict) and key in value and ("dtype" in value or "datatype" in value):
             value = value[key]
@@ -66,10 +63,7 @@ def _as_assembly(document: Any) -> Any:
 
 
 def model_and_problems(document: Any) -> tuple[Any, list[dict[str, Any]]]:
-    """Find the first model in a document, and the data of all its problems.
-
-    Raises InputError for problems without a model.
-    """
+    """Find the first model in a document, and the data of all its problems."""
     # The document may be an analysis, a list or an object of COMPAS objects by name, or the model itself.
     if isinstance(document, dict) and not {"dtype", "datatype", "data", "node"} & document.keys():
         items = list(document.values())
@@ -94,10 +88,7 @@ def model_and_problems(document: Any) -> tuple[Any, list[dict[str, Any]]]:
 def problem_facts(
     problems: list[dict[str, Any]], parts: list[Part], names: dict[str, str], notes: Notes
 ) -> dict[str, Any]:
-    """Return the scene keys of the first problem: loads, materials and settlements.
-
-    Raises InputError for a load on a block that is not there.
-    """
+    """Return the scene keys of the first problem: loads, materials and settlements."""
     # Each group of boundary conditions is a load case, a group whose name begins with "dead" is dead load.
     if not problems:
         return {}
@@ -135,10 +126,7 @@ def problem_facts(
 
 
 def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
-    """Read the scene's materials "dry" and "inner" from the contact model of a problem.
-
-    Raises InputError for a model other than Mohr–Coulomb.
-    """
+    """Read the scene's materials "dry" and "inner" from the contact model of a problem."""
     # Without a contact model they are defaults; assumptions are added to `notes`.
     contact = data_of(problem.get("contact_properties") or {})
     law = contact.get("contact_model")
@@ -182,10 +170,7 @@ class _Groups:
         return node
 
     def loads(self, group: dict[str, Any]) -> list[dict[str, Any]]:
-        """Convert point, body and surface loads of a group to load entries of a scene.
-
-        Raises InputError for a load on a missing block or face, and for body forces without gravity.
-        """
+        """Convert point, body and surface loads of a group to load entries of a scene."""
         entries: list[dict[str, Any]] = []
         for item in group.get("point_loads") or []:
             load = data_of(item)
@@ -253,10 +238,7 @@ _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")  # elemen
 
 
 def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
-    """Read the blocks, supports and interfaces of a COMPAS JSON file.
-
-    Raises InputError where the file is not JSON or holds no assembly.
-    """
+    """Read the blocks, supports and interfaces of a COMPAS JSON file."""
     try:
         document = json.loads(libraries.text_of(path), parse_constant=_refuse)
     except json.JSONDecodeError as error:
@@ -309,10 +291,7 @@ def _refuse(name: str) -> float:
 
 
 def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
-    """Read the blocks at the nodes of a graph, and the name of each by node.
-
-    Raises InputError for a node without a block, or too many.
-    """
+    """Read the blocks at the nodes of a graph, and the name of each by node."""
     # compas_assembly and compas_cra write blocks in this form.
     default = bool((graph.get("default_node_attributes") or {}).get("is_support", False))
     parts, names = [], {}
@@ -374,10 +353,7 @@ def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[
 def _part(
     name: str, key: str, mesh: dict[str, Any], support: bool, keys: dict[str, Any], matrix: Floats | None
 ) -> Part:
-    """Return one block of a COMPAS mesh; matrix: (4, 4) transformation, None for none.
-
-    Raises InputError without faces.
-    """
+    """Return one block of a COMPAS mesh; matrix: (4, 4) transformation, None for none."""
     vertex, face = mesh["vertex"], mesh["face"]
     number = {label: k for k, label in enumerate(vertex)}
     points = np.array([[v[axis] for axis in "xyz"] for v in vertex.values()], dtype=float).reshape(-1, 3)

@@ -45,10 +45,7 @@ class Densities:
                     self._older[one.Material.id()] = self._scale * float(one.MassDensity)
 
     def of(self, product: Any, title: str) -> float | None:
-        """Return the density of a product, kg/m³; None where its materials state none, or several.
-
-        Raises InputError for a density that is no positive number.
-        """
+        """Return the density of a product, kg/m³; None where its materials state none, or several."""
         found = {value for material in self._materials_of(product) for value in self._stated(material)}
         for value in found:
             if not (np.isfinite(value) and value > 0.0):
@@ -56,7 +53,6 @@ class Densities:
         return found.pop() if len(found) == 1 else None
 
     def _stated(self, material: Any) -> Iterator[float]:
-        """Yield the densities that a material states."""
         if material.id() in self._older:
             yield self._older[material.id()]
         for properties in getattr(material, "HasProperties", None) or ():
@@ -67,7 +63,6 @@ class Densities:
 
 
 def _scale(unit: Any) -> float:
-    """Return a unit of IFC in m, kg and s."""
     if unit.is_a("IfcDerivedUnit"):
         return float(np.prod([_scale(part.Unit) ** part.Exponent for part in unit.Elements]))
     if unit.is_a("IfcConversionBasedUnit"):
@@ -99,10 +94,7 @@ _BODY: Final = ("Body", "Facetation")  # identifiers of the representations that
 
 
 def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
-    """Read the solids of the products of an IFC file, in metres.
-
-    Raises InputError where the file is no IFC, ifcopenshell is missing, or a product has a shape that is no polyhedron.
-    """
+    """Read the solids of the products of an IFC file, in metres."""
     ifc = libraries.library("ifcopenshell", path)
     libraries.readable(path)
     with libraries.parsing("IFC", "an IFC file"):
@@ -175,7 +167,6 @@ def _moved(points: Floats, matrix: Floats) -> Floats:
 
 
 def _shapes(product: Any) -> list[Any]:
-    """Return the representations of a product that are read."""
     return [s for s in product.Representation.Representations if s.RepresentationIdentifier in _BODY]
 
 
@@ -203,12 +194,10 @@ def _nested(value: Any) -> Iterator[Any]:
 
 
 def _arcs(item: Any) -> bool:
-    """Return True if there is an arc in an item."""
     return any(part.is_a() in ("IfcArcIndex", "IfcCircle") for part in _parts_of(item))
 
 
 def _is_simple(item: Any) -> bool:
-    """Return True if an item is one that `_solids` reads."""
     if item.is_a("IfcMappedItem"):
         return all(_is_simple(part) for part in item.MappingSource.MappedRepresentation.Items)
     if not item.is_a("IfcExtrudedAreaSolid"):
@@ -222,10 +211,7 @@ def _is_simple(item: Any) -> bool:
 
 
 def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats, Faces]]:
-    """Return the solids of a product by the geometry kernel, with clippings and openings, in m.
-
-    Raises InputError for a shape with curved faces other than those over arcs of a profile, and for an empty one.
-    """
+    """Return the solids of a product by the geometry kernel, with clippings and openings, in m."""
     owners = [(title, items)]
     for relation in getattr(product, "HasOpenings", None) or ():
         opening = relation.RelatedOpeningElement
@@ -263,7 +249,6 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
 
 
 def _refused(item: Any, title: str) -> InputError:
-    """Return the error for a shape that is not read."""
     wish = "plane faces: faceted or extruded solids, clipped by planes or solids"
     return InputError(title, f"its shape is {item.is_a()}", wish)
 
@@ -279,10 +264,7 @@ def _unfolded(item: Any, known: dict[int, int]) -> int:
 
 
 def _solids(item: Any, title: str) -> list[tuple[Floats, Faces]]:
-    """Read the solids of a representation item as vertices (k, 3) and faces.
-
-    Raises InputError for an item of another kind; title: words for the product in messages.
-    """
+    """Read the solids of a representation item as vertices (k, 3) and faces."""
     if item.is_a("IfcMappedItem"):
         operator = item.MappingTarget
         matrix = np.array(import_module("ifcopenshell.util.placement").get_cartesiantransformationoperator3d(operator))
@@ -347,10 +329,7 @@ def _frame(placement: Any) -> Floats:
 
 
 def _profile(profile: Any, title: str) -> unions.Region:
-    """Return the area of a profile with straight edges.
-
-    Raises InputError for another profile, or an outline that crosses itself or its holes; title: words for the product.
-    """
+    """Return the area of a profile with straight edges."""
     rings = _rectangles(profile, title) if profile.is_a("IfcRectangleProfileDef") else _curves(profile, title)
     area = shapely.Polygon(rings[0], rings[1:])
     if not area.is_valid or area.area == 0.0:

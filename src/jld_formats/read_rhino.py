@@ -24,10 +24,7 @@ _PLANE: Final = 1e-6
 
 
 def polyhedron(geometry: Any, title: str) -> tuple[Floats, Faces]:
-    """Return vertices (k, 3) and faces of a mesh, extrusion or polysurface of rhino3dm.
-
-    Raises InputError for an object that is open or has a curved face. A face with holes becomes triangles.
-    """
+    """Return vertices (k, 3) and faces of a rhino3dm object; a face with holes becomes triangles."""
     if type(geometry).__name__ == "Mesh":
         return _of_mesh(geometry)
     solid = geometry if type(geometry).__name__ == "Brep" else geometry.ToBrep(True)
@@ -92,11 +89,7 @@ _FLAT: Final = 1e-6  # largest height of curves over their common plane, relativ
 
 
 def read_rhino(path: File, options: ImportOptions, notes: Notes) -> drawn_loads.Drawing | Solids:
-    """Read a Rhino file as solids, or as a drawing where it holds curves alone.
-
-    Both are in the unit of the file. Raises InputError where the file is no 3DM, rhino3dm is missing, an object has a
-    curved face, or curves lie in no common plane x–y or x–z.
-    """
+    """Read a Rhino file as solids, or as a drawing where it holds curves alone, in its unit."""
     rhino = libraries.library("rhino3dm", path)
     libraries.readable(path)
     with libraries.parsing("3DM", "a Rhino file"):
@@ -187,10 +180,7 @@ class _Reader:
         return {key: value for key, value in found.items() if key in exchange_facts.STORED}
 
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
-        """Return the name of an object's layer, and True if the layer is shown.
-
-        In a path of layers the last one with a role counts, else the last.
-        """
+        """Return the name of an object's layer, in a path the last with a role, and whether it is shown."""
         layer = self._layers.get(index)
         if layer is None:
             return parent or "", True
@@ -265,10 +255,7 @@ class _Reader:
             number *= 2
 
     def _drawing(self, unit: str | None, facts: dict[str, Any], name: str) -> drawn_loads.Drawing:
-        """Project curves, points and texts onto their plane x–y or x–z, as a drawing.
-
-        Raises InputError if there is nothing, a coordinate is not finite, or they lie in no such plane.
-        """
+        """Project curves, points and texts onto their plane x–y or x–z, as a drawing."""
         every = [points for points, _, _, _ in self._curves] + [mark.at[None] for mark in self._marks]
         if not every:
             raise InputError("", "it holds no solid and no curve", "closed curves, meshes or polysurfaces")
@@ -302,10 +289,7 @@ def _force(texts: dict[str, str]) -> str:
 
 
 def _element_keys(texts: dict[str, str], title: str) -> dict[str, Any]:
-    """Return density and block of an element from the user text of its object.
-
-    Raises InputError for a density that is no number.
-    """
+    """Return density and block of an element from the user text of its object."""
     # The block is left out where the text lists exactly one element.
     found: dict[str, Any] = {}
     if texts.get("block") and len(texts.get("elements", "").split()) != 1:

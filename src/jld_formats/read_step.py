@@ -153,10 +153,7 @@ def _value(token: str) -> float | str | None:
 
 
 def read_step(path: Path, options: ImportOptions, notes: Notes) -> Solids:
-    """Read the solids of a STEP file, where its assemblies place them.
-
-    Raises InputError for a file that is broken, states several units, or holds a solid with a curved face or edge.
-    """
+    """Read the solids of a STEP file, where its assemblies place them."""
     text = libraries.readable(path).read_bytes().decode("utf-8", "replace")
     if "ISO-10303-21" not in text[:4096]:
         raise InputError("", "it is no STEP file", "ISO-10303-21; …")
@@ -299,7 +296,6 @@ class _Reader:
         return np.asarray(self._frame(outer) @ np.linalg.inv(self._frame(inner)))
 
     def _name(self, product: int) -> str:
-        """Return the name of the product of a definition."""
         definition = self._file.calls[product][0][1]
         formation = self._file.calls.get(definition[2], [("", [None] * 3)])[0][1]
         values = self._file.of(formation[2], "PRODUCT") if formation[2] is not None else None
@@ -323,7 +319,6 @@ class _Reader:
         return matrix
 
     def _representation(self, shape: int, matrix: Floats, title: str, depth: int) -> None:
-        """Read the solids of a representation."""
         self._visit(depth)
         values = next((v for name, v in self._file.calls[shape] if name.endswith("REPRESENTATION")), None)
         for item in values[1] if values else ():
@@ -343,7 +338,6 @@ class _Reader:
                 raise InputError(title, "it is a solid with a void inside", "solids without voids")
 
     def _solid(self, item: int, shell: int, matrix: Floats, title: str) -> None:
-        """Add the solid of a shell."""
         self._count += 1
         if self._count > _MOST_SOLIDS:
             raise InputError("", "its assemblies hold too many solids", f"at most {_MOST_SOLIDS}")

@@ -18,10 +18,7 @@ _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
 
 
 def compas_text(layout: Layout, *, cells: bool) -> str:
-    """Return a layout as the JSON text of a compas_assembly `Assembly`.
-
-    Raises InputError for a scene with "materials.faces".
-    """
+    """Return a layout as the JSON text of a compas_assembly `Assembly`."""
     solids = list(solids_of(layout, cells=cells))
     keys = weights_of(layout, cells)
     if cells and layout.assembly.dimension == 3:
@@ -99,10 +96,7 @@ def _block(name: str, node: int, surface: unions.Surface) -> dict[str, Any]:
 
 
 def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
-    """Return an object in its COMPAS envelope, with a guid derived from its name.
-
-    The same layout thus always gives the same file.
-    """
+    """Return an object in its COMPAS envelope, its guid derived from its name: same layout, same file."""
     found = {"dtype": kind, "data": data}
     return found if kind.startswith("compas.geometry") else {**found, "guid": str(uuid.uuid5(_SPACE, f"{kind} {name}"))}
 
@@ -145,11 +139,7 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
 
 
 def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
-    """Return weight and centroid of the written free solids by name, scene units.
-
-    cells: True where each element is a solid, False where each block is one. Planar solids lie in x–z, at half the
-    thickness.
-    """
+    """Return weight and centroid of written free solids by name, scene units; cells: each element is a solid."""
     layout = layout.drawn_from or layout
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)

@@ -24,11 +24,7 @@ _SPACE: Final = uuid.UUID("2f0a4d4e-0f55-5f2e-9d0e-6a6c6464656d")
 
 
 def dem_text(layout: Layout, *, cells: bool) -> str:
-    """Return a layout as the JSON text of a compas_dem `Analysis` and its `Results`.
-
-    Without an analysis of the layout there are no results. Raises InputError for a scene whose joints differ in
-    friction or shear strength.
-    """
+    """Return a layout as the JSON text of a compas_dem `Analysis` and its `Results`, if analysed."""
     file = Dem(layout, cells)
     document: dict[str, Any] = {"analysis": file.analysis()}
     if layout.result is not None:
@@ -142,10 +138,7 @@ class Dem:
         return {"dtype": "compas_dem.interactions/FrictionContact", "data": data}
 
     def _resultants(self, face: int) -> Floats:
-        """Return the resultants N, V1, V2, M1, M2, MT (6,) of an interface.
-
-        Planar ones have V2 = M1 = MT = 0. Raises ValueError without an analysis with forces.
-        """
+        """Return N, V1, V2, M1, M2, MT (6,) of an interface; planar ones have V2 = M1 = MT = 0."""
         result = self._layout.result
         if result is None or result.forces is None:
             raise ValueError("the layout has no analysis with forces")
@@ -155,10 +148,7 @@ class Dem:
         return np.array([normal, shear, 0.0, 0.0, moment, 0.0])
 
     def _corner_forces(self, points: Floats, face: int, axes: Floats, centre: Floats) -> list[dict[str, float]]:
-        """Return forces at an interface's corners, linear in place, with its resultants.
-
-        points: (k, 3) corners. axes: (3, 3) e1, e2 and n. centre: (3,) origin. Empty without an analysis with forces.
-        """
+        """Return linear forces at corners (k, 3) with an interface's resultants; empty without forces."""
         # Normal forces satisfy Σ f = N, Σ f x1 = −M2 and Σ f x2 = M1; shear forces Σ c = V, Σ (x1 c2 − x2 c1) = MT.
         result = self._layout.result
         if result is None or result.forces is None:
@@ -213,10 +203,7 @@ class Dem:
         return -vector[-1]
 
     def _group(self, name: str, entries: list[dict[str, Any]]) -> dict[str, Any]:
-        """Convert load entries to a group of boundary conditions of COMPAS.
-
-        Raises InputError for a pressure, and for gravity that does not act along −z.
-        """
+        """Convert load entries to a group of boundary conditions of COMPAS."""
         gravity = self._gravity()
         points, bodies = [], []
         for number, entry in enumerate(entries):
@@ -258,11 +245,7 @@ class Dem:
         return {"name": "MohrCoulomb", "phi": float(np.degrees(np.arctan(mu))), "mu": mu, "c": c or None, "t_c": None}
 
     def results(self) -> dict[str, Any]:
-        """Return moved blocks, forces by pair of blocks, and load factor as COMPAS results.
-
-        Raises ValueError without an analysis. A pair with several contacts states their resultant, and the first of
-        them.
-        """
+        """Return moved blocks, resultant by pair of blocks, at its first contact, and load factor."""
         result = self._layout.result
         if result is None:
             raise ValueError("the layout has no analysis")

@@ -30,10 +30,7 @@ PROPERTIES: Final = "Jld_Block"
 
 
 def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
-    """Write an IFC 4 file with a building element proxy for each block.
-
-    Raises InputError if ifcopenshell is missing.
-    """
+    """Write an IFC 4 file with a building element proxy for each block."""
     # Each proxy has the properties mass, mould, order, λ and faces.
     ifc = libraries.library("ifcopenshell", path)
     file = _Ifc(ifc, layout)

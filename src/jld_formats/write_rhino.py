@@ -33,10 +33,7 @@ _LENGTH: Final = 0.25  # length of the largest force line of a spatial layout, r
 
 
 def write_rhino(layout: Layout, path: Path, *, cells: bool) -> None:
-    """Write a Rhino file of a layout: planar outlines in x–y, or in space a mesh per solid.
-
-    Raises InputError if rhino3dm is missing.
-    """
+    """Write a Rhino file of a layout: planar outlines in x–y, or in space a mesh per solid."""
     rhino = libraries.library("rhino3dm", path)
     file = _File(rhino, layout)
     if layout.assembly.dimension == 3:

@@ -162,8 +162,7 @@ _ROUTE: Final = Route("files of 3DEC")
 def command_text(layout: Layout, *, cells: bool = False) -> str:
     """Return 3DEC commands that create elements, join those of a block, and set properties.
 
-    Properties are densities, joint friction and gravity. Joint stiffnesses are not part of a scene; the first lines
-    define them for the user to edit. Raises InputError for an element that is not convex.
+    Joint stiffnesses are no part of a scene; the first lines define them for the user to edit.
     """
     assembly = layout.assembly
     elements, strengths = assembly.elements, assembly.strengths(_ROUTE)
@@ -239,7 +238,6 @@ def _convex(surface: unions.Surface) -> bool:
 
 
 def _median(values: np.ndarray) -> float:
-    """Return the median of the finite values, or 0."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else 0.0
 

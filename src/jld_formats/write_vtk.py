@@ -74,10 +74,7 @@ class _Polygons:
 
 
 def write_vtk(layout: Layout, path: Path, *, cells: bool = False) -> None:
-    """Write a layout and its analysis as a VTK grid of polygons, for ParaView.
-
-    Raises InputError if meshio is missing.
-    """
+    """Write a layout and its analysis as a VTK grid of polygons, for ParaView."""
     # A file that ends in .vtk has the older format. Each polygon is part 0 (surface of an element) or part 1
     # (interface). Its further fields are: element, block, shape, support, label, utilisation, force and normal_force.
     # Label is 1 dry, 0 inner, and −1 on surfaces; force is the vector on element b, scene units. The field of the
@@ -199,6 +196,5 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
 
 
 def _material(name: str, colour: tuple[float, float, float]) -> dict[str, Any]:
-    """Return a rough material of a colour."""
     surface = {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.9}
     return {"name": name, "pbrMetallicRoughness": surface}

@@ -59,7 +59,6 @@ Node = Split | Leaf
 
 
 def write(path: Path, claim: BoxClaim, nodes: Iterable[Node]) -> None:
-    """Write a certificate atomically."""
     head = {KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
     lines = [{**head, "scene": claim.scene}, *(_line(node) for node in nodes)]
     certificate.write_lines(path, lines)

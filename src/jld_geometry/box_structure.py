@@ -175,7 +175,6 @@ class BoxStructure:
         return weights, sizes
 
     def _loads(self, entries: list[dict[str, Any]], sizes: dict[int, Fraction], start: dict[int, Vector]) -> Loads:
-        """Return the loads of some entries, added to loads per area."""
         per_area = dict(start)
         points: list[tuple[int, Vector, Vector, Fraction]] = []
         for entry in entries:
@@ -262,5 +261,4 @@ def _centroid(outline: list[Pair]) -> Vector:
 
 
 def _follows(outline: list[Pair], first: Pair, second: Pair) -> bool:
-    """Return whether `second` is the corner after `first` in an outline."""
     return first in outline and outline[(outline.index(first) + 1) % len(outline)] == second

@@ -101,7 +101,6 @@ def move_one(
 
 
 def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
-    """Return a moved layout with refined bounds by fields."""
     assembly = build_assembly(layout.scene)
     low, high = _bounds(assembly, assembly.labels, min(seconds, _REFINED), gap)
     known = layout.fields if layout.moved.any() else layout.fields_start

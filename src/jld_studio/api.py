@@ -36,15 +36,12 @@ CANDIDATES: Final = "candidates.json"
 
 
 class Api:
-    """Handlers of the requests of the studio's page, and their state.
+    """Handlers of the page's requests: from the JSON object of a request to that of the answer.
 
-    A handler takes the JSON object of a request and returns that of the answer. `build_app` converts InputError to an
-    answer with status 400. Requests about a state of the page have "labelling" (letters d and i, one per face) and
-    "changes" (parts of the scene that differ), and "scene", the name of another scene than the first.
+    InputError becomes status 400.
 
-    desk: solver of the scene with which the studio begins. jobs: searches. root: the only folder into which files are
-    written. first: function that returns the initial data of the page. drawing: name, content and options of the
-    drawing with which the page begins.
+    Requests about a state have "labelling", "changes" of the scene, and "scene", the name of another scene than the
+    first. root: the only folder into which files are written.
     """
 
     def __init__(
@@ -61,10 +58,7 @@ class Api:
         self._counting, self._turn = threading.Lock(), threading.Lock()
 
     def data(self, _: dict[str, Any]) -> dict[str, Any]:
-        """Return the data with which the page starts, with the candidates kept earlier.
-
-        Raises InputError if the file of the candidates is damaged.
-        """
+        """Return the data with which the page starts, with the candidates kept earlier."""
         kept = self.root / CANDIDATES
         try:
             candidates = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
@@ -85,10 +79,7 @@ class Api:
         return {"scene": name, "data": {**found, "studio": {**(found["studio"] or {}), **own}}}
 
     def open(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Open a file: a scene, a drawing or a file of solids.
-
-        Raises InputError in one line for a file that cannot be used.
-        """
+        """Open a file: a scene, a drawing or a file of solids."""
         options = options_of(asked.get("options", {}))
         with received(asked.get("name"), asked.get("content")) as path:
             found = read_file(path, options)
@@ -96,10 +87,7 @@ class Api:
         return {**opened, "report": [list(line) for line in found.report], "unit": found.unit}
 
     def read(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return what an import understands of a file (`understood`), or {"scene": True} for a scene file.
-
-        Raises InputError in one line for a file or options that cannot be read.
-        """
+        """Return what an import understands of a file (`understood`), or {"scene": True} for a scene file."""
         options, settings = options_of(asked.get("options", {})), _settings(asked)
         with received(asked.get("name"), asked.get("content")) as path:
             return {"scene": True} if stated_scene(path) else understood(path, options, settings)
@@ -116,19 +104,13 @@ class Api:
         return self._opened(str(asked.get("scene")))
 
     def support(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Make an element a support, or free, in a new scene with labels and changes of the page.
-
-        Raises InputError if the new scene is not possible.
-        """
+        """Make an element a support, or free, in a new scene with labels and changes of the page."""
         document = self._desk(asked).scene_with(asked.get("labelling"), _changes(asked))
         changed = with_support(document, asked.get("element"), asked.get("support"))
         return self._opened(self.scenes.add(parsed(changed)))
 
     def edit(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Check a changed part of the scene before the page takes it.
-
-        Raises InputError whose `where` begins with the key of the scene that is wrong.
-        """
+        """Check a changed part of the scene before the page takes it."""
         return {"value": self._desk(asked).edited(_changes(asked), asked.get("part"))}
 
     def drawing(self, asked: dict[str, Any]) -> dict[str, Any]:
@@ -137,12 +119,7 @@ class Api:
         return {**drawing_data(load_scene(job.scene_file))}
 
     def solve(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Solve a state of the page and return its solution, or that a newer one supersedes it.
-
-        asked: state, "page" (name of the open page) and "revision" (number of the state). The answer has "revision" and
-        the entries of `StudioSession.solve`; If the page has sent a newer revision, it has "revision" and "superseded"
-        only.
-        """
+        """Solve a state of the page and return its solution, or "superseded" if there is a newer "revision"."""
         page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
         desk = self._desk(asked)
         self._note(page, revision)
@@ -176,10 +153,7 @@ class Api:
         return {"jobs": [job.told() for job in self.jobs.listed()]}
 
     def start_job(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Start a search from a state of the page, and return its facts (`Job.told`).
-
-        Raises InputError for anything else, or if too many searches are running.
-        """
+        """Start a search from a state of the page, and return its facts (`Job.told`)."""
         kind, seconds = asked.get("kind"), asked.get("seconds", 3600.0)
         if kind not in ("improve", "prove", "explore"):
             raise InputError("kind", f"there is no {str(kind)[:40]!r}", "improve, prove or explore")
@@ -202,11 +176,7 @@ class Api:
         return self.jobs.resume(str(asked.get("name"))).told()
 
     def results(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the data of the page for the results of the search of a "name".
-
-        Its entry "studio" has "scene" and "changes" of the layouts; of a design its best layout is opened. Raises
-        InputError if there is no such search, or its results are not on disk yet.
-        """
+        """Return the page's data for the results of the search of a "name", with "scene" and "changes" in "studio"."""
         job = self.jobs.find(str(asked.get("name")))
         if job.kind == "design":
             return self._opened(self.scenes.add(load_scene(job.scene_file)))
@@ -221,20 +191,14 @@ class Api:
         return {"scene": self.scenes.add(load_scene(job.scene_file)), "changes": {}}
 
     def report(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the report of the search of a "name": {"name": file name, "text": HTML}.
-
-        Raises InputError if there is no such search, or its results are not on disk yet.
-        """
+        """Return the report of the search of a "name": {"name": file name, "text": HTML}."""
         job = self.jobs.find(str(asked.get("name")))
         if job.kind == "design":
             return {"name": f"{job.name}.html", "text": _whole_page(job.results)}
         return {"name": f"{job.name}.html", "text": page_of_study.study_page(read_folder(job.results))}
 
     def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Write the candidates of the page to `candidates.json`, and their scenes.
-
-        Raises InputError for anything else.
-        """
+        """Write the candidates of the page to `candidates.json`, and their scenes."""
         # The file in `root` is replaced.
         kept = asked.get("candidates")
         if not isinstance(kept, list) or len(kept) > 500:
@@ -251,12 +215,7 @@ class Api:
         return self._desk(asked).scene_with(asked.get("labelling"), _changes(asked))
 
     def export(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return a state of the page as a file of another program.
-
-        asked: state, "format", one of `FORMATS`, and "name" of the file without its ending, else that of the scene. The
-        answer is {"name": file name, "content": base64 of the file}. Raises InputError for an unknown format, a name
-        that is no plain one, or a format that does not fit the layout.
-        """
+        """Return a state as a file of another program: {"name", "content": base64}."""
         kind = asked.get("format")
         if kind not in FORMATS:
             raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
@@ -271,12 +230,7 @@ class Api:
         return {"name": name, "content": content}
 
     def save(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Write the scene of a state of the page into `root`.
-
-        asked: state, "name" (a plain file name) and "overwrite". An existing file is replaced only if "overwrite" is
-        true. The answer is {"path": file, "exists": True if an existing file was left alone}. Raises InputError for
-        another name.
-        """
+        """Write the scene of a state into `root`: {"path", "exists": True if an existing file was left alone}."""
         name = _checked(asked.get("name"))
         name = name if name.endswith(".json") else f"{name}.json"
         if name == CANDIDATES:

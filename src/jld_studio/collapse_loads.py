@@ -16,20 +16,16 @@ METRIC: Final = ("MN", "kN", "N")
 
 
 def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult) -> list[list[str]]:
-    """State λ times every live load of each load case.
+    """State λ times every live load: for each case one text per live entry, as "11.9 kN", "" without λ.
 
-    Result: for each load case, one text per live entry, as "11.9 kN" or, for a pressure in the plane, "3 kN/m (15
-    kN/m²)"; "" without a load factor. A case of a moving load has no entries.
+    None if moving.
     """
     results = result.cases or {"": result}
     return texts_of_loads(scene, assembly, {name: one.load_factor for name, one in results.items()})
 
 
 def texts_of_loads(scene: Scene, assembly: Assembly, factors: Mapping[str, float | None]) -> list[list[str]]:
-    """State a factor times every live load of each load case, by its name; the single case is "".
-
-    The result is as that of `collapse_loads`.
-    """
+    """State a factor times every live load of each case, by its name, as `collapse_loads`."""
     several = scene.loads.has_cases
     entries = {case.name: case.live for case in scene.loads.cases or []} if several else {"": scene.loads.live or []}
     weight = float(np.linalg.norm(assembly.elements.weight[assembly.elements.free], axis=1).sum())
@@ -40,7 +36,7 @@ def texts_of_loads(scene: Scene, assembly: Assembly, factors: Mapping[str, float
 
 
 def texts_of_bounds(scene: Scene, assembly: Assembly, brackets: Sequence[Sequence[float | None]]) -> list[list[str]]:
-    """State bounds on λ times every live load of each load case, "8.2 kN to 10.6 kN"; brackets: one for each case."""
+    """State bounds on λ times every live load of each load case, "8.2 kN to 10.6 kN"."""
     # Where one bound is missing or not above 0, the other one is named alone.
     names = [case.name for case in assembly.cases] or [""]
     low, high = (

@@ -19,10 +19,7 @@ KEYS = ("scene", "labelling")
 
 @one_thread()
 def evaluate(asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Solve a scene as another program states it, and return JSON data.
-
-    Raises InputError for a scene or labelling that cannot be used.
-    """
+    """Solve a scene as another program states it, and return JSON data."""
     start = time.perf_counter()
     unknown = sorted(set(asked) - set(KEYS))
     if unknown:

@@ -29,12 +29,7 @@ KEPT: Final = 8
 
 
 class FieldBracket:
-    """Bounds by fields on λ of one layout under all load cases, refined step by step.
-
-    The constructor raises InputError if fields do not apply, or the coarsest mesh is too large to follow by hand.
-
-    gap: relative width of the bracket at which refinement ends.
-    """
+    """Bounds by fields on λ of one layout under all cases, step by step to `gap`; InputError if not by hand."""
 
     def __init__(self, assembly: Assembly, labels: Bits, gap: float) -> None:
         self._assembly = assembly
@@ -46,11 +41,7 @@ class FieldBracket:
         self._bounds: list[fields_bounds.FieldBounds | None] = [None] * len(self._cases)
 
     def step(self) -> dict[str, Any]:
-        """Solve one more mesh, if there is time, and return the bounds so far.
-
-        Result: bracket (lower bound None until every case has one), cases (bracket of each), status, triangles, seconds
-        of work, and `more`: True if a further step may narrow the bracket.
-        """
+        """Solve one more mesh in time: bracket, cases, status, triangles, seconds, and `more`."""
         # The mesh belongs to a load case without bounds, or else to the one with the least lower bound over its
         # required factor.
         case = self._next()
@@ -100,10 +91,7 @@ class FieldBrackets:
         self._turn = threading.Lock()
 
     def step(self, assembly: Assembly, labels: Bits, gap: float) -> dict[str, Any]:
-        """Solve one more mesh of the bounds by fields of a layout, and return the bounds so far.
-
-        Result: as `FieldBracket.step`, or `refused` with the reason where fields do not apply.
-        """
+        """Solve one more mesh of a layout, as `FieldBracket.step`, or return `refused` with the reason."""
         key = (id(assembly), labels.tobytes())
         with self._turn:
             try:

@@ -1,7 +1,4 @@
-"""Restrict access to the studio to its own page on this machine, by a token.
-
-Every response has a content security policy that lets a page load only what this server provides.
-"""
+"""Restrict access to the studio to its own page on this machine, by a token and a content security policy."""
 
 from __future__ import annotations
 
@@ -29,11 +26,9 @@ HEADERS: Final = {
 
 
 class Guard:
-    """ASGI middleware that admits only requests with the right host, origin and token.
+    """ASGI middleware that admits only requests with the right host, origin and token, of at most `LARGEST` bytes.
 
-    POST requests need JSON, and an `Origin` of these hosts or none. A request may have at most `LARGEST` bytes.
-
-    app: application behind the guard. token: first part of every path. hosts: admissible values of the header `Host`.
+    POST requests need JSON, and an `Origin` of these hosts or none. token: first part of every path.
     """
 
     def __init__(self, app: ASGIApp, token: str, hosts: tuple[str, ...]) -> None:

@@ -101,12 +101,7 @@ class Job:
 
 
 class Jobs:
-    """All searches of one folder, including those of earlier sessions; thread-safe.
-
-    The constructor reads the folder, and raises InputError for a damaged file in it.
-
-    root: folder of the searches. study: folder of a study that was opened, which becomes the search "study".
-    """
+    """All searches of one folder, earlier ones too; thread-safe. study: an opened folder, the search "study"."""
 
     def __init__(self, root: Path, study: Path | None = None) -> None:
         self.root = root
@@ -128,10 +123,7 @@ class Jobs:
     def start(
         self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any], shown: Mapping[str, Any] | None = None
     ) -> Job:
-        """Start a search of a scene in a new folder and process, and return it.
-
-        Raises InputError if too many searches are running, and OSError if the folder cannot be written.
-        """
+        """Start a search of a scene in a new folder and process, and return it."""
 
         def fill(folder: Path) -> None:
             files.write_text(folder / "scene.json", json.dumps(scene, indent=1))
@@ -139,10 +131,7 @@ class Jobs:
         return self._begin(kind, orders, fill, shown or {})
 
     def design(self, file: Path, command: Sequence[str], seconds: float) -> Job:
-        """Start a design of an outline in a new folder and process, and return it; raise errors as `start`.
-
-        file: the outline, which is copied. command: words of `jld design`.
-        """
+        """Start a design of a copied outline in a new folder and process; command: words of `jld design`."""
 
         def fill(folder: Path) -> None:
             (folder / "outline").mkdir()
@@ -171,10 +160,7 @@ class Jobs:
             return job
 
     def resume(self, name: str) -> Job:
-        """Start the process of a stopped search again, and return the search.
-
-        Raises InputError if there is no such search, it is running, or too many are.
-        """
+        """Start the process of a stopped search again, and return the search."""
         with self._turn:
             job = self.find(name)
             if job.state in ("running", "stopping"):
@@ -186,11 +172,7 @@ class Jobs:
             return job
 
     def stop(self, name: str) -> Job:
-        """Ask a search to stop, and return it without waiting for its end.
-
-        Its finished evaluations stay on disk. A search that is not running stays as it is. Raises InputError if there
-        is no such search.
-        """
+        """Ask a search to stop, and return it at once; its finished evaluations stay on disk."""
         with self._turn:
             job = self.find(name)
             if job.process is not None and job.state == "running":
@@ -204,10 +186,7 @@ class Jobs:
             return list(self.all.values())
 
     def find(self, name: str) -> Job:
-        """Return a search by its name.
-
-        Raises InputError if there is none.
-        """
+        """Return a search by its name."""
         with self._turn:
             if name not in self.all:
                 raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
@@ -320,10 +299,7 @@ def _orders_of(study: Path) -> dict[str, Any]:
 
 
 def orders_for(kind: Kind, labelling: str, seconds: float) -> dict[str, Any]:
-    """Return the settings of a search by its purpose, as keywords of `ExploreSettings`.
-
-    "improve" uses hillclimb from a labelling (letters d and i), "prove" the exact driver, "explore" the default driver.
-    """
+    """Return keywords of `ExploreSettings`: "improve" by hillclimb from a labelling, "prove" exactly, "explore"."""
     if kind == "improve":
         return {"driver": "hillclimb", "seconds": seconds, "options": {"start": labelling}}
     if kind == "prove":

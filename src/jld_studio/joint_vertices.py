@@ -26,13 +26,10 @@ STEPS: Final = 6
 
 
 class JointVertices:
-    """Vertices of the faces of one planar scene that the page of the studio may move.
+    """Vertices, as in `vertex_mesh`, of one planar scene's faces that the page may move.
 
-    Vertices are numbered as in `vertex_mesh`. Those that are ends of a face and belong to no support may move: inside
-    the structure freely, on a straight outline or a circle that the key "move" names along it.
-
-    scene: planar scene of the studio. Raises InputError: no vertex can move, or the key "move" does not fit the
-    structure.
+    Ends of a face that belong to no support move inside freely, and along an outline or circle that the key "move"
+    names.
     """
 
     def __init__(self, scene: Scene, assembly: Assembly) -> None:
@@ -46,12 +43,7 @@ class JointVertices:
         self._movable = set(self._variables.vertex.tolist())
 
     def facts(self) -> dict[str, Any]:
-        """Return the data by which a page drags vertices, as JSON.
-
-        Result: `places` of all vertices, lengths; `loops`, the vertices around each element; `ends`, two vertices of
-        each face; `paths`, by vertex, how it moves: {} freely, {"direction": vector} or {"circle": centre}; `ties`, by
-        vertex, the others that move with it, as pairs of a vertex and a factor on the displacement in x.
-        """
+        """Return the data by which a page drags vertices: `places`, `loops`, `ends`, `paths` and `ties`."""
         found, paths = self._variables, dict[str, Any]()
         for vertex in sorted(self._movable):
             own = np.flatnonzero(found.vertex == vertex)
@@ -68,10 +60,7 @@ class JointVertices:
         }
 
     def _tied(self) -> dict[int, list[tuple[int, int]]]:
-        """Return the vertices that move with each vertex by the key "ties".
-
-        Each comes with its factor on the displacement in x: 1, or −1 for mirrored vertices.
-        """
+        """Return the vertices that move with each by the key "ties", with 1, or −1 for mirrored ones."""
         # Vertices without ties have no entry.
         ties = "none" if self._move is None else self._move.ties
         found: dict[int, list[tuple[int, int]]] = {}
@@ -85,10 +74,7 @@ class JointVertices:
         return found
 
     def placed(self, vertices: object) -> Floats:
-        """Return the places (v, 2) of all vertices, with those of a request.
-
-        Raises InputError for anything else, or a vertex that may not move.
-        """
+        """Return the places (v, 2) of all vertices, with those of a request; InputError if one may not move."""
         if not isinstance(vertices, dict):
             raise InputError("vertices", "they are no JSON object", "an object from vertex to [x, y]")
         found = self.mesh.places.copy()
@@ -102,10 +88,7 @@ class JointVertices:
         return found
 
     def scene(self, base: Scene, labels: Bits, places: Floats) -> Scene:
-        """Return a scene with its vertices at the places (v, 2).
-
-        Raises InputError where the places make no valid scene.
-        """
+        """Return a scene with its vertices at the places (v, 2)."""
         return self.mover(base, labels).at(places)
 
     def mover(self, base: Scene, labels: Bits) -> MovedScene:
@@ -116,13 +99,7 @@ class JointVertices:
         return MovedScene(base, self._assembly, labels, self.mesh)
 
     def improved(self, scene: Scene, assembly: Assembly, labels: Bits, places: Floats) -> dict[str, Any]:
-        """Move joints by some steps of `jld move` from the state that a page shows.
-
-        labels: (m,) labels shown, True = dry. places: (v, 2) places of the vertices that the page shows. Result:
-        `vertices`, from vertex to place [x, y], of those that are not where the studio's scene has them; `start` and
-        `value`, λ before and after (None: it does not stand, or is locked); `steps`; `end`, as `MovedJoints.end`.
-        Raises InputError: nothing can move, or nothing that was tried stands.
-        """
+        """Move joints by some steps of `jld move` from places (v, 2): `vertices`, `start`, `value`, `steps`, `end`."""
         # Vertices of inner faces follow where the scene has no key "move". λ is maximised, even if the key states
         # another objective.
         move = (scene.move or scene_move.Move(inner="follow")).model_copy(update={"maximise": "load_factor"})

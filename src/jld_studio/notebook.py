@@ -1,8 +1,6 @@
 """Show scenes, results and finished searches in notebooks as the interactive page.
 
-The output has two parts. The first is HTML: facts, picture and table, and the page itself in a frame if it is small
-enough. This part needs no kernel. The second is an invisible widget that connects the frame with the kernel; it needs
-the library anywidget.
+The HTML of the output needs no kernel; an invisible widget, by anywidget, connects its frame with the kernel.
 """
 
 from __future__ import annotations
@@ -44,11 +42,7 @@ _FIELDS: Final = "The sliders do not apply: the blocks of this search crack by c
 
 
 class NotebookPage:
-    """Interactive page of a scene, a result or a search, displayed by a notebook.
-
-    title: name of the object. plain: HTML of its facts, picture and tables. pages: data of the page, the largest first.
-    solver: solver of the layouts of the page. height: height of the frame, pixels.
-    """
+    """Interactive page of a scene, a result or a search; pages: data, the largest first; height: pixels."""
 
     def __init__(
         self, title: str, plain: str, pages: Iterator[page_contract.PageData], solver: LayoutSolver, height: int
@@ -112,10 +106,7 @@ class NotebookPage:
         return bridge
 
     def answer(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Answer a message of the page.
-
-        Result: answer of the same kind, of "solve" the kind "answer": the page, a solution, or "error", one line.
-        """
+        """Answer a message of the page by one of its kind: page, solution, or "error", one line."""
         kind = asked.get("kind")
         if kind == "page":
             return {"kind": "page", "html": page_data.page(self._data), "height": self._height}
@@ -129,11 +120,7 @@ class NotebookPage:
 
 
 def make_page(thing: object, height: int | None = None) -> NotebookPage:
-    """Make the page of a scene, an assembly, a result or a finished search for a notebook.
-
-    Result: page, shown by Jupyter as the last line of a cell or by `display`. Raises ParameterError if the height is no
-    number of pixels. Raises InputError if the scene is invalid.
-    """
+    """Make the page of a scene, an assembly, a result or a finished search, shown as the last line of a cell."""
     if height is not None and (not isinstance(height, int) or not 100 <= height <= 10_000):
         raise ParameterError("height", f"it is {height!r}", "pixels, a whole number from 100 to 10000")
     if isinstance(thing, Exploration):

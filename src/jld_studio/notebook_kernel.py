@@ -51,10 +51,7 @@ class SceneStructure:
 
 
 class AssemblyStructure:
-    """Assembly without its scene; a changed value scales the strengths of all faces.
-
-    The value of a slider is the median over the faces. Faces with values of their own keep their ratio to it.
-    """
+    """Assembly without its scene; a slider's value is the median over faces, which keep their ratio to it."""
 
     def __init__(self, assembly: Assembly) -> None:
         self._assembly = assembly
@@ -108,11 +105,7 @@ class LayoutSolver:
         self._kept: OrderedDict[str, CaseAnalysis] = OrderedDict()
 
     def solve(self, letters: object, materials: object) -> page_contract.Solution:
-        """Solve a layout under materials, and return what a page draws of it.
-
-        letters: d, i and v, one for each face. materials: in the form of a scene file. Raises InputError if either is
-        invalid.
-        """
+        """Solve a layout (letters d, i and v) under materials of a scene file; return what a page draws."""
         if not isinstance(materials, dict):
             raise InputError("materials", "they are no JSON object", "materials as in a scene file")
         name = json.dumps(materials, sort_keys=True)

@@ -39,10 +39,7 @@ class OpenedFile:
 
 @contextmanager
 def received(name: object, content: object) -> Iterator[Path]:
-    """Write a file that the page sends, bytes in base64, into a folder for as long as it is read.
-
-    Raises InputError for anything that is no such file. Errors raised inside do not name the folder.
-    """
+    """Write a file that the page sends in base64 into a folder, not named by errors, while it is read."""
     if not isinstance(name, str) or not name or len(name) > 200 or not name.isprintable() or set(name) & set("/\\"):
         raise InputError("name", f"it is {str(name)[:60]!r}", "the plain name of a file")
     if not isinstance(content, str):
@@ -103,10 +100,7 @@ def stated_scene(path: Path) -> Scene | None:
 
 
 def scene_of(found: Imported, path: Path) -> Scene:
-    """Return the scene of an import if it can be built.
-
-    Raises InputError with the name of the file otherwise.
-    """
+    """Return the scene of an import if it can be built."""
     try:
         scene = parse_scene(found.document, "")
         build_assembly(scene)

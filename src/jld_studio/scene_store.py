@@ -22,11 +22,7 @@ _NAME: Final = re.compile(r"[0-9a-f]{16}")  # pattern of the name of a scene
 
 
 class SceneStore:
-    """Scenes of the pages by name, a digest of their content; thread-safe.
-
-    first: solver of the scene with which the studio began. root: folder of the studio; scenes of kept candidates are
-    written into a folder in it. first_name: name of the first scene.
-    """
+    """Scenes of the pages by name, a digest of their content; thread-safe. root: kept candidates go there."""
 
     def __init__(self, first: StudioSession, root: Path) -> None:
         self._first, self._folder = first, root / FOLDER
@@ -46,10 +42,7 @@ class SceneStore:
         return name
 
     def find(self, name: object) -> StudioSession:
-        """Return the solver of a scene by name, None for the first.
-
-        Raises InputError for an unknown name.
-        """
+        """Return the solver of a scene by name, None for the first."""
         if name is None or name == self.first_name:
             return self._first
         with self._turn:

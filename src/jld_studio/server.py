@@ -117,12 +117,7 @@ def _interrupting(number: int) -> Iterator[None]:
 def opened(
     source: Path | None, options: ImportOptions | None = None, announce: Callable[[str], None] = print
 ) -> tuple[Scene, Path, Path | None]:
-    """Return the scene that the studio opens, the folder for files, and the study's folder.
-
-    The last is None if no study is opened. Without a source the scene is a sample wall. What an import reports goes to
-    `announce`. A drawing that is no scene yet is asked about on the page, before the sample wall. Raises InputError for
-    an invalid source, or a scene whose blocks crack by cells.
-    """
+    """Return the scene to open, by default a sample wall, the folder for files, and the study's folder or None."""
     plain = options is None or options == ImportOptions()
     if source is not None and not source.is_dir() and (not plain or is_drawing(source)):
         try:

@@ -49,11 +49,7 @@ class ScenarioCache:
 
 
 class StudioSession:
-    """Solver of labellings of one scene, whose materials, loads, limits and joints may change.
-
-    scene: scene of the studio; its elements and interfaces are fixed. joints: vertices that may move; None in space, or
-    where none may.
-    """
+    """Solver of labellings of one scene, whose materials, loads, limits and joints may change, not its elements."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -69,10 +65,7 @@ class StudioSession:
         self._mover: tuple[str, MovedScene] | None = None
 
     def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
-        """Return the scene with changed materials, loads and vertices, ready to be solved.
-
-        Raises InputError for another key, or an invalid scene.
-        """
+        """Return the scene with changed materials, loads and vertices, ready to be solved."""
         for key in changes:
             if key not in CHANGEABLE:
                 raise InputError(key, "the studio does not change it", " or ".join(CHANGEABLE))
@@ -106,8 +99,7 @@ class StudioSession:
     def edited(self, changes: Mapping[str, Any], part: object) -> dict[str, Any]:
         """Return the new value of a changed part as in a scene file, with numbers for texts.
 
-        Raises InputError, with the key in front, if the scene with all changes is invalid; limits must also leave
-        something to search.
+        InputError names its key.
         """
         if part not in CHANGEABLE[:3]:
             raise InputError("part", f"there is no {str(part)[:40]!r}", ", ".join(CHANGEABLE[:3]))
@@ -139,10 +131,7 @@ class StudioSession:
         return self._spaces[key]
 
     def labels(self, letters: object) -> Bits:
-        """Convert letters d and i, one per face, to labels (m,), True = dry.
-
-        Raises InputError for anything else.
-        """
+        """Convert letters d and i, one per face, to labels (m,), True = dry."""
         assembly = self.setup({}).assembly
         count = assembly.faces
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
@@ -151,12 +140,10 @@ class StudioSession:
 
     @one_thread()
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Solve a labelling under changed materials and loads, and return JSON data for the page.
+        """Solve a labelling (letters d and i) under changes, and return JSON data for the page.
 
-        letters: d and i, one per face. changes: as in `setup`. The entries are "solution", "cases" (their names),
-        "loads", "collapse" (texts of `collapse_loads`), "bodies" (weights and centroids of all elements), "against"
-        (reasons why a search would not admit the labelling) and "candidates" (faces whose label it chooses), both None
-        without a search space, "unsearched" (why there is none) and "seconds". Raises InputError for invalid arguments.
+        "against", reasons why a search would not admit it, and "candidates", faces that it chooses, are None without a
+        space, "unsearched" says why.
         """
         start = time.perf_counter()
         setup = self.setup(changes)
@@ -178,10 +165,7 @@ class StudioSession:
         }
 
     def improve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Move joints by some steps of `jld move` from a state of the page.
-
-        Raises InputError if nothing can move, or nothing stands.
-        """
+        """Move joints by some steps of `jld move` from a state of the page."""
         setup, joints = self.setup(changes), self._movable()
         places = joints.placed(changes.get("vertices") or {})
         return joints.improved(setup.scene, setup.assembly, self.labels(letters), places)
@@ -198,10 +182,7 @@ class StudioSession:
         return found
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the scene file of a state of the page as a document.
-
-        Raises InputError if a scene file cannot hold them, for instance if two faces of a pair differ.
-        """
+        """Return the scene file of a state of the page as a document."""
         setup, labels = self.setup(changes), self.labels(letters)
         if changes.get("vertices"):
             joints = self._movable()
@@ -229,10 +210,7 @@ class StudioSession:
 
 
 def parsed(document: dict[str, Any]) -> Scene:
-    """Return the scene of a document.
-
-    Raises InputError, with the wrong key first, if it is invalid.
-    """
+    """Return the scene of a document."""
     try:
         return parse_scene(document, _SCENE)
     except InputError as error:

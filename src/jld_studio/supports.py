@@ -13,12 +13,7 @@ _LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"  # letters from which a cell that
 
 
 def with_support(document: Mapping[str, Any], element: object, support: object) -> dict[str, Any]:
-    """Return a scene document in which an element is a support, or is none.
-
-    support: True for a support. A cell of a grid that becomes free is a block of its own. Result: new document; pairs
-    of its labels that are two supports are left out. Raises InputError: there is no such element, or `support` is not
-    true or false.
-    """
+    """Return a document in which an element is a support, or none; labels of pairs of supports are left out."""
     if not isinstance(support, bool):
         raise InputError("support", f"it is {str(support)[:40]!r}", "true or false")
     if "grid" in document:
@@ -45,10 +40,7 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
 
 
 def _rows(rows: list[str], element: object, support: bool) -> list[str]:
-    """Return the rows of a grid with a cell as support or free.
-
-    Raises InputError if there is no such cell.
-    """
+    """Return the rows of a grid with a cell as support or free."""
     place = _CELL.fullmatch(element) if isinstance(element, str) else None
     column, row = (int(place[1]), int(place[2])) if place else (-1, -1)
     if not (0 <= row < len(rows) and 0 <= column < len(rows[row]) and rows[row][column] != "."):
@@ -66,5 +58,4 @@ def _rows(rows: list[str], element: object, support: bool) -> list[str]:
 
 
 def _unknown(element: object) -> InputError:
-    """Return the error for an element that the scene does not have."""
     return InputError("element", f"there is none named {str(element)[:60]!r}", "the id of an element of the scene")

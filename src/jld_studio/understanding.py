@@ -37,12 +37,9 @@ _BOX: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6,
 
 
 def understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what an import understands of a drawing or a file of solids, as JSON data for the page.
+    """Return what an import understands of a file: "report", "layers", "shapes", "elements", "commands".
 
-    settings: of a design, by the names of `DESIGNED`. Entries: "report", each kind, sentence and the option that it
-    advises, or None; "layers" and "shapes" with their roles; "elements"; "refused", why it opens as no scene and the
-    option that is advised, and "undesigned", why no design can start; "commands", those of the command line. Raises
-    InputError for a file or options that cannot be read, or not in time.
+    "refused", "undesigned": why it opens as no scene, why no design can start.
     """
     libraries.reader_of(path)  # there is such a file
     seconds = _SECONDS[0] + _SECONDS[1] * path.stat().st_size / 2**20
@@ -54,7 +51,6 @@ def understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) 
 
 
 def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what an import understands of a file, as `understood`."""
     notes, read = Notes(), libraries.reader_of(path).read
     assert read is not None
     with libraries.reading(path), libraries.without_collection():
@@ -263,6 +259,5 @@ def _spatial(drawn: Solids, options: ImportOptions, found: Imported | None) -> d
 
 
 def _solid(name: str, layer: str | None, role: str, corners: Any, faces: Any, *, outward: bool) -> dict[str, Any]:
-    """Return the shape of a solid; outward: its faces are turned outward."""
     loops = [list(map(int, loop)) for loop in faces]
     return {"name": name, "layer": layer, "role": role, "corners": corners.tolist(), "faces": loops, "outward": outward}

@@ -217,7 +217,6 @@ def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
 
 
 def _laid_out(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> FactorPattern:
-    """Build the factor pattern of an elimination order."""
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
     place = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
     entered = np.zeros(len(place), dtype=np.uint8)

@@ -169,10 +169,7 @@ def _glued_supports(scene: Scene, assembly: Assembly) -> tuple[str, ...]:
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
-    """Return the entry of "materials.faces" of each interface, or None.
-
-    Raise InputError for unknown or repeated pairs.
-    """
+    """Return the entry of "materials.faces" of each interface, or None."""
     found: list[FaceMaterial | None] = [None] * len(interfaces)
     for position, entry in enumerate(scene.materials.faces):
         where = f"materials.faces[{position}].between"

@@ -55,8 +55,7 @@ def collect_elements(
 ) -> Elements:
     """Build the elements of a scene without weights.
 
-    Entries may replace computed centroids (n, d) and volumes (n,). Raises InputError where all or none of them are
-    supports.
+    Entries may replace computed centroids (n, d) and volumes (n,).
     """
     volume = np.array([e.volume if e.volume is not None else v for e, v in zip(entries, volume, strict=True)])
     centroid = np.array([e.centroid if e.centroid is not None else c for e, c in zip(entries, centroid, strict=True)])
@@ -332,7 +331,6 @@ def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarC
 
 
 def spatial_geometry(scene: Scene) -> Geometry:
-    """Compute the elements and interfaces of a spatial scene."""
     # Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts
     # found. Interfaces between two supports are dropped.
     entries = list(scene.elements or [])

@@ -82,10 +82,7 @@ class Backing:
         return found
 
     def spread(self, load: FillLoad, where: str) -> list[Traction | PointEntry]:
-        """Return a load on the surface as tractions on covered edges, or a force at a point for no width.
-
-        Raises InputError where no element lies below the middle of the load.
-        """
+        """Return a load on the surface as tractions on covered edges, or a force at a point for no width."""
         # The load is uniform over a width that grows with the depth of the structure below the middle of the load. What
         # falls beside free elements is left out: supports and ground carry it.
         at, edges = load.on_fill.at, [edge for edge in self.edges if edge.place[1] > edge.place[0]]
@@ -186,7 +183,6 @@ class Backing:
 
     @property
     def _free(self) -> list[CoveredEdge]:
-        """Return the covered edges of free elements."""
         return [edge for edge in self.edges if not self.elements.support[edge.element]]
 
     @property

@@ -44,7 +44,6 @@ def couple_of(entry: PointLoad, elements: Elements, where: str) -> tuple[int, Fl
 
 
 def force_of(entry: PointLoad, index: int, elements: Elements, where: str) -> PointEntry:
-    """Return the force of a point load on an element, checked."""
     d = elements.centroid.shape[1]
     force = _vector(entry.force or [], d, f"{where}.force")
     at = elements.centroid[index] if entry.at is None else _vector(entry.at, d, f"{where}.at")
@@ -65,7 +64,6 @@ def cases_of_pushes(pushes: Pushes, downwards: Floats, where: str) -> list[Case]
     """Return one load case for each direction of a push, named by its angle in degrees.
 
     Angles are planar 0 or 180, spatial from the first horizontal axis; downwards: (d,) unit direction of weights.
-    Raises InputError for wrong directions.
     """
     d = len(downwards)
     first = _first_axis(downwards)
@@ -146,10 +144,7 @@ class Settlement:
 
 
 def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
-    """Return the settlements of a scene.
-
-    Raises InputError for elements that are no supports of free ones, wrong vectors, or no movement.
-    """
+    """Return the settlements of a scene."""
     return tuple(
         Settlement(one.name, _velocity(scene, assembly, place), one.load) for place, one in enumerate(scene.settlements)
     )
@@ -199,8 +194,7 @@ class Boundary:
     def loads(self, entries: Sequence[LoadEntry], key: str) -> Loads:
         """Return load entries as loads on elements.
 
-        Pressures become tractions on free edges or faces. Raises InputError for wrong elements or vectors, and for
-        pressures off the free boundary or the fill.
+        Pressures become tractions on free edges or faces.
         """
         d = self.elements.centroid.shape[1]
         body = np.zeros((len(self.elements), d))

@@ -80,10 +80,7 @@ def _of_face(face: FaceMaterial) -> dict[str, float | None]:
 def criteria(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None]
 ) -> tuple[StatedCriterion, ...]:
-    """Return the criteria of plug-ins that a scene states, each with its interfaces (m,).
-
-    Raises InputError for unknown ones, and for standard strengths beside one.
-    """
+    """Return the criteria of plug-ins that a scene states, each with its interfaces (m,)."""
     found: dict[tuple[str, str, tuple[tuple[str, float], ...]], list[int]] = {}
     for label in ("dry", "inner"):
         usual, keys = getattr(materials, label), _OF_CONTACTS[label]
@@ -120,10 +117,7 @@ _OF_CONTACTS = {
 def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
-    """Return the strengths of m interfaces under both labels.
-
-    Raise InputError for a tension beyond the apex of friction.
-    """
+    """Return the strengths of m interfaces under both labels."""
     usual = {one.field: _stated(getattr(materials, one.label), one) for one in PARAMETERS}
     rows = []
     for contact, face in zip(contacts, faces or [None] * len(contacts), strict=True):
@@ -157,8 +151,7 @@ _KEY = "materials.dry.tensile_strength"
 def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMaterial | None]) -> Assembly:
     """Return an assembly whose dry joints have a tensile strength.
 
-    Strengths, dead loads and σt A in `members.bond`. Raises InputError beyond the apex c/μ, or the tensile strength of
-    the face as an inner one.
+    Strengths, dead loads and σt A in `members.bond`.
     """
     # With N' = N + σt A, the yield sets of both labels are sets without this strength: a dry face has c − μ σt, an
     # inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides of the face

@@ -24,8 +24,7 @@ from jld_core.strengths import Side, Strengths
 def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | None = None) -> Assembly:
     """Return an assembly with members.
 
-    An interface for each whose force may vary, and prestress among dead loads. Raises InputError for wrong elements or
-    points.
+    An interface for each whose force may vary, and prestress among dead loads.
     """
     if not entries and not more:
         return assembly
@@ -113,7 +112,7 @@ def _require_two(assembly: Assembly, elements: Ints, where: str) -> None:
 def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, where: str) -> Floats:
     """Return the unit vector (d,) along the first segment.
 
-    For a pin of coinciding ends the normal of the nearest face. Raises InputError where that is undefined.
+    For a pin of coinciding ends the normal of the nearest face.
     """
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)
@@ -143,7 +142,6 @@ def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, whe
 
 
 def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
-    """Return the interfaces of the members at the positions `rows`."""
     # Both sides are the same element, so that an interface never joins or separates blocks. Area and sizes are 1, which
     # makes a stress of the same number a force.
     d, support = assembly.dimension, assembly.elements.support

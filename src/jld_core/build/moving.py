@@ -33,7 +33,7 @@ def cases_of(
     """Return one load case for each position of a vehicle, named by the place of its first axle along the path.
 
     Axles on joints give a case for each side; positions with no axle on a free element are left out. downwards: (2,)
-    unit direction of weights. Raises InputError for a spatial scene, coinciding points, or an axle off all elements.
+    unit direction of weights.
     """
     if elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in moving.path):
         raise InputError(where, "it is for planar scenes", '"cases" with the positions of the loads')

@@ -15,10 +15,7 @@ from jld_core.scene.loads import FaceLoad
 
 
 def patch_tractions(elements: Elements, interfaces: Interfaces, entry: FaceLoad, where: str) -> list[Traction]:
-    """Return a uniform load on a plane patch as tractions on the element faces below it, without those of supports.
-
-    Raises InputError where part of the patch is no free surface.
-    """
+    """Return a uniform load on a plane patch as tractions on the element faces below it, without those of supports."""
     key = f"{where}.face.patch"
     corners = _corners(elements, entry, key)
     normal = area_vector(corners)

@@ -193,7 +193,6 @@ def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
 
 
 def _named(scene: Scene) -> str:
-    """Return the names of the units of a scene."""
     return f"{scene.units.length} and {scene.units.force}"
 
 

@@ -247,7 +247,6 @@ def _widest(gaps: list[Gap], scale: float, drawn_in: str) -> str:
 
 
 def _closing(gaps: list[Gap], scale: float) -> str:
-    """Return the option that closes all of some gaps."""
     return f"--tolerance {round_up(max(gap.width for gap in gaps) / scale)}"
 
 

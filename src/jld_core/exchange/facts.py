@@ -113,7 +113,6 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
     index, blocks = layout.assembly.elements.index, layout.blocks
 
     def of_block(name: str) -> str:
-        """Return the name of the block of an element."""
         block = blocks[int(layout.block_of[index[name]])]
         if block.support:
             problem = "it carries a load and is joined to a support, and a file of blocks has no load on supports"
@@ -158,7 +157,6 @@ def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
 
 
 def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
-    """Return all interfaces of a layout as entries of "interfaces" in a scene."""
     # Each entry states its two elements, polygon and label. It also holds the strengths and friction that the scene
     # states for this interface alone.
     layout = layout.drawn_from or layout

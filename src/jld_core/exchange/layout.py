@@ -123,10 +123,7 @@ class Layout:
 
     @cached_property
     def surfaces(self) -> tuple[tuple[Surface, ...], ...]:
-        """Closed surfaces of each block, in the order of `blocks`.
-
-        Planar blocks are extruded along y from 0 to the thickness; the second coordinate of the plane becomes z.
-        """
+        """Closed surfaces of each block; planar ones are extruded along y from 0 to the thickness, y becomes z."""
         elements = self.assembly.elements
         if self.assembly.dimension == 2:
             depth = self.thickness
@@ -209,10 +206,9 @@ class Layout:
         return numbers
 
     def table(self) -> list[dict[str, Any]]:
-        """Return the rows of `blocks.csv`: one dict by column per block with a free element.
+        """Return the rows of `blocks.csv`.
 
-        Columns are name, elements, mass, centroid, extents, shape, volume, and sizes of dry and inner faces. Numbers
-        are in scene units, rounded to twelve digits.
+        One dict by column per block with a free element, scene units, twelve digits.
         """
         ids, axes = self.assembly.elements.ids, "xyz"[: self.assembly.dimension]
         measure = "length" if self.assembly.dimension == 2 else "area"

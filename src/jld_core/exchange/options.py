@@ -174,11 +174,7 @@ class ImportOptions:
         return any(fnmatchcase(name.casefold(), pattern) for pattern in patterns)
 
     def role(self, layer: str) -> str | None:
-        """Return the role that a layer has in an import, or None for an ordinary layer.
-
-        Roles are "support", "dry", "inner", "load", "dead", "id", "hole" and "skip", among them frames, axes and texts.
-        The options count first, then the words of the name, for roles without an option.
-        """
+        """Return the role of a layer, by options, then by words of its name; None for an ordinary layer."""
         if layer not in self._roles:
             self._roles[layer] = self._role(layer)
         return self._roles[layer]
@@ -367,11 +363,7 @@ class Imported:
         }
 
     def in_unit_of_file(self, error: InputError, option: str) -> InputError:
-        """Convert an error about a scene's tolerance to one about the option of the import.
-
-        The tolerance is in the unit of the file. error: raised when the document was parsed or built. option: name of
-        the option for the user.
-        """
+        """Convert an error about a scene's tolerance to one about the option, in the unit of the file."""
 
         def stated(match: re.Match[str]) -> str:
             value = float(match[2]) / self.scale

@@ -346,7 +346,6 @@ class _Reader:
         return _rings(pieces)
 
     def _point(self, entity: Any, layer: str) -> bool:
-        """Read a point as a mark."""
         at = entity.dxf.location
         self.marks.append(Mark((at.x, at.y), layer))
         return True

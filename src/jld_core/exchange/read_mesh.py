@@ -218,7 +218,6 @@ def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, Surfa
 
 
 def _title(name: str, support: bool) -> str:
-    """Return a name as one word; names of supports contain "support"."""
     word = re.sub(r"\s+", "_", name)
     return word if not support or "support" in word.casefold() else f"{word}_support"
 

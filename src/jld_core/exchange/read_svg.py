@@ -183,7 +183,6 @@ def _page(root: ElementTree.Element) -> tuple[float, str, float] | None:
 
 
 def _in_stated_unit(drawing: Drawing, stated: tuple[float, str, float] | None) -> Drawing:
-    """Convert a drawing to the unit that its page states."""
     if stated is None:
         return drawing
     scale, unit, _ = stated

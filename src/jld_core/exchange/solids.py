@@ -621,7 +621,6 @@ def _connected(faces: Faces) -> list[Ints]:
 
 
 def _uses(faces: Faces, part: Ints) -> Counter[tuple[int, int]]:
-    """Count the uses of each edge of some faces."""
     return Counter(edge for k in part.tolist() for edge in _edges(faces[k]))
 
 

@@ -127,7 +127,6 @@ def _dimensions(layout: Layout, space: Any, height: float) -> None:
 
 
 def _escaped(text: str) -> str:
-    """Return a text escaped for XML."""
     return escape(printable(text), quote=True)
 
 

@@ -383,7 +383,6 @@ class FieldRefinement:
         self._spent += time.perf_counter() - start
 
     def _first(self, parts: int) -> Mesh:
-        """Return the first mesh."""
         if self._dimension == 2:
             return subdivide(self._setting.coarse, parts)
         from jld_core.fields.rigid_joints import fitted_joints  # planar scenes do not load it

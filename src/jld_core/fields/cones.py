@@ -400,23 +400,17 @@ class ConeProgram:
         self._batch: ConeBatch | None = None
 
     def solve(self, off: Bools | None = None, objective: Floats | None = None) -> Answer:
-        """Solve the program, with some rows switched off or with another objective.
+        """Solve with rows `off` (rows,), cones whole, or another q; give each argument at every call, or at none.
 
-        off: (rows,) True for rows switched off; a second-order cone only with all of its rows. objective: (columns,)
-        another q. None keeps the rows or q of the call before: give each argument at every call, or at none.
-
-        Linear systems are refined iteratively only in a second attempt, where the first did not converge: refinement
-        costs a third of the time. A failure shows in `Answer.usable` alone; no exception is raised.
+        A failure shows in `Answer.usable` alone.
         """
+        # Refined iteratively only in a second attempt, where the first did not converge: it costs a third of the time.
         if self._many and off is not None:
             return self.solve_all(off[None], None if objective is None else objective[None])[0]
         return self._by_clarabel(off, objective)
 
     def solve_all(self, off: Bools, objective: Floats | None = None) -> list[Answer]:
-        """Solve k programs; see `solve`. The answer to each does not depend on the others.
-
-        off: (k, rows) True for rows switched off. objective: (k, columns) costs, None for those of the constructor.
-        """
+        """Solve k programs, `off` (k, rows), costs (k, columns), each independent of the others."""
         costs = None if objective is None else list(objective)
         if not (self._many and is_installed()):
             return [self._by_clarabel(rows, None if costs is None else costs[k]) for k, rows in enumerate(off)]

@@ -103,7 +103,6 @@ class Problem:
         return replace(self, dead=np.zeros_like(self.dead), dead_pull=np.zeros_like(self.dead_pull))
 
     def under_dead_load(self) -> Problem:
-        """Return the problem whose live load is the dead one."""
         return replace(self, live=self.dead, pull=self.dead_pull).without_dead_load()
 
     @property

@@ -91,7 +91,6 @@ class _Filler:
         return found
 
     def _refusal(self, facet: Facet) -> InputError:
-        """Return the error for a facet that cannot be filled."""
         return InputError(
             f"element {self.ids[facet.cell]!r}", "its faces cannot be filled with triangles", "plainer contacts"
         )
@@ -451,7 +450,6 @@ def _overlaid(pieces: list[_Piece], reach: float) -> list[_Piece]:
 
 
 def _parts(region: shapely.Geometry, reach: float) -> list[shapely.Polygon]:
-    """Return the polygons of a geometry that are wider than about `reach`."""
     parts = shapely.get_parts(region)
     return [part for part in parts if part.geom_type == "Polygon" and part.area > reach * part.length]
 
@@ -466,5 +464,4 @@ def _no_room(assembly: Assembly, facet: Facet, place: Floats) -> InputError:
 
 
 def _place_text(place: Floats) -> str:
-    """Return a place as text, for messages."""
     return "(" + ", ".join(f"{value:g}" for value in place) + ")"

@@ -93,7 +93,7 @@ class VelocityProgram:
 
     def solve(self, dry: Bools | None = None, undecided: Bools | None = None) -> Answer:
         """Solve the program for dry and undecided sides (f,); the answer is not certified."""
-        # Undecided sides cost what inner ones do and crushing; their shear strength costs nothing, as cracks rarely dissipate
+        # Undecided sides cost what inner ones do and crushing. Their shear strength is free, as cracks rarely dissipate
         # less.
         if dry is None:
             return solve_cones(self._fixed, *self._whole)

@@ -60,10 +60,7 @@ class WeakEquilibrium:
         return upper.live, upper.dead
 
     def _pairs(self) -> list[tuple[Ints, int, Ints, Ints]]:
-        """Return edges, ends and columns of N and S for each kind of edge end.
-
-        The columns of N are two at panels, where N is their sum.
-        """
+        """Return edges, ends and columns of N and S for each kind of edge end; two of N, to be added, at panels."""
         count, found = len(self.problem.mesh), []
         for end in (0, 1):
             panel = 3 * (count + end * len(self._material) + np.arange(len(self._material)))
@@ -134,10 +131,7 @@ class WeakEquilibrium:
         return linear
 
     def solve(self) -> tuple[Floats, float] | None:
-        """Return the stresses (width,) of largest λ, and λ, scaled; None without an answer.
-
-        λ is inf, and the stresses mean nothing, where no live load is too large.
-        """
+        """Return the stresses (width,) of largest λ, and λ, scaled, inf where unlimited; None without an answer."""
         rows = self.rows()
         objective = np.zeros(self.width)
         objective[-1] = -1.0
@@ -156,11 +150,8 @@ class WeakEquilibrium:
         return found is None or found[1] >= 1.0
 
     def rates(self, point: Floats) -> sp.csr_array:
-        """Return the derivatives (6t, 2p) of A x − b of `rows` by the positions of p nodes.
-
-        point: (width,) stresses and λ, held constant like loads per volume and nodal forces of tractions. Column 2·node
-        + axis belongs to one coordinate of a node, scaled length.
-        """
+        """Return the derivatives (6t, 2p) of A x − b by the positions of p nodes, at a point (width,)."""
+        # Stresses and λ, loads per volume and nodal forces of tractions are held constant; column 2·node + axis.
         p, mesh = self.problem, self.problem.mesh
         count, found = len(mesh), _Entries()
         m, d, s = point[: 3 * count].reshape(-1, 3).T
@@ -198,7 +189,6 @@ class _Entries:
         self._values: list[Floats] = []
 
     def add(self, rows: Ints, columns: Ints, values: Floats) -> None:
-        """Add k entries."""
         self._rows.append(rows)
         self._columns.append(columns)
         self._values.append(values)
@@ -209,6 +199,5 @@ class _Entries:
             self.add(rows, 2 * nodes + axis, vectors[:, axis])
 
     def matrix(self, shape: tuple[int, int]) -> sp.csr_array:
-        """Return the matrix of all entries."""
         entries = (np.concatenate(self._values), (np.concatenate(self._rows), np.concatenate(self._columns)))
         return sp.csr_array(entries, shape=shape)

@@ -90,11 +90,7 @@ class LimitAnalysis:
 
     @cached_property
     def batch(self) -> BatchSolver | None:
-        """Return the batch solver for labellings of this analysis.
-
-        None with a named solver, without the compiled library, or where the batch solver does not support the yield
-        rows.
-        """
+        """Return the batch solver; None with a named solver, without library, or for unsupported rows."""
         if self.options.solver != "auto" or chosen() is None or not fits(self.template):
             return None
         plain = self.repair.expansion() if self.single_labelling else None
@@ -118,39 +114,11 @@ class LimitAnalysis:
         )
 
     def with_template(self, template: Template, reference: Bits) -> LimitAnalysis:
-        """Create an analysis of the same assembly with another template.
-
-        Parameters
-        ----------
-        template : Template
-            Template of the same assembly.
-        reference : (m,) bool array
-            Labelling, True = dry, on which solvers are set up.
-
-        Returns
-        -------
-        LimitAnalysis
-            Analysis with the same gap and default solver options.
-        """
+        """Create an analysis with another template, of the same gap and default solver options."""
         return LimitAnalysis(self.assembly, template=template, gap=self.gap, reference=reference)
 
     def prove(self, labels: Bits, fallbacks: tuple[Fallback, ...] = FALLBACKS, *, stands: bool = False) -> Proof:
-        """Prove bounds on λ for one labelling, with fallbacks only where they are needed.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-        fallbacks : tuple of Fallback
-            Solution methods, in the order in which they are tried.
-        stands : bool
-            Also decide whether λ = 0 is admissible.
-
-        Returns
-        -------
-        Proof
-            Bounds and status, scaled.
-        """
+        """Prove scaled bounds on λ for one labelling; stands: also decide whether λ = 0 is admissible."""
         start = time.perf_counter()
         proof = run_fallbacks(ProofAttempt(self, labels), fallbacks)
         proof.seconds = time.perf_counter() - start
@@ -160,18 +128,7 @@ class LimitAnalysis:
         return proof
 
     def status_of(self, proof: Proof) -> Status:
-        """Return the status that a proof supports.
-
-        Parameters
-        ----------
-        proof : Proof
-            Bounds of one labelling.
-
-        Returns
-        -------
-        Status
-            Unstable, locked, collapse or uncertified.
-        """
+        """Return the status that a proof supports: unstable, locked, collapse or uncertified."""
         falls = proof.motion is not None and proof.motion.bound < -proof.motion.noise and not proof.crossed
         if proof.collapse_below_zero is not None or falls:
             return Status.UNSTABLE
@@ -181,56 +138,25 @@ class LimitAnalysis:
         return Status.COLLAPSE if bounded else Status.UNCERTIFIED
 
     def is_open(self, proof: Proof) -> bool:
-        """Return True if a bound is missing, or the bracket is wider than the gap aimed at.
+        """Return True if a bound is missing, or the bracket wider than the gap aimed at.
 
-        Parameters
-        ----------
-        proof : Proof
-            Bounds and status of one labelling.
-
-        Returns
-        -------
-        bool
-            False for locked and unstable structures.
+        False if unstable or locked.
         """
         if proof.status is Status.COLLAPSE:
             return relative_width(proof.low, proof.high, self.load_scale) > self.gap
         return proof.status is Status.UNCERTIFIED
 
     def unloaded(self, labels: Bits) -> State | None:
-        """Return the exact state without forces at λ = 0, or None if there is dead load.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        State or None
-            State with error zero.
-        """
+        """Return the exact state without forces at λ = 0, or None if there is dead load."""
         if self.template.dead.any():
             return None
         nothing = np.zeros(self.template.scaling.face.shape)
         return State(nothing, 0.0, float(self.template.yield_set.slack(nothing, labels).min()), 0.0)
 
     def stands(self, labels: Bits, known: State | None = None) -> bool | None:
-        """Decide whether λ = 0 is admissible.
-
-        Parameters
-        ----------
-        labels : (m,) bool array
-            Labels, True = dry.
-        known : State or None
-            Admissible state of this labelling, if known. If its λ is ≥ 0, a state that carries the reversed live load
-            proves that λ = 0 between them is admissible. This test saves programs for single labellings.
-
-        Returns
-        -------
-        bool or None
-            True without dead load; None if neither a state nor a motion decides it.
-        """
+        """Decide whether λ = 0 is admissible: True without dead load; None if neither state nor motion decides."""
+        # With a known state of λ ≥ 0, one that carries the reversed live load proves λ = 0 between them, which saves
+        # programs for single labellings.
         if not self.template.dead.any():
             return True
         if (
@@ -249,25 +175,7 @@ class LimitAnalysis:
 
     @one_thread()
     def solve(self, labels: Bits | None = None, *, stands: bool = True) -> LimitAnalysisResult:
-        """Run the full limit analysis of one labelling.
-
-        Parameters
-        ----------
-        labels : (m,) bool array or None
-            Labels, True = dry. Default: those of the assembly.
-        stands : bool
-            Also decide whether λ = 0 is admissible.
-
-        Returns
-        -------
-        LimitAnalysisResult
-            λ, bracket, status, forces and mechanism in scene units.
-
-        Raises
-        ------
-        InputError
-            If a material that the labelling needs is missing.
-        """
+        """Solve one labelling, by default the assembly's: scene units. InputError if a material is missing."""
         start = time.perf_counter()
         labels = self.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
         require_materials(self.assembly, labels, ~labels)

@@ -74,20 +74,9 @@ class BatchAnalysis:
 
     @classmethod
     def of(cls, analysis: LimitAnalysis) -> BatchAnalysis | None:
-        """Create the batch solver of an analysis.
-
-        Parameters
-        ----------
-        analysis : LimitAnalysis
-            Analysis of the assembly.
-
-        Returns
-        -------
-        BatchAnalysis or None
-            Batch solver; None where the analysis has none, see `LimitAnalysis.batch`. Inner faces of spatial scenes
-            that may crush have that of faces that do not: its upper bounds hold, and its states where they are
-            admissible.
-        """
+        """Create the batch solver of an analysis, or None, see `LimitAnalysis.batch`."""
+        # Inner faces in space that may crush take the solver of faces that do not: its upper bounds hold, and its
+        # states where they are admissible.
         if analysis.batch is not None:
             return cls(analysis, analysis.batch)
         relaxed = _without_inner_crushing(analysis)
@@ -99,20 +88,7 @@ class BatchAnalysis:
         return self.batch.settled_fraction >= 0.8
 
     def prove(self, labellings: Bits) -> BatchBounds:
-        """Compute bounds for many labellings.
-
-        A labelling counts as settled only where `LimitAnalysis.status_of` would reach the same status.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        BatchBounds
-            Scaled bounds and statuses.
-        """
+        """Compute scaled bounds for labellings (k, m), settled where `LimitAnalysis.status_of` would agree."""
         found = self.batch.solve(labellings, vectors=self._prover is not None)
         low, high = found.low, found.high
         falls, locked = found.verdict == FALLS, found.verdict == LOCKED

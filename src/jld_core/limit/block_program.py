@@ -585,11 +585,7 @@ class ConeProgram(AllBlocksProgram):
         self._cone = sizes.pop() if sizes else 1
 
     def _copies(self, columns: OwnedIndices, face: Ints, block: Ints, active: Bools) -> _Copies:
-        """Create the columns of copies of faces (k,), each for one block.
-
-        They are the resultants, and the extra variables of those faces. face, block: (k,) face and block of each copy.
-        active: (m, q) True for resultants that are used.
-        """
+        """Create the columns of copies of faces (k,) for blocks (k,): active (m, q) resultants, extra variables."""
         q = self._template.assembly.freedoms
         number = np.array([len(one) for one in self._own_columns], dtype=np.int64)[face]
         given = columns.of(np.repeat(block, number))
@@ -598,10 +594,7 @@ class ConeProgram(AllBlocksProgram):
         return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
 
     def _sets(self, rows: OwnedIndices, copies: _Copies, *, dry: bool, linear: bool) -> None:
-        """Add the yield rows h x − G F of copies of faces: either the linear rows or the cones.
-
-        dry: True for the dry label. linear: True for linear rows.
-        """
+        """Add the rows h x − G F of copies of faces: either the linear rows or the cones."""
         # h and G are right-hand sides and coefficients of a `RowPattern`, x is the share of the block of a copy, F its
         # resultants.
         pattern = self._template.yield_set.pattern

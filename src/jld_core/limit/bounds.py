@@ -111,79 +111,32 @@ class Prover:
 
     @cached_property
     def exact(self) -> float:
-        """Return the largest violation, relative to its face, that counts as rounding.
-
-        It is `tolerances.EXACT`, or the last digits of the coordinates relative to the size of the assembly, if those
-        are larger.
-        """
+        """Return the violation of a face that counts as rounding: `EXACT`, or the last digits of coordinates."""
         elements = self.template.assembly.elements
         far = max(float(abs(elements.lower).max()), float(abs(elements.upper).max()))
         return max(tolerances.EXACT, _LAST_DIGITS * far / self.template.assembly.size)
 
     def is_ray(self, ray: State) -> bool:
-        """Return True if equilibrium and recession cones hold up to rounding.
-
-        Parameters
-        ----------
-        ray : State
-            Ray as `ray` returns it.
-
-        Returns
-        -------
-        bool
-            True if the slack is at least −`exact` and the error at most `exact`. Where all cones have enough slack to
-            absorb it, a larger error is allowed (`tolerances.ROUNDING`).
-        """
+        """Return True if equilibrium and recession cones hold to `exact`, or to `ROUNDING` where slack absorbs it."""
         left = tolerances.ROUNDING if ray.slack >= 2.0 * tolerances.ROUNDING else self.exact
         return ray.slack >= -self.exact and ray.error <= left
 
     def with_template(self, template: Template) -> Prover:
-        """Return this prover for another template of the same matrix, with shared projectors.
-
-        Parameters
-        ----------
-        template : Template
-            Template with the same equilibrium matrix.
-
-        Returns
-        -------
-        Prover
-            Copy of this prover.
-        """
+        """Return this prover for another template of the same matrix, with shared projectors."""
         other = copy.copy(self)
         other.template = template
         other._projectors = self._projectors.with_template(template)
         return other
 
     def state(self, point: Floats, labels: Bits, passes: int = 2, held: bool = False) -> State:
-        """Project a raw point onto equilibrium and measure its slack.
-
-        Parameters
-        ----------
-        point : (≥ q·m + 1,) float array
-            Forces, further variables, and λ as the last entry, scaled.
-        labels : (m,) bool array
-            Labels, True = dry.
-        passes : int
-            Number of projections.
-        held : bool
-            Keep λ fixed. Otherwise λ is projected with the forces where resultants are dropped.
-
-        Returns
-        -------
-        State
-            Projected forces; with slack −inf and error inf if the point is unusable.
-        """
+        """Project a point (≥ q·m + 1,), λ last, onto equilibrium; slack −inf and error inf if unusable."""
         if not usable(point):
             return self._nothing()
         return self._state(point[: self._columns], float(point[-1]), labels, passes, held)
 
     def state_within(self, forces: Floats, labels: Bits, inside: Bools) -> State:
-        """Project forces (m, q) at λ = 0 onto equilibrium, with forces on the faces `inside` (m,) alone.
-
-        Faces without forces are exactly at the apex of their yield sets: only the slack of the others must exceed the
-        rounding error.
-        """
+        """Project forces (m, q) at λ = 0 onto equilibrium, with forces on the faces `inside` (m,) alone."""
+        # Faces without forces are exactly at the apex of their sets: only the slack of the others must exceed rounding.
         mask = np.repeat(inside, forces.shape[1]).astype(float)
         dead, projector = self.template.dead, self._projectors.of_forces(mask)
         projected, left, error = projected_onto(projector, forces.ravel() * mask, -dead, 3)
@@ -194,27 +147,10 @@ class Prover:
         return State(table, 0.0, least if outside >= 0.0 else outside, error_or_inf(error, left, projected))
 
     def ray(self, point: Floats, labels: Bits) -> State:
-        """Project a raw ray onto A R + b_λ = 0 and measure its slack in the recession cones.
-
-        Resultants that are rounding of others are set to zero where this turns the result into a ray, see `is_ray`.
-
-        Parameters
-        ----------
-        point : (≥ q·m + 1,) float array
-            Ray with a positive last entry (its λ), scaled.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        State
-            Ray for one unit of λ; with slack −inf and error inf if the point is unusable.
-
-        Notes
-        -----
-        The slack of a face is divided by its largest resultant where that is below 1. The error is that of `imbalance`.
-        Rounding errors of large live loads elsewhere must not hide the forces that a small load needs.
-        """
+        """Project a point, λ > 0 last, onto A R + b_λ = 0 and measure its recession slack per unit of λ."""
+        # Slack of a face is divided by its largest resultant where that is below 1: rounding of large loads elsewhere
+        # must not hide the forces that a small load needs. Resultants that are rounding of others become zero where
+        # that makes a ray.
         if not usable(point) or not point[-1] > 0.0:
             return self._nothing()
         active = self.template.yield_set.recession_active(labels)
@@ -229,10 +165,7 @@ class Prover:
         return found
 
     def _ray(self, forces: Floats, active: Bools, labels: Bits) -> State:
-        """Project forces onto A R + b_λ = 0, with some resultants fixed at zero, and measure them.
-
-        forces: (q·m,) scaled. active: (m, q) True for resultants that may differ from zero. labels: (m,) True = dry.
-        """
+        """Project forces (q·m,) onto A R + b_λ = 0, only `active` ones (m, q) not zero, and measure them."""
         mask, live = active.ravel().astype(float), self.template.live
         forces, left, error = projected_onto(self._projectors.of_forces(mask), forces * mask, -live, 3)
         table = forces.reshape(self._everything.shape)
@@ -247,23 +180,8 @@ class Prover:
         return State(table, 1.0, float(slack.min()), max(error_or_inf(error, left, forces), share))
 
     def imbalance(self, forces: Floats, load: Floats) -> float:
-        """Return the largest residual of A F + load, relative to the terms at its element.
-
-        A small load is thus not taken for the rounding error of a large one elsewhere.
-
-        Parameters
-        ----------
-        forces : (q·m,) float array
-            Forces F, scaled.
-        load : (q·free,) float array
-            Load on the elements, scaled.
-
-        Returns
-        -------
-        float
-            Largest relative residual of all elements. Each equation of an element has a sum of absolute terms. The
-            largest of these sums, but at most 1, divides the residual of the element.
-        """
+        """Return the largest residual of A F + load of an element, relative to its terms but at most 1."""
+        # A small load is thus not taken for the rounding error of a large one elsewhere.
         freedoms = self._everything.shape[1]
         left, met = self.template.matrix @ forces + load, self._magnitudes @ abs(forces) + abs(load)
         # Judge element by element: a moment that is zero may be rounding of forces times arms.
@@ -296,24 +214,8 @@ class Prover:
         return State(table, load, float(template.yield_set.slack(table, labels).min()), error)
 
     def blend(self, state: State, inside: State, labels: Bits) -> State:
-        """Move a state towards a strictly admissible one, just far enough to become admissible.
-
-        Yield sets are convex and equilibrium is linear, λ included, so every blend is a state (docs/method.md (3.10)).
-
-        Parameters
-        ----------
-        state : State
-            State to be repaired.
-        inside : State
-            State with positive slack in every yield set.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        State
-            Blended state; it may still be inadmissible if four attempts fail.
-        """
+        """Move a state towards one with slack until admissible (3.10); it may still not be after four attempts."""
+        # Yield sets are convex and equilibrium is linear, λ included, so every blend is a state.
         need = 4.0 * max(state.error, inside.error)
         if state.slack >= need or inside.slack <= need:
             return state
@@ -328,21 +230,9 @@ class Prover:
         return mixed
 
     def motion(self, velocity: Floats, labels: Bits, normalise: bool = True) -> Motion:
-        """Compute jumps, margin and bound of velocities.
+        """Compute jumps, margin and bound of velocities (≥ q·free,), of live work 1 if positive and asked.
 
-        Parameters
-        ----------
-        velocity : (≥ q·free,) float array
-            Velocities, scaled; further entries are ignored.
-        labels : (m,) bool array
-            Labels, True = dry.
-        normalise : bool
-            Scale the velocities to b_λ·u = 1 if their work is positive.
-
-        Returns
-        -------
-        Motion
-            Velocities with their bound; with margin −inf if the velocities are unusable.
+        Or margin −inf.
         """
         template = self.template
         velocity = velocity[: template.matrix.shape[0]]
@@ -355,101 +245,30 @@ class Prover:
         return self.measure(velocity, jumps, work, labels)
 
     def measure(self, velocity: Floats, jumps: Floats, work: float, labels: Bits) -> Motion:
-        """Compute margin and bound of velocities with known jumps.
-
-        Parameters
-        ----------
-        velocity : (q·free,) float array
-            Velocities, scaled.
-        jumps : (m, q) float array
-            Their jumps, scaled.
-        work : float
-            Their live work b_λ·u, scaled.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        Motion
-            Velocities with margin, bound and rounding error.
-        """
+        """Compute margin and bound of velocities (q·free,) with known jumps (m, q) and live work."""
         sets = self.template.yield_set
         margin = float(sets.margin(jumps, labels).min())
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
         return Motion(velocity, jumps, work, margin, bound, self.noise(velocity, bound))
 
     def noise(self, velocity: Floats, bound: float) -> float:
-        """Estimate the rounding error of the bound of one motion.
-
-        Parameters
-        ----------
-        velocity : (q·free,) float array
-            Velocities, scaled.
-        bound : float
-            Bound of these velocities, scaled.
-
-        Returns
-        -------
-        float
-            Sum of the rounding errors of the bound and of the velocities, scaled.
-        """
+        """Estimate the rounding error of the bound of one motion, scaled."""
         return float(self.noises(velocity[None], np.array([bound]))[0])
 
     def noises(self, velocities: Floats, bounds: Floats) -> Floats:
-        """Estimate the rounding errors of the bounds of k motions.
-
-        Parameters
-        ----------
-        velocities : (k, q·free) float array
-            Velocities, scaled.
-        bounds : (k,) float array
-            Bound of each row of velocities, scaled.
-
-        Returns
-        -------
-        (k,) float array
-            Rounding errors, see `noise`.
-        """
+        """Estimate the rounding errors (k,) of the bounds of k motions, scaled."""
         speed = abs(velocities)
         sizes = (speed * self._weight).sum(axis=1) + abs(bounds) + 1e-3 * self._total * speed.max(axis=1)
         return np.asarray(tolerances.ROUNDING * sizes)
 
     def jumps(self, velocities: Floats) -> Floats:
-        """Compute the jumps of velocities.
-
-        Parameters
-        ----------
-        velocities : (k, q·free) float array
-            Velocities, scaled.
-
-        Returns
-        -------
-        (k, m, q) float array
-            Jumps, scaled.
-        """
+        """Compute the jumps (k, m, q) of velocities (k, q·free), scaled."""
         # Multiply one by one: a matrix product rounds differently from a matrix-vector product.
         each = [self._jumps @ velocity for velocity in velocities]
         return np.array(each).reshape(-1, *self._everything.shape)
 
     def add_opening(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
-        """Add just enough of an opening motion to make the dissipation finite.
-
-        See docs/method.md (3.11).
-
-        Parameters
-        ----------
-        motion : Motion
-            Motion to be repaired; it is returned as it is if its margin is ≥ 0 or not finite.
-        opening : Motion
-            Motion with positive margin on every face.
-        labels : (m,) bool array
-            Labels, True = dry.
-
-        Returns
-        -------
-        Motion
-            Repaired motion; its margin may still be negative if four attempts fail.
-        """
+        """Add an opening motion until the dissipation is finite (3.11); it may still not be after four attempts."""
         opening = self.measure(opening.velocity, opening.jumps, opening.work, labels)
         if not np.isfinite(motion.margin) or motion.margin >= 0.0 or not opening.margin > 0.0:
             return motion

@@ -384,7 +384,6 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
 
     @property
     def each(self) -> tuple[Relaxation, ...]:
-        """Return the relaxations of all load cases, in the order of the cases."""
         return tuple(self._cases)
 
     def refute_all(

@@ -113,10 +113,7 @@ class Model:
 
     @property
     def supports_bounds_over_labellings(self) -> bool:
-        """Return True if λ of rigid elements is that of associative friction on whole faces.
-
-        Bounds over many labellings hold only under these options.
-        """
+        """Return True if bounds over many labellings hold: associative friction on whole faces."""
         return not self.beyond_whole_faces
 
     @property
@@ -141,13 +138,7 @@ class Model:
         return self.range and self.floor_seconds > 0.0
 
     def facts(self) -> dict[str, Any]:
-        """Return the fields as plain values, with a solver object replaced by its name.
-
-        Returns
-        -------
-        dict of str to object
-            One entry for each field that is not None.
-        """
+        """Return the fields that are not None as plain values, a solver object by its name."""
         solver = self.solver if isinstance(self.solver, str) else self.solver.name
         found = {name: value for name, value in vars(self).items() if value is not None}
         return found | {"solver": solver} | ({"cracks": cracks_to_json(cracks_of(self.cracks))} if self.cracks else {})
@@ -221,13 +212,7 @@ class ZeroDilation:
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> ZeroDilation | None:
-        """Return the evidence in the facts of a result; None for associative friction.
-
-        Parameters
-        ----------
-        facts : mapping of str to object
-            Facts of the model, as in the JSON output and in `LimitAnalysisResult.facts`.
-        """
+        """Return the evidence in the facts of a result; None for associative friction."""
         if "complementarity_gap" not in facts:
             return None
         named = {name: facts[name] for name in cls.__dataclass_fields__ if name in facts}
@@ -252,13 +237,7 @@ class EffectiveAreas:
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> EffectiveAreas | None:
-        """Return the convergence in the facts of a result; None without effective areas.
-
-        Parameters
-        ----------
-        facts : mapping of str to object
-            Facts of the model, as in the JSON output.
-        """
+        """Return the convergence in the facts of a result; None without effective areas."""
         if "effective_area" not in facts:
             return None
         areas = facts["effective_area"]

@@ -66,15 +66,8 @@ class Proof:
     notes: list[str] = field(default_factory=list)
 
     def offer_state(self, state: State) -> None:
-        """Keep an admissible state if its λ is the highest so far.
-
-        A λ that exceeds that of an exact state (error zero) by less than rounding proves no more than the exact state.
-
-        Parameters
-        ----------
-        state : State
-            State of the labelling, scaled; ignored if it is not admissible.
-        """
+        """Keep an admissible state if its λ is the highest so far, by more than rounding."""
+        # A λ above that of an exact state (error zero) by less than rounding proves no more than the exact state.
         if not state.admissible:
             return
         known = self.state
@@ -83,13 +76,7 @@ class Proof:
             self.state = state
 
     def offer_motion(self, motion: Motion) -> None:
-        """Keep a motion if its bound is the lowest so far.
-
-        Parameters
-        ----------
-        motion : Motion
-            Motion, scaled, with b_λ·u = 1. It is ignored unless its margin is ≥ 0 and its live work positive.
-        """
+        """Keep a motion of live work 1 and margin ≥ 0 if its bound is the lowest so far."""
         if motion.margin >= 0.0 and motion.work > 0.0 and (self.motion is None or motion.bound < self.motion.bound):
             self.motion = motion
 
@@ -127,10 +114,7 @@ class Proof:
 
     @property
     def bracket(self) -> tuple[float, float]:
-        """Return the proven lower and upper bound on λ, scaled.
-
-        A bound is NaN if it is unproven or infinite, or if it is proven that no λ exists.
-        """
+        """Return the proven bounds on λ, scaled; NaN if unproven or infinite, or if no λ exists."""
         low = self.low if math.isfinite(self.low) else math.nan
         high = self.high if math.isfinite(self.high) else math.nan
         if self.status is Status.UNSTABLE:
@@ -139,11 +123,7 @@ class Proof:
 
     @property
     def load_factor(self) -> float:
-        """Return λ, scaled; NaN where there is none.
-
-        It is the λ of the forces found, else the middle of a narrow bracket or the lower end of a wide one, else the
-        guess.
-        """
+        """Return λ of the forces found, else of the bracket: its middle if narrow, its lower end; else the guess."""
         if self.status in (Status.UNSTABLE, Status.LOCKED):
             return math.nan
         if self.found is not None:

@@ -231,5 +231,4 @@ class Repair:
         return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)
 
     def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
-        """Repair a motion by the signs of multipliers."""
         return FacialReduction(self.template, self.prover).of_positive_multipliers(motion, multipliers, labels)

@@ -188,10 +188,7 @@ class Result(NotebookRepr):
 
     @property
     def least_load_factor(self) -> float:
-        """Return the least λ from which on the structure stands.
-
-        It is 0 where the structure stands without live load, and NaN where it is unknown.
-        """
+        """Return the least λ from which on the structure stands: 0 where it does without live load, NaN if unknown."""
         return 0.5 * sum(self.least_bracket)
 
     @property
@@ -377,10 +374,7 @@ class LimitAnalysisResult(Result):
 
     @property
     def reason(self) -> str | None:  # type: ignore[override]
-        """Say which bound is missing, and why, or how far apart the bounds are if that is more than asked.
-
-        One sentence; None where no bound is missing and the bracket is as narrow as asked.
-        """
+        """Say which bound is missing and why, or how far apart they are; None if neither."""
         return reason_of(self.status, self.bracket, self.gap, self.model.gap, self.facts) or None
 
     @property

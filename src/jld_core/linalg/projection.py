@@ -68,7 +68,6 @@ def _lu(normal: sp.csc_array) -> Callable[[Floats], Floats]:
 
 
 def _right_inverse(matrix: Floats) -> Floats:
-    """Return the right inverse Aᵀ(A Aᵀ)⁻¹ of a matrix A, or its pseudo-inverse."""
     # The pseudo-inverse serves linearly dependent rows.
     try:
         factor = np.linalg.cholesky(matrix @ matrix.T)

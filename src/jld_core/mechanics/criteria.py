@@ -184,7 +184,6 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
 
 
 def _arrays(gauge: Gauge, k: int) -> Gauge:
-    """Return a gauge with arrays of k faces."""
     shear = None if gauge.shear is None else np.array(np.broadcast_to(np.asarray(gauge.shear, dtype=float), (k, 2, 2)))
     numbers = (gauge.torsion, gauge.capacity, gauge.friction)
     return Gauge(shear, *(np.array(np.broadcast_to(np.asarray(one, dtype=float), (k,))) for one in numbers))

@@ -54,7 +54,6 @@ class PrescribedFriction:
 
     @property
     def associative(self) -> FrictionSet:
-        """Return the set with associative friction, which is `base`."""
         return self.base
 
     @cached_property
@@ -84,7 +83,6 @@ class PrescribedFriction:
         return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
     def _with_areas(self, pattern: RowPattern, areas: EffectiveAreas) -> RowPattern:
-        """Return a row pattern in which torsion is taken about effective areas."""
         # The torsion rows of dry faces become t ± ρ (mT + a·V) ≤ capacity, divided by ρ to keep coefficients of order
         # one.
         p, own = pattern, 6 * len(self.previous)

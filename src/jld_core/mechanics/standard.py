@@ -115,7 +115,6 @@ class StandardYield(RowYield):
 
     @cached_property
     def has_inner_friction(self) -> bool:
-        """Return True if any inner face has friction."""
         return bool((self.numbers.side(dry=False).friction > 0.0).any())
 
     @cached_property

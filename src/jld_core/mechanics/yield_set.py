@@ -139,39 +139,19 @@ class YieldSet(Rows, Protocol):
     """
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the least slack (m,) of the yield conditions of each face under given forces.
-
-        It is 0 on the boundary of the yield set and negative outside. forces: (m, q) scaled resultants. labels: (m,)
-        True = dry.
-        """
+        """Return the least slack (m,) of forces (m, q): 0 on the boundary, negative outside."""
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """Return the slack (m,) of forces in the recession cone of each face.
-
-        The recession cone holds the directions in which a face can be loaded without limit. Resultants outside
-        `recession_active` count as zero. forces: (m, q) scaled resultants. labels: (m,) True = dry.
-        """
+        """Return the slack (m,) of forces (m, q) in the recession cone; only `recession_active` ones count."""
 
     def recession_active(self, labels: Bits) -> Bools:
-        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone.
-
-        A resultant that is bounded, whatever the others are, is zero in every recession direction. labels: (m,) True =
-        dry.
-        """
+        """Return a mask (m, q), True where a resultant may be non-zero in the recession cone."""
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the dissipation D(J) = sup −F·J (m,) of the jump J of each face.
-
-        F are the forces in the yield set of the face. The value holds where `margin` is ≥ 0. jumps: (m, q) scaled
-        velocity jumps. labels: (m,) True = dry.
-        """
+        """Return the dissipation D(J) = sup −F·J (m,) of jumps (m, q), valid where `margin` is ≥ 0."""
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """Return the least slack (m,) of the conditions for finite dissipation of a jump.
-
-        The dissipation is finite where the margin is ≥ 0. The margin is +inf where the dissipation is finite for every
-        jump. jumps: (m, q) scaled velocity jumps. labels: (m,) True = dry.
-        """
+        """Return the slack (m,) of the conditions for finite dissipation of jumps (m, q); inf if always finite."""
 
     def strength(self, labels: Bits) -> Floats:
         """Return the largest dissipation (m,) of a jump of size 1, up to a factor of order one.
@@ -180,44 +160,23 @@ class YieldSet(Rows, Protocol):
         """
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
-        """Return the share of its strength (m,) that each face uses, or None if unknown.
-
-        The share is 0 without force and 1 on the boundary of the yield set. forces: (m, q) scaled resultants. labels:
-        (m,) True = dry.
-        """
+        """Return the share of its strength (m,) that each face uses, 1 on the boundary, or None if unknown."""
 
     def hull(self) -> Rows | None:
-        """Return yield rows that enclose the sets of both labels of each face.
-
-        They have the sparsity of `pattern`. The result is None if no such rows are known.
-        """
+        """Return yield rows that enclose both labels' sets, with the sparsity of `pattern`; None if unknown."""
 
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
-        """Return the parabolic yield sets of planar faces whose dry joints crush.
-
-        undecided: True for sets that enclose the yield sets of both labels, False for those of the dry label. The
-        result is None where the sets are unknown.
-        """
+        """Return the parabolic sets of planar joints that crush, or those of both labels; None if unknown."""
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return the yield sets of all faces under one label as wedges.
-
-        dry: True for the dry label, False for the inner one. The result is None if a face has a compressive strength.
-        """
+        """Return the sets of one label as wedges; None if a face has a compressive strength."""
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Return the linear yield rows C F + d ≥ 0 of each face: C (m, 4, 3) and d (m, 4).
-
-        F are the scaled resultants (N, V, m) of the face. The first two rows limit bending, the last two shear. The
-        result is None if a face has other rows. labels: (m,) True = dry.
-        """
+        """Return rows C F + d ≥ 0 of (N, V, m): C (m, 4, 3), two of bending, two of shear; None for other rows."""
 
     @property
     def associative(self) -> FrictionSet:
-        """Return the set with associative friction from which this set was made.
-
-        It is this set itself if its friction is associative. Raises TypeError if there is none.
-        """
+        """Return the set of associative friction that this one was made from, maybe itself; TypeError if none."""
 
 
 class FrictionSet(YieldSet, Protocol):
@@ -255,34 +214,19 @@ class FrictionSet(YieldSet, Protocol):
         """
 
     def shear_of(self, forces: Floats) -> Floats:
-        """Return the shear demand (m,) of scaled resultants (m, q).
-
-        It is compared with the shear capacity c + μN: |V| in the plane and |V| + |mT| in space.
-        """
+        """Return the shear demand (m,) of resultants (m, q), to compare with c + μN: |V|, in space |V| + |mT|."""
 
     def slip(self, jumps: Floats) -> Floats:
-        """Return the shear dissipation (m,) of scaled jumps (m, q), per unit of shear capacity.
-
-        The value is |s| in the plane and max(|s|, |ω|) in space, with slip s and spin ω about the normal.
-        """
+        """Return the dissipation (m,) of jumps (m, q) per shear capacity: |s|, in space max(|s|, |ω|)."""
 
     def with_strengths(self, sets: Strengths) -> FrictionSet:
-        """Return the yield sets of the same faces with other strengths, and their rows.
-
-        sets: scaled strengths (m,); the same ones are infinite as before.
-        """
+        """Return the sets of the same faces with other scaled strengths (m,), infinite as before, and rows."""
 
     def with_friction(self, share: float) -> FrictionSet:
-        """Return a copy of the set with all friction coefficients multiplied by `share`.
-
-        It serves proofs only: the rows in `pattern` stay those of the original set.
-        """
+        """Return a copy with all μ multiplied by `share`, for proofs only: `pattern` stays."""
 
     def without_shear_limit(self) -> FrictionSet:
-        """Return a copy of the set without any limit on shear, for tests of bending alone.
-
-        It serves proofs only: the rows in `pattern` stay those of the original set.
-        """
+        """Return a copy without any limit on shear, for proofs only: `pattern` stays."""
 
 
 def used(demand: Floats, capacity: Floats, least: float) -> Floats:

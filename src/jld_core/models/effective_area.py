@@ -181,7 +181,6 @@ def _proof_of_iteration(
 
 
 def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Return True if a motion proves an instability for any effective areas."""
     # If the motion does not, it is tried again with small shares of an opening motion added.
     opening = analysis.repair.opening()
     for share in (0.0, *_OPENINGS):

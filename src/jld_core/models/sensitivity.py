@@ -228,10 +228,7 @@ class SolvedProgram:
         return Template(assembly, self._template.scaling).program(self.labels)
 
     def _by_steps(self, change: _Change) -> tuple[float, float, float, float]:
-        """Compute the left and the right rate of scaled λ from chords at two steps to either side.
-
-        Returns both rates, the size of the kink, and the rounding error.
-        """
+        """Compute left and right rate of scaled λ, size of the kink, rounding error, from chords at two steps."""
         # The size of the kink excludes curvature, which vanishes as steps shrink, and rounding, which is estimated from
         # the difference of primal and dual values.
         here, noise = self._value(self.program)
@@ -249,10 +246,7 @@ class SolvedProgram:
         return left + share * (left - far_left), right + share * (right - far_right), bent, min(noises)
 
     def _value(self, program: ConicProgram) -> tuple[float, float]:
-        """Return λ of a program and the difference of its primal and dual λ, scaled.
-
-        Both are NaN if the program has no solution.
-        """
+        """Return λ of a program and primal less dual λ, scaled; NaN without a solution."""
         raw = self._solver.solve(program)
         if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
             return math.nan, math.nan
@@ -260,11 +254,7 @@ class SolvedProgram:
         return 0.5 * (primal + dual), abs(primal - dual)
 
     def side(self, matrix: sp.csr_array, rhs: Floats) -> float:
-        """Compute the rate of −λ for an increase of a parameter, scaled; NaN without an optimum.
-
-        matrix: (rows, columns) ΔM, and rhs: (rows,) Δr, rates of the program data with the parameter. For the rate of a
-        decrease, pass −ΔM and −Δr.
-        """
+        """Compute the rate of −λ for rates ΔM (rows, columns), Δr (rows,) of the program, scaled; NaN without."""
         # The rate is the value of the linear program in the module docstring.
         equal = np.arange(self.first)
         held = np.flatnonzero(self.held)

@@ -212,10 +212,7 @@ class ConicProgram:
 
     @cached_property
     def rounded(self) -> ConicProgram:
-        """Return the program that solvers get: M and r rounded to `_SHARED_BITS` bits.
-
-        Solutions then depend neither on units nor on the order of sums; proofs use the numbers as they are.
-        """
+        """Return the program that solvers get, in `_SHARED_BITS` bits: no effect of units or order of sums."""
         return replace(self, data=_round(self.data), rhs=_round(self.rhs))
 
     @cached_property

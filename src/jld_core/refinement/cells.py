@@ -28,7 +28,6 @@ class CrackCells:
     face: Ints  # (M,) face of the joint grid that each face of the cells is a piece of, −1 inside an element
 
     def labels(self, labels: Bits) -> Bits:
-        """Return the labels of the cells' faces."""
         return np.asarray(np.where(self.face >= 0, labels[..., np.maximum(self.face, 0)], False))
 
 

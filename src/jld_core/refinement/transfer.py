@@ -44,7 +44,6 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
     """Transfer loads to the pieces at their points; InputError for pressure on a free part with a hole."""
 
     def moved(entry: dict[str, Any]) -> list[dict[str, Any]]:
-        """Return the load entries on pieces that replace an entry."""
         between = entry.get("face", {}).get("between")
         if between is not None and len(cut_up[assembly.elements.index[between[0]]]) > 1:
             return [{**entry, "face": place} for place in _free_parts(assembly, between)]
@@ -64,7 +63,6 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
         return [{**entry, "element": f"{entry['element']}.{number}", **more} for number in held]
 
     def moved_all(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        """Return the load entries on pieces that replace some entries."""
         return [one for entry in entries for one in moved(entry)]
 
     found: dict[str, Any] = {key: moved_all(loads[key]) for key in ("live", "dead") if key in loads}

@@ -110,10 +110,7 @@ def head_joints(
 
 
 def squared(plan: shapely.Geometry, name: str) -> shapely.Geometry:
-    """Return a plan whose nearly equal coordinates are equal.
-
-    Raise InputError for edges that are not along the axes.
-    """
+    """Return a plan whose nearly equal coordinates are equal."""
     points = shapely.get_coordinates(plan)
     extent = float(np.ptp(points, axis=0).max())
     levels = [levels_of(column, extent) for column in points.T]
@@ -139,7 +136,6 @@ def levels_of(values: Floats, extent: float) -> Floats:
 
 
 def snapped(values: Floats, levels: Floats) -> Floats:
-    """Return the levels, of `levels_of`, to which values belong."""
     return np.asarray(levels[np.searchsorted(levels, values, side="right") - 1])
 
 

@@ -63,11 +63,7 @@ def bonded_walls(
     lintel: Lintel | None = None,
     name: str = "plan",
 ) -> list[list[Floats]]:
-    """Return the stones of walls course by course, each as its corners (8, 3) with the faces `FACES`.
-
-    Raises InputError for edges off the axes, an opening that is no rectangle through its wall, or no room for a
-    bearing.
-    """
+    """Return the stones of walls course by course, each as its corners (8, 3) with the faces `FACES`."""
     # Corners are bonded as by `corner_course`. Head joints keep a quarter of a stretcher away from the jambs of
     # openings in their own course and in those above and below, and from the ends of lintels in courses above and
     # below.

@@ -98,7 +98,6 @@ def parse_cracks(text: str) -> CrackModel:
 
 
 def cracks_in_words(cracks: CrackModel) -> str:
-    """Return a crack model in words, for the terminal and the page."""
     if isinstance(cracks, CellCracks):
         return f"by cells of {cracks.cell:g} inside the elements"
     if isinstance(cracks, FieldCracks):
@@ -114,5 +113,4 @@ def cracks_in_short(cracks: CrackModel) -> str:
 
 
 def cracks_to_json(cracks: CrackModel) -> Any:
-    """Return a crack model as the value of the key "cracks"."""
     return cracks if isinstance(cracks, str) else cracks.model_dump(mode="json")

@@ -125,7 +125,6 @@ _KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
-    """Validate load entries as the kind of load that their keys state."""
     # Kinds are body loads, pressures, loads on fill and point loads. Error messages then refer to the kind of load that
     # was meant.
     if not isinstance(entries, list):

@@ -57,7 +57,6 @@ class Front(Part):
     @model_validator(mode="before")
     @classmethod
     def _first_of_counts(cls, given: Any) -> Any:
-        """Set "count" to the first of "counts" where only "counts" is given."""
         if isinstance(given, dict) and isinstance(given.get("counts"), list) and given["counts"]:
             return {"count": given["counts"][0], **given}
         return given

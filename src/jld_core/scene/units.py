@@ -127,10 +127,7 @@ class UnitSystem:
 
 
 def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
-    """Convert the texts with units in a scene to numbers in its units, without copying unchanged lists.
-
-    Raises InputError for a text under a key of `QUANTITIES` that is no number with a fitting unit.
-    """
+    """Convert the texts with units in a scene to numbers in its units, without copying unchanged lists."""
     units = document.get("units")
     names = units if isinstance(units, dict) else {}
     own = _Names(str(names.get("force", "N")), str(names.get("length", "m")), _gravity(document.get("materials")))

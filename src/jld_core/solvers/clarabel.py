@@ -96,19 +96,9 @@ class ClarabelSolver(Solver):
             self._set_up(program, program.objective)
 
     def solve(self, program: ConicProgram, centre: Floats | None = None) -> RawSolution:
-        """Solve a program, optionally with a proximal term about a centre.
+        """Solve a program, with a proximal term about F₀ if `centre` (count,) is given.
 
-        Parameters
-        ----------
-        program : ConicProgram
-            Program to solve.
-        centre : (count,) array, optional
-            F₀ of the proximal term, by default zero. With this term stationarity holds up to ε(F − F₀).
-
-        Returns
-        -------
-        RawSolution
-            Unverified solution.
+        Stationarity up to ε(F − F₀).
         """
         start = time.perf_counter()
         program = program.rounded

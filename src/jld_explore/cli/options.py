@@ -103,5 +103,4 @@ CaseSeconds = Annotated[
 
 
 def with_cracks(scene: Scene, text: str | None) -> Scene:
-    """Return a scene with the crack model that the option --cracks names."""
     return scene if text is None else scene.model_copy(update={"cracks": parse_cracks(text)})

@@ -91,26 +91,7 @@ class Driver(ABC):
 
     @classmethod
     def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:
-        """Make a driver of this class from options by name.
-
-        Parameters
-        ----------
-        space : SearchSpace
-            The search space.
-        seed : int
-            Seed of the random choices.
-        given : mapping of str to object
-            Values of fields of `Options`; the others keep their defaults.
-
-        Returns
-        -------
-        Driver
-
-        Raises
-        ------
-        InputError
-            If an option is unknown or has a wrong value.
-        """
+        """Make a driver from values of fields of `Options`; InputError for an unknown one or a wrong value."""
         require_kind("space", space, SearchSpace)
         try:
             options = cls.Options(**given)
@@ -146,15 +127,7 @@ class Driver(ABC):
         return False
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """Return the entries that the driver adds to the summary.
-
-        Parameters
-        ----------
-        results : DataFrame
-            Table of all evaluations.
-        complete : bool
-            Whether the table holds every class of the space.
-        """
+        """Return the entries that the driver adds to the summary; complete: the table holds every class."""
         return {}
 
     @property
@@ -177,58 +150,21 @@ class Driver(ABC):
     def start(  # noqa: B027 – most ask in no time
         self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None
     ) -> None:
-        """Set deadline, heartbeat and records; called once before the first `ask`.
-
-        Parameters
-        ----------
-        deadline : Deadline or None
-            After it, `jld_core.deadline.checkpoint` raises DeadlinePassed.
-        heartbeat : callable
-            Reports progress and processes signals; to be called during long work.
-        records : Records, optional
-            Data that the driver must not lose.
-        """
+        """Set deadline, heartbeat, which reports progress during long work, and records; before the first `ask`."""
 
     def close(self) -> None:  # noqa: B027
         """Release files and workers; called once after the last `ask`."""
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:  # noqa: B027
-        """Take over the evaluations of a resumed study, which `tell` passes again.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        evaluations : sequence of Evaluation
-            One of each labelling.
-        """
+        """Take over the evaluations of labellings (k, m) of a resumed study, which `tell` passes again."""
 
     @abstractmethod
     def ask(self, limit: int | None = None) -> Bits:
-        """Return labellings that are new, canonical, feasible and distinct under symmetry.
-
-        Parameters
-        ----------
-        limit : int, optional
-            Most labellings; by default the driver chooses the number.
-
-        Returns
-        -------
-        (k, m) bool array
-            Labels, True = dry; k = 0 if the driver is exhausted.
-        """
+        """Return labellings (k, m), new, canonical, feasible, distinct under symmetry; k = 0 if exhausted."""
 
     @abstractmethod
     def tell(self, labellings: Bits, evaluations: Any) -> None:
-        """Take in evaluations of labellings that `ask` has returned.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        evaluations : sequence of Evaluation, or BatchResult
-            One of each labelling; a subclass is always given evaluations.
-        """
+        """Take in evaluations, or a `BatchResult`, of labellings (k, m) that `ask` has returned."""
 
 
 def _complaint(error: Any) -> InputError:

@@ -131,7 +131,6 @@ class FieldRelaxation:
         self._known.clear()
 
     def _of(self, number: int) -> PartialUpperBound:
-        """Return the upper bounds of problem `number`."""
         # Bounds of problems that were only added for `weigh` are kept for a while, and then set up anew.
         if number < len(self._asked):
             return self._asked[number]
@@ -443,7 +442,6 @@ class FieldRefuter:
         return len(self._setup.settings)
 
     def load_case(self, problem: FieldProblem) -> int:
-        """Return the index of the load case of a problem."""
         return next(case for case, setting in enumerate(self._setup.settings) if setting is problem.setting)
 
     def add_problem(self, case: int, mesh: Mesh) -> int:

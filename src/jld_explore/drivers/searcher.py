@@ -45,22 +45,7 @@ class Register:
         self.seen: set[bytes] = set()
 
     def admit(self, rows: Bits, most: int | None = None, *, all_feasible: bool = False) -> Bits:
-        """Register the new feasible classes among labellings, and return them.
-
-        Parameters
-        ----------
-        rows : (k, m) bool array
-            Labels, True = dry.
-        most : int, optional
-            Largest number of classes; the first ones are taken.
-        all_feasible : bool
-            Whether all rows are known to be feasible.
-
-        Returns
-        -------
-        (j, m) bool array
-            Canonical labels of the new classes.
-        """
+        """Register the new feasible classes among rows (k, m), at most `most`, and return them, canonical (j, m)."""
         return self.admitted(rows, most, all_feasible=all_feasible)[0]
 
     def admitted(

@@ -107,7 +107,6 @@ class CasesEvaluator(SharedEvaluator):
         return found
 
     def _combined(self, cases: list[Evaluation]) -> Evaluation:
-        """Combine the evaluations of all load cases of one labelling into one."""
         known = [CaseBounds(one.status, one.low, one.high, one.load_factor) for one in cases]
         decided = governing(known, self._required)
         seconds = sum(one.seconds for one in cases)

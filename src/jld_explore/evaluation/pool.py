@@ -230,9 +230,9 @@ class Pool:
         return self.jobs if self._client is None else max(1, sum(self._client.ncores().values()))
 
     def submit(self, function: Callable[..., Result], *arguments: Any) -> Future[Result]:
-        """Submit a task; an error is raised, now or in its future, if a process has died.
+        """Submit a function that other processes can import.
 
-        Other processes must be able to import the function.
+        An error of a dead process is raised here or in the future.
         """
         with deferred_signals():
             if self._executor is None:
@@ -245,10 +245,7 @@ class Pool:
             return self._executor.submit(function, *arguments)
 
     def run(self, work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Result]:
-        """Yield results of a function for the arguments of each task, in their order.
-
-        One job or task, and what a dying process leaves undone, runs in this process.
-        """
+        """Yield results of a function for each task, in order; what a dying process leaves runs in this one."""
         if self.width == 1 or len(tasks) < 2:
             yield from (work(*task) for task in tasks)
             return

@@ -240,7 +240,6 @@ def checksums(rows: Rows) -> list[int]:
 
 
 def evaluation_of(row: np.void) -> Evaluation:
-    """Convert one row to an evaluation."""
     status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
     low, high, associative, zero_dilation, seconds = (float(row[name]) for name in _NUMBERS)
     cases, governing = tuple(row["cases"].tolist()), int(row["governing"])

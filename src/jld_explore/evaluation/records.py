@@ -318,19 +318,7 @@ class Records:
         return [None if place is None else evaluation_of(self._table[place]) for place in places]
 
     def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
-        """Write finished evaluations; rows of labellings already on record stay as they are.
-
-        They survive the end of this process at once, and a crash of the machine after at most `SYNC` seconds.
-
-        Parameters
-        ----------
-        labellings : (k, m) bool array
-            Labels, True = dry.
-        multiplicities : sequence of k int
-            Orbit sizes under the symmetries.
-        evaluations : sequence of Evaluation
-            Evaluations.
-        """
+        """Write finished evaluations of new labellings (k, m); they survive this process, a crash after `SYNC` s."""
         rows = rows_of(self.type, labellings, multiplicities, evaluations)
         named = keys_of(rows)
         if len(set(named)) == len(named) and self._index.keys().isdisjoint(named):
@@ -361,26 +349,9 @@ class Records:
     # --- conflicts --------------------------------------------------------------------------------------
 
     def conflicts(self, key: str) -> tuple[Bits, Bits, Floats, Ints]:
-        """Return the conflicts that were proven for a problem; those of another one are deleted.
+        """Return a problem's conflicts: decided, labels (k, m), bounds (k,) on scaled λ, kind of proof (k,).
 
-        Parameters
-        ----------
-        key : str
-            Description of the problem.
-
-        Returns
-        -------
-        decided, labels : (k, m) bool array
-            Faces whose label belongs to the conflict, and their labels.
-        bounds : (k,) float array
-            Upper bounds on scaled λ of all labellings that contain it.
-        evidence : (k,) int array
-            Kind of its proof.
-
-        Raises
-        ------
-        InputError
-            If a row is damaged.
+        Those of another problem are deleted. InputError if a row is damaged.
         """
         columns = "decided, labels, bound, closed, checksum"
         with self._errors_named():
@@ -403,17 +374,7 @@ class Records:
         return bits[:, 0], bits[:, 1], np.array(bounds, dtype=np.float64), np.array(evidence, dtype=np.int64)
 
     def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float], evidence: Sequence[int]) -> None:
-        """Write conflicts in one transaction, as `conflicts` returns them.
-
-        Parameters
-        ----------
-        decided, labels : (k, m) bool array
-            Faces of each conflict, and their labels.
-        bounds : sequence of k float
-            Bound of each conflict, scaled λ.
-        evidence : sequence of k int
-            Kind of evidence of each.
-        """
+        """Write conflicts in one transaction, as `conflicts` returns them."""
         rows = []
         packed = np.packbits(decided, axis=1), np.packbits(labels, axis=1)
         for on, values, bound, kind in zip(*packed, bounds, evidence, strict=True):

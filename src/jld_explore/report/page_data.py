@@ -478,13 +478,11 @@ def _ordered(names: list[str]) -> list[str]:
 
 
 def _column(name: str, title: str, values: pd.Series[Any], assembly: Assembly) -> Column:
-    """Return one column as data."""
     kind, shown = _values(values, digits=4 if name == "seconds" else 10)
     return {"name": name, "title": title, "unit": _unit(name, assembly), "kind": kind, "values": shown}
 
 
 def _values(values: pd.Series[Any], digits: int) -> tuple[Literal["integer", "number", "text"], list[Any]]:
-    """Return the kind of a column ("integer", "number" or "text") and its values."""
     import pandas as pd
 
     if pd.api.types.is_integer_dtype(values):

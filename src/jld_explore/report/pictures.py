@@ -268,7 +268,6 @@ class Gallery:
 
     @property
     def height(self) -> float:
-        """Height of the gallery, inches."""
         return self.rows * self.cell[1]
 
     def draw(self, figure: Figure, number: int, assembly: Assembly, labelling: object, words: str) -> None:

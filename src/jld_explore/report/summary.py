@@ -88,22 +88,7 @@ class Summary:
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> Summary:
-        """Make a summary from the content of summary.json.
-
-        Parameters
-        ----------
-        facts : mapping of str to object
-            Content of summary.json.
-
-        Returns
-        -------
-        Summary
-
-        Raises
-        ------
-        TypeError
-            If a field without a default is missing.
-        """
+        """Make a summary from the content of summary.json; TypeError if a field without default is missing."""
         known = {one.name for one in fields(cls)} - {"facts", "warnings"}
         found = [*facts.get("warnings", []), *(facts.get("fields") or {}).get("findings", [])]
         return cls(**{name: value for name, value in facts.items() if name in known}, warnings=found, facts=dict(facts))

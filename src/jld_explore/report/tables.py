@@ -163,7 +163,6 @@ _SLICE: Final = 1 << 15  # number of labellings turned into texts at a time, whi
 
 
 def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
-    """Return the table faces.csv: one row per face of the assembly."""
     # Columns are index, ids of both elements, end points (scene units), and whether a search may choose the label. In
     # space the end points are opposite corners of the bounding box of the face.
     import pandas as pd  # here and below: slow to import and needed for tables only

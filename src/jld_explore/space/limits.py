@@ -189,7 +189,6 @@ class Limits:
 
     @cached_property
     def on_counts(self) -> tuple[tuple[Count, Range], ...]:
-        """Given limits on counts."""
         keys = type(self.search).model_fields.keys()
         given = [(count, getattr(self.search, count.name)) for count in registered() if count.name in keys]
         given += [(count_named(name, f"search.limits.{name}"), pair) for name, pair in self.search.limits.items()]
@@ -255,7 +254,6 @@ class Limits:
         return bool(self.on_blocks or self.on_counts or self.on_shapes) or self.assembly.sink >= 0
 
     def bounds(self, measure: Measure) -> Range:
-        """Return the limit on blocks by one measure."""
         return Range.of(getattr(self.search, measure.key), whole=measure.whole)
 
     @property

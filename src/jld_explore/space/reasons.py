@@ -77,7 +77,6 @@ def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
 
 
 def _words(bounds: Range) -> str:
-    """Return a range in words."""
     if bounds.low is None:
         return f"at most {bounds.high:.6g}"
     return f"at least {bounds.low:.6g}" if bounds.high is None else f"{bounds.low:.6g} to {bounds.high:.6g}"
@@ -95,6 +94,5 @@ def _block(space: SearchSpace, block: Ints, name: int, wrong: Bools) -> str:
 
 
 def _faces(space: SearchSpace, chosen: Bools) -> str:
-    """Return words for the chosen faces."""
     pair, count = space.assembly.pair(int(np.argmax(chosen))), int(chosen.sum())
     return f"face {pair}" if count == 1 else f"{count} faces, the first {pair},"

@@ -263,18 +263,7 @@ class SearchSpace:
         )
 
     def part_of_blocks(self, cells: int | None = None) -> SearchSpace:
-        """Return the part of the space without slits, omitted cells and large blocks.
-
-        Parameters
-        ----------
-        cells : int, optional
-            Most cells of a block; default: as in the space.
-
-        Returns
-        -------
-        SearchSpace
-            This space itself where the part is all of it.
-        """
+        """Return the part, maybe all, without slits, omitted cells and blocks of more than `cells`."""
         # blocks joined to supports are excluded too: there possible blocks can be listed more often
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         held = self.candidates & (support[faces.a] | support[faces.b])

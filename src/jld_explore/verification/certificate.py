@@ -75,7 +75,6 @@ def write_lines(path: Path, lines: Iterable[dict[str, Any]]) -> None:
 
 
 def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
-    """Write a certificate atomically."""
     head = {_KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
     lines = [{**head, "scene": claim.scene}, *(_line(reason) for reason in reasons)]
     write_lines(path, lines)

@@ -70,10 +70,7 @@ class TriangleStresses:
 
 
 def aligned_cells(field: TriangleStresses, size: float) -> AlignedCells:
-    """Cut a planar body along the principal directions of its stresses.
-
-    Raises InputError if the stresses have no direction, or the cells are too many.
-    """
+    """Cut a planar body along the principal directions of its stresses."""
     # Head joints are level lines of a function whose gradient follows the compression, and beds those of a function
     # whose gradient is at right angles to it. Both are weighted least-squares fits; the sign of the direction is made
     # alike from triangle to triangle. Lines between two crossings become straight where they leave the curve by little.

@@ -216,7 +216,6 @@ def _claim(trial: Trial) -> str:
 
 
 def _page(work: Design, pictured: bool) -> str:
-    """Return the HTML page of a design; pictured: whether it has a picture."""
     winner = work.winner
     name = work.outline.scene.name
     parts = [f"<p class=big><strong>{html.escape(verdict(work))}</strong></p>"]

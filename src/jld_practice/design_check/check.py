@@ -82,7 +82,6 @@ def combinations_of(assembly: Assembly, factors: scene_design.PartialFactors) ->
 
 
 def at_design_loads(assembly: Assembly, factors: scene_design.PartialFactors, combination: Combination) -> Assembly:
-    """Multiply the loads of a structure by partial factors."""
     chosen = combination.factors(factors)
 
     def dead_of(dead: Loads) -> Loads:
@@ -103,7 +102,6 @@ def at_design_loads(assembly: Assembly, factors: scene_design.PartialFactors, co
 
 
 def _loads(assembly: Assembly) -> tuple[LoadCase, ...]:
-    """Return the load cases; a single load without cases is one."""
     return assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
 
 

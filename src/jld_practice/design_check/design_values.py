@@ -26,8 +26,7 @@ SMALL_VARIATION: Final = 0.1
 def at_design_values(scene: Scene, factors: design.PartialFactors, prestress: float) -> Scene:
     """Return the scene with design values of strengths, friction, capacities and prestress.
 
-    A tendon without a stated capacity keeps its prestress alone. Raises InputError for design values that contradict
-    one another, a permanent action that varies by more than `SMALL_VARIATION`, and fill.
+    A tendon without a stated capacity keeps its prestress alone.
     """
     # Loads and weights become characteristic values.
     if scene.fill is not None:

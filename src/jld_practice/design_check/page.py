@@ -38,7 +38,6 @@ svg{max-width:100%;height:auto}.result{font-size:1.1em}footer{color:#5c5c5c;marg
 
 
 def write_pages(check: DesignCheck, folder: Path, language: str = "en") -> list[Path]:
-    """Write design_check.pdf and design_check.html into a folder; return both."""
     content = content_of(check, language)
     pdf, page = folder / "design_check.pdf", folder / "design_check.html"
     figure = sheet_of(check, content)
@@ -55,7 +54,6 @@ def write_pages(check: DesignCheck, folder: Path, language: str = "en") -> list[
 
 
 def html_of(check: DesignCheck, content: Content, language: str) -> str:
-    """Return the HTML page of a design check with its pictures."""
     figure = Figure(figsize=(10.0, 3.2))
     _draw(check, content, figure, 0.03, 0.94, 0.02, 0.86)
     parts = [f"<h1>{html.escape(content.title)}</h1>"]

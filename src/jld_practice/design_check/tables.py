@@ -561,7 +561,6 @@ def members_of(check: DesignCheck) -> list[dict[str, Any]]:
 
 
 def to_json(check: DesignCheck) -> dict[str, Any]:
-    """Return what `jld check-design --json` prints."""
     worst = check.governing
     length, force = check.assembly.units
     return {

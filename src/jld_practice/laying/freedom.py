@@ -200,7 +200,6 @@ class Blocks:
         return len(self.fixed)
 
     def elements(self, block: int) -> Ints:
-        """Return the elements of a block, ascending."""
         return np.flatnonzero(self.of == block)
 
     def name(self, block: int) -> str:

@@ -31,7 +31,6 @@ _MOST: Final = 60  # largest number of stages drawn
 
 
 def figure_of_laying(laying: Laying, title: str) -> Figure:
-    """Return a figure of an order of laying: a strip of its stages."""
     # Blocks laid before are pale. Arriving blocks are orange and hatched, with an arrow of their direction. Props are
     # blue triangles below the blocks, or at their places along a line; the title of each stage has their total force.
     # Of more than 60 stages a regular selection is drawn.
@@ -74,7 +73,6 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
 
 
 def figure_of_stage(laying: Laying, number: int) -> Figure:
-    """Return a figure of one stage, drawn as in the strip."""
     low, high = _span(laying)
     ratio = (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
     figure = Figure(figsize=(5.0, 5.0 * min(max(ratio, 0.25), 2.5) + 0.4), layout="constrained")

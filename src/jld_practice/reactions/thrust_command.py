@@ -175,7 +175,6 @@ def _settlement_words(found: Settled) -> str:
 
 
 def _write_settlement(found: list[Settled], told: str, out: Path) -> None:
-    """Write settlement.json and one picture per settlement."""
     from jld_core.views import figures
     from jld_practice.reactions.settled_figure import figure_of_settled
 

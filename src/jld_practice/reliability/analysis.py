@@ -196,7 +196,6 @@ def analyse(structure: RandomStructure, labels: Bits, options: ReliabilityOption
 
 
 def estimate(function: LimitFunction, variables: Variables, options: ReliabilityOptions) -> Reliability:
-    """Compute the reliability of a limit function by both methods."""
     # where failures are rare other design points are searched for, and what they leave unseen counts at the upper end
     samples, seed, jobs = options.samples, options.seed, options.jobs
     form = design_point(function)

@@ -50,7 +50,6 @@ class Cones:
         return self.join(ul * vl, out)
 
     def quotient(self, u: Floats, v: Floats) -> Floats:
-        """Return w with u ∘ w = v, for u inside the cones."""
         (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
         u0, u1, v0, v1 = uc[:, 0], uc[:, 1:], vc[:, 0], vc[:, 1:]
         cross = np.einsum("ij,ij->i", u1, v1)

@@ -210,7 +210,6 @@ class BlockBoundTightening:
 
     @property
     def _listed_blocks(self) -> PossibleBlocks:
-        """Possible blocks; RuntimeError where they are not listed."""
         if self._blocks is None:
             raise RuntimeError("the possible blocks are not listed, so their bounds cannot be tightened")
         return self._blocks

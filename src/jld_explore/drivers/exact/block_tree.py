@@ -183,7 +183,6 @@ class BlockTree:
     # --- deciding ---------------------------------------------------------------------------------------
 
     def _add_open(self, node: Node) -> None:
-        """Add a node to the heap of open nodes."""
         self._count += 1
         heapq.heappush(self._open, (-node.choice.bound, -self._count, node))
 

@@ -307,5 +307,4 @@ class _Units:
 
 
 def _clause(decided: Bits, labels: Bits) -> list[int]:
-    """Return the clause that forbids these labels on the decided faces."""
     return [face + 1 if labels[face] else -(face + 1) for face in np.flatnonzero(decided).tolist()]

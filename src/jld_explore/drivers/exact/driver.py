@@ -110,7 +110,6 @@ class ProvingDriver(Driver):
         return found if self._proof_check is None else {**found, "proof_check": self._proof_check.to_dict()}
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """Set deadline, heartbeat and records of the search."""
         # The search stops early enough to evaluate the labellings found last.
         self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
         self._heartbeat = heartbeat

@@ -305,7 +305,6 @@ class Formula:
     # --- what a segmentation is -------------------------------------------------------------------------
 
     def _add_blocks(self, blocks: PossibleBlocks) -> None:
-        """Add variables and clauses of the possible blocks."""
         graph = self.space.graph
         around: dict[int, set[int]] = {}
         for face, (a, b) in enumerate(zip(graph.a.tolist(), graph.b.tolist(), strict=True)):

@@ -254,5 +254,4 @@ class ProofState:
 
 
 def _key(labels: Bits) -> bytes:
-    """Return the labels packed to bytes."""
     return np.packbits(labels).tobytes()
