@@ -27,8 +27,7 @@ from benchmarks.scenes import strength
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Bits
 from jld_core.limit import Proof, SolveOptions, analysis
-from jld_core.limit.fallbacks import Fallback, run_fallbacks
-from jld_core.limit.proof_attempt import ProofAttempt
+from jld_core.limit.analysis import Fallback, ProofAttempt, run_fallbacks
 from jld_core.models import limit_analysis, solve
 from jld_core.models.rigid_blocks import FALLBACKS_BY_CONDENSE
 from jld_explore.drivers import make_driver

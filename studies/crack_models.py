@@ -15,7 +15,7 @@ from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds
 from jld_core.limit import LimitAnalysisResult
 from jld_core.refinement import refine
-from jld_core.refinement.cells import CrackCells, joint_faces
+from jld_core.refinement.refine import CrackCells, joint_faces
 
 MASONRY: Final = {"density": 2000, "dry": {"friction_coefficient": 0.75}}
 """Density and dry friction of the walls of the trial in /docs/guide/cracks.md: 2000 kg/m³, μ = 0.75."""

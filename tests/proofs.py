@@ -24,7 +24,7 @@ from cases import ROUTE
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, tolerances
 from jld_core.batch.batch_solver import FALLS, LOCKED, OPEN, PROVEN, BatchSolver
 from jld_core.limit import Proof, face_jumps
-from jld_core.limit.proof_attempt import ProofAttempt
+from jld_core.limit.analysis import ProofAttempt
 from jld_core.mechanics import YieldSet, equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.mechanics.prescribed_friction import PrescribedFriction
 from jld_core.program import ConicProgram

@@ -8,7 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import FillLoad, PointLoad, Scene, cracks, design, fill, loads, materials, move, search
+from jld_core.scene import FillLoad, PointLoad, Scene, cracks, design, loads, materials, move, search
+from jld_core.scene import materials as fill
 from jld_core.scene import part as members
 from jld_core.scene import schema as structure
 from jld_core.scene.loads import BodyLoad, FaceLoad

@@ -9,7 +9,8 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import cracks, design, fill, loads, materials, move, schema, search
+from jld_core.scene import cracks, design, loads, materials, move, schema, search
+from jld_core.scene import materials as fill
 from jld_core.scene import part as members
 
 

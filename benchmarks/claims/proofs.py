@@ -278,7 +278,7 @@ def _prove(
     """
     driver: Any
     if aim == "require":
-        from jld_explore.drivers.exact.minimum_count import MinimumCount
+        from jld_explore.drivers.exact.driver import MinimumCount
 
         driver = MinimumCount(space, 0, **options)
     else:

@@ -200,7 +200,7 @@ class Assembly(NotebookRepr):
     moved : float
         Largest distance by which a corner was moved to close gaps and overlaps, length.
     sink : int
-        Element for the cells that a search leaves out (`jld_explore.space.void`); −1 where it is solved.
+        Element for the cells that a search leaves out (`jld_explore.space.labelling`); −1 where it is solved.
     warnings : tuple of str
         Plausibility warnings, one sentence each.
     notes : tuple of str

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from jld_explore.evaluation import Evaluation
     from jld_explore.explore import explore
     from jld_explore.report import Exploration, read_folder
-    from jld_explore.report.summary import Summary
+    from jld_explore.report.tables import Summary
     from jld_explore.search.settings import (
         BudgetSettings,
         ExploreSettings,
@@ -44,11 +44,10 @@ if TYPE_CHECKING:
         ParallelSettings,
         SearchMethod,
     )
-    from jld_explore.search.state import Interrupted, Progress, StopReason
+    from jld_explore.search.study import Interrupted, Progress, StopReason
     from jld_explore.space import SearchSpace, search_space
-    from jld_explore.steps.step import Step, StepContext, with_entries
-    from jld_explore.steps.time_limit import busy_factor
-    from jld_explore.steps.uncut import most_without_cuts
+    from jld_explore.steps.field_check import most_without_cuts
+    from jld_explore.steps.step import Step, StepContext, busy_factor, with_entries
 
 __all__ = [
     "BudgetSettings",
@@ -82,7 +81,7 @@ export_lazily(
         "evaluation": ["Evaluation"],
         "explore": ["explore"],
         "report": ["Exploration", "read_folder"],
-        "report.summary": ["Summary"],
+        "report.tables": ["Summary"],
         "search.settings": [
             "BudgetSettings",
             "ExploreSettings",
@@ -92,9 +91,8 @@ export_lazily(
             "SearchMethod",
         ],
         "space": ["SearchSpace", "search_space"],
-        "steps.step": ["with_entries", "Step", "StepContext"],
-        "search.state": ["Interrupted", "Progress", "StopReason"],
-        "steps.time_limit": ["busy_factor"],
-        "steps.uncut": ["most_without_cuts"],
+        "steps.step": ["with_entries", "Step", "StepContext", "busy_factor"],
+        "search.study": ["Interrupted", "Progress", "StopReason"],
+        "steps.field_check": ["most_without_cuts"],
     },
 )

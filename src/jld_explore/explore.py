@@ -40,18 +40,34 @@ from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import Exploration, write_pictures, write_report
 from jld_explore.report import folder as folders
 from jld_explore.report.folder import check_certificate_file, check_folder, save_tables, write_tables
-from jld_explore.search.driver_choice import CLASSES, affordable_settings, choose_driver, nothing_found
+from jld_explore.search.driver_choice import (
+    CLASSES,
+    affordable_settings,
+    choose_driver,
+    nothing_found,
+    refuse_beside_void,
+    refuse_together,
+    refuse_unfit,
+)
 from jld_explore.search.field_study import FieldStudy
-from jld_explore.search.refusals import refuse_beside_void, refuse_together, refuse_unfit
 from jld_explore.search.settings import ExploreSettings, Objective
-from jld_explore.search.state import Interrupted, Progress, StopReason
-from jld_explore.search.study import Study
+from jld_explore.search.study import Interrupted, Progress, StopReason, Study
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.space.labelling import orbit_sizes
-from jld_explore.steps.field_check import FieldCheck, plan_check
-from jld_explore.steps.step import Step, StepContext, run_steps, steps_of
-from jld_explore.steps.time_limit import PAGE, PICTURES, TABLES, busy_factor, field_seconds, later, search_deadline
-from jld_explore.steps.uncut import Uncut
+from jld_explore.steps.field_check import FieldCheck, Uncut, plan_check
+from jld_explore.steps.step import (
+    PAGE,
+    PICTURES,
+    TABLES,
+    Step,
+    StepContext,
+    busy_factor,
+    field_seconds,
+    later,
+    run_steps,
+    search_deadline,
+    steps_of,
+)
 
 # Expected time of the bound on all labellings, as a multiple of the time of one labelling. The bound is omitted if it
 # would be late.

@@ -106,7 +106,7 @@ NO_PLACE = {"src/jld_core/scene/__init__.py", "src/jld_core/mechanics/__init__.p
 """Files that mention an example in passing: lists of names, and the body of a request."""
 NO_PLACE |= {"src/jld_studio/server.py", "src/jld_core/samples", "tools/try_wheel.py"}
 """Scenes that use the example as anybody's would."""
-NO_PLACE |= {"src/jld_core/scene/fill.py", "src/jld_core/build/fill.py"}
+NO_PLACE |= {"src/jld_core/scene/materials.py", "src/jld_core/build/fill.py"}
 """Soil, whose cohesion is no yield criterion of a face."""
 
 

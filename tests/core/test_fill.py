@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.build.fill import Backing
 from jld_core.scene import FillLoad
-from jld_core.scene.fill import Fill, Strip
+from jld_core.scene.materials import Fill, Strip
 
 _SOIL = {"level": 2.0, "density": 2000.0, "friction_angle": 30.0, "cohesion": 3e3, "surcharge": 5e3}
 

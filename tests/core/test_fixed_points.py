@@ -27,8 +27,14 @@ from jld_core.geometry.outlines import rectangle_torsion_length
 from jld_core.limit.options import reason_of
 from jld_core.mechanics import scaling_of
 from jld_core.models import areas_under
-from jld_core.models.central_path import CentralPath, barrier_weights, load_axes
-from jld_core.models.moving_rows import MovingRows, area_derivatives, frozen_areas
+from jld_core.models.central_path import (
+    CentralPath,
+    MovingRows,
+    area_derivatives,
+    barrier_weights,
+    frozen_areas,
+    load_axes,
+)
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,7 @@ import pytest
 
 from jld_core import InputError
 from jld_core.batch import build, interface, library
-from jld_core.batch.batch_solver import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED
-from jld_core.batch.blocks import SOLVED
+from jld_core.batch.batch_solver import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, SOLVED
 
 STRUCTURES = {
     "JldFactorPattern": library.FactorPattern,

@@ -44,7 +44,8 @@ from jld_core.loads import Loads
 from jld_core.models import solve_by_fields
 from jld_core.samples import box
 from jld_core.strengths import FaceStrengths, Strengths
-from jld_core.views import animation, quantities
+from jld_core.views import figures as animation
+from jld_core.views import quantities
 from jld_core.views import quantities as marks
 from jld_core.views.annotations import legend_inches
 from jld_core.views.figures import (
@@ -544,7 +545,7 @@ def test_every_drawing_has_a_row() -> None:
 
 @pytest.mark.parametrize("name", CALLS)
 def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_core.views.animation.FRAMES", 2)
+    monkeypatch.setattr("jld_core.views.figures.FRAMES", 2)
     try:
         figure = CALLS[name](drawings()[name], made, tmp_path)
     except InputError:

@@ -12,7 +12,7 @@ import cases
 from cases import grid_assembly
 from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
 from jld_core.limit import result_of
-from jld_core.limit.fallbacks import FALLBACKS, insert_before
+from jld_core.limit.analysis import FALLBACKS, insert_before
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.models.rigid_blocks import FALLBACKS_BY_CONDENSE
 from jld_core.program import ConicProgram

@@ -19,8 +19,7 @@ from command import SCENES, call
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.build import build_robust
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
-from jld_core.geometry.congruence import alike
-from jld_core.geometry.outlines import Outline
+from jld_core.geometry.outlines import Outline, alike
 from jld_core.geometry.unions import extrude, union_outlines
 from jld_explore import ExploreSettings, explore, read_folder
 

@@ -10,7 +10,7 @@ from jld_core import Scene, build_assembly, parse_scene
 from jld_core.deadline import Deadline
 from jld_core.limit import SolveOptions
 from jld_explore import explore
-from jld_explore.drivers.block_root import BlockRoot
+from jld_explore.drivers.exact.block_bounds import BlockRoot
 from jld_explore.space import search_space
 
 SECONDS = 60.0

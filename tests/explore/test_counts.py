@@ -24,9 +24,8 @@ from jld_explore import ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.report.pictures import front_picture
 from jld_explore.space import Count, Layouts, Terms, feasible, register, registered, unregister
-from jld_explore.space.counts import counts, values_until
+from jld_explore.space.counts import BlockShapes, counts, values_until
 from jld_explore.space.limits import MEASURES, SHAPED
-from jld_explore.space.shapes import BlockShapes
 from jld_practice.printed import making_of, stones_of
 
 SOURCES = Path(__file__).parents[2] / "src"

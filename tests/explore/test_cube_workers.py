@@ -25,9 +25,8 @@ from jld_explore import Exploration, ExploreSettings, Progress, explore, search_
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.cube_workers import CubeWorkers, TaskResult
-from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.exact.driver import Exact, MinimumCount
 from jld_explore.drivers.exact.formula import EVERYTHING, Formula, split_cube
-from jld_explore.drivers.exact.minimum_count import MinimumCount
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.verification import verify
 

@@ -38,17 +38,18 @@ from jld_explore.drivers.choice import first_layout
 from jld_explore.drivers.exact.context import possible_blocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_pool, raise_deferred
-from jld_explore.evaluation.field_pool import FieldPool
+from jld_explore.evaluation import Evaluator, EvaluatorSettings, raise_deferred
+from jld_explore.evaluation import field_evaluator as field_pool
+from jld_explore.evaluation.field_evaluator import FieldPool
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import folder, page_of_study, write_pictures, write_report
 from jld_explore.search.driver_choice import choose_driver
-from jld_explore.search.state import Interrupted
+from jld_explore.search.study import Interrupted
 from jld_explore.space import feasible
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 from jld_explore.steps import field_check
-from jld_explore.steps.time_limit import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
+from jld_explore.steps.step import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.optimise import move_joints
 

@@ -15,7 +15,7 @@ from cases import grid_document
 from command import SCENES
 from jld_core import LimitAnalysis, SolveOptions, Status, build_assembly, load_scene, parse_scene
 from jld_core.deadline import Deadline
-from jld_core.limit.movements import Movements
+from jld_core.limit.mechanism import Movements
 from jld_explore import Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import BufferedRandom, Genetic, make_driver, operators
 from jld_explore.drivers.anneal import Anneal
@@ -23,12 +23,10 @@ from jld_explore.drivers.choice import driver_for
 from jld_explore.drivers.exact.context import TargetSchedule
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.genetic import crowding_of, fronts_of
-from jld_explore.drivers.operators.following import Following
-from jld_explore.drivers.searcher import Pool
-from jld_explore.drivers.surrogate import SLOTS, Surrogate
+from jld_explore.drivers.operators.segmentations import Following
+from jld_explore.drivers.searcher import SLOTS, Pool, Surrogate
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
-from jld_explore.evaluation.protocol import FAILED
-from jld_explore.evaluation.ranking import ORDER, objectives, sort_key, status_ranks
+from jld_explore.evaluation.protocol import FAILED, ORDER, objectives, sort_key, status_ranks
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.search import driver_choice
 from jld_explore.space import feasible, keys

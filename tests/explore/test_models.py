@@ -31,8 +31,7 @@ from jld_core.scene.reading import at_low
 from jld_explore import Evaluation, Exploration, ExploreSettings, explore, read_folder, search_space
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.cases import IncumbentFront
-from jld_explore.evaluation.protocol import BOUND
-from jld_explore.evaluation.ranking import comparison_value, sort_key, status_ranks
+from jld_explore.evaluation.protocol import BOUND, comparison_value, sort_key, status_ranks
 from jld_explore.report import write_pictures
 from jld_explore.space import from_string
 

@@ -27,8 +27,8 @@ from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
 from jld_explore.report import words
 from jld_explore.search.study import Study
+from jld_explore.space.counts import BlockShapes
 from jld_explore.space.labelling import blocks_of
-from jld_explore.space.shapes import BlockShapes
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")

@@ -24,8 +24,7 @@ from jld_core import InputError, Status, build_assembly, load_scene, parse_scene
 from jld_experiment import experiments
 from jld_explore import Evaluation, ExploreSettings, explore, read_folder, search_space
 from jld_explore.evaluation import Records
-from jld_explore.evaluation.protocol import BOUND
-from jld_explore.evaluation.ranking import record_type, rows_of
+from jld_explore.evaluation.protocol import BOUND, record_type, rows_of
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import csv_of, tables
 from jld_explore.report import tables as result_files

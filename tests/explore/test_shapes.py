@@ -13,11 +13,10 @@ from cases import assembly_in_space as spatial_assembly
 from cases import box, grid_document
 from jld_core import build_assembly, parse_scene
 from jld_core.geometry import outlines
-from jld_core.geometry.congruence import Kinds
-from jld_core.geometry.outlines import Outline
+from jld_core.geometry.outlines import Kinds, Outline
 from jld_explore import ExploreSettings, explore, search_space
+from jld_explore.space.counts import BlockShapes
 from jld_explore.space.labelling import blocks_of, connectivity
-from jld_explore.space.shapes import BlockShapes
 
 # what blocks that crack anywhere carry, test_field_check.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")

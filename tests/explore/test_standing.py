@@ -16,7 +16,7 @@ from cases import dry_and_inner, grid_document
 from command import Command
 from jld_core import SolveOptions, build_assembly, parse_scene, solve
 from jld_explore import Exploration, explore, read_folder
-from jld_explore.evaluation.standing import Standing
+from jld_explore.evaluation.cases import Standing
 from jld_explore.report.words import facts_of_exploration
 
 DRIVERS = ("enumeration", "random", "hillclimb", "anneal", "genetic", "optuna", "exact")

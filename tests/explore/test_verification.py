@@ -34,8 +34,7 @@ from jld_explore.space import feasible
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim
-from jld_explore.verification.labellings import Labellings
-from jld_explore.verification.verify import Checker, follows
+from jld_explore.verification.verify import Checker, Labellings, follows
 
 ROOM = Path(__file__).parents[2] / "src" / "jld_explore" / "verification"
 

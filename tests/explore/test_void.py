@@ -15,7 +15,7 @@ from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.space import cut
-from jld_explore.space.void import omitted
+from jld_explore.space.labelling import omitted
 
 ROWS = ["aaa", "aaa", "###"]
 LIMITS = {"block_cells": [1, 2], "dry_faces": [2, None]}

@@ -13,8 +13,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.mesh import fanned
-from jld_core.fields.upper import UpperBound, VelocityField
-from jld_core.fields.velocity_program import VelocityProgram
+from jld_core.fields.upper import UpperBound, VelocityField, VelocityProgram
 
 
 @pytest.fixture(scope="module")

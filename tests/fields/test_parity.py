@@ -13,7 +13,7 @@ from benchmarks.claims.geometry import Move
 
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Bits, Floats
-from jld_core.fields.adaptive import disagreement
+from jld_core.fields.bounds import disagreement
 from jld_core.fields.forms import Material
 from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.lower import LowerBound

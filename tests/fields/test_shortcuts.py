@@ -12,9 +12,8 @@ from jld_core.fields import ConeProgram
 from jld_core.fields.bounds import FieldSetting
 from jld_core.fields.cones import Answer
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.opening import Settling
 from jld_core.fields.problem import Problem
-from jld_core.fields.upper import UpperBound
+from jld_core.fields.upper import Settling, UpperBound
 
 SCENE = Path(__file__).parents[2] / "scenes" / "flat_beam_arch.json"
 LABELS = np.array([letter == "d" for letter in "iiidididddddiididdidiiid"])

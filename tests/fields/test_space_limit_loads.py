@@ -10,8 +10,7 @@ import pytest
 from cases import all_inner, box, prism, rotation
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.adaptive import stress_power
-from jld_core.fields.bounds import FieldBounds, FieldStatus
+from jld_core.fields.bounds import FieldBounds, FieldStatus, stress_power
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.problem import material_of, problem_of, units_of
 from jld_core.fields.solids import loaded_solids

@@ -14,10 +14,8 @@ from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCa
 from jld_core.build import materials
 from jld_core.build.elements import Geometry, faces_of_pairs, planar_geometry, spatial_geometry, weighed
 from jld_core.build.fill import Backing
-from jld_core.build.loads import Boundary, cases_of_pushes
-from jld_core.build.materials import with_bond
-from jld_core.build.members import with_members
-from jld_core.build.moving import PlacedCase, cases_of
+from jld_core.build.loads import Boundary, PlacedCase, cases_of, cases_of_pushes
+from jld_core.build.materials import with_bond, with_members
 from jld_core.build.plausibility import implausible, not_judged
 from jld_core.errors import InputError
 from jld_core.linalg import components

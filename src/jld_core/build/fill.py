@@ -22,7 +22,7 @@ from jld_core.errors import InputError
 from jld_core.loads import Traction, edge_traction
 from jld_core.members import Members
 from jld_core.scene import FillLoad
-from jld_core.scene.fill import Fill
+from jld_core.scene.materials import Fill
 
 PointEntry = tuple[int, Floats, Floats, float | None, bool]
 """Force at a point: element, place, vector, stated width or None, and whether the place is the centroid."""

@@ -5,20 +5,214 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+import shapely
 
 from jld_core import tolerances
-from jld_core.arrays import Floats
+from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly, Elements, Interfaces
 from jld_core.build.fill import Backing, PointEntry
-from jld_core.build.patches import patch_tractions, surface_tractions
 from jld_core.errors import InputError
-from jld_core.geometry import spun
+from jld_core.geometry import across, area_vector, spun
 from jld_core.loads import Loads, Traction, edge_traction, points_of
 from jld_core.scene import FillLoad, PointLoad, Scene
-from jld_core.scene.loads import OUTSIDE, BodyLoad, Case, FaceLoad, LoadEntry, Pushes
+from jld_core.scene.loads import OUTSIDE, BodyLoad, Case, FaceLoad, LoadEntry, MovingLoad, Pushes
+from jld_core.scene.materials import Strip
+
+
+class PlacedCase(NamedTuple):
+    """Load case of a scene with its origin."""
+
+    where: str  # key in the scene
+    case: Case  # the load case
+    # of a moving load: its name and direction, and the distance of its first axle along the path; None for other cases
+    place: tuple[str, float] | None = None
+
+
+def cases_of(
+    moving: MovingLoad, elements: Elements, downwards: Floats, where: str, backing: Backing | None = None
+) -> list[PlacedCase]:
+    """Return one load case for each position of a vehicle, named by the place of its first axle along the path.
+
+    Axles on joints give a case for each side; positions with no axle on a free element are left out. downwards: (2,)
+    unit direction of weights.
+    """
+    if elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in moving.path):
+        raise InputError(where, "it is for planar scenes", '"cases" with the positions of the loads')
+    found: list[PlacedCase] = []
+    path = np.array(moving.path, dtype=float)
+    ways = [("", path), (" back", path[::-1])] if moving.both_directions else [("", path)]
+    for word, points in ways:
+        legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if not (legs > 0.0).all():
+            raise InputError(f"{where}.path", "two of its points coincide", "points apart from each other")
+        for first, forces in _positions(moving, points, legs):
+            fixed: list[LoadEntry] = []
+            touched: list[tuple[list[int], PointLoad]] = []
+            for at, unit, weight in forces:
+                if backing is not None and backing.carries(at):
+                    place = backing.position(at)
+                    if backing.covers(place):
+                        fixed.append(FillLoad(on_fill=Strip(at=place), weight=weight))
+                    continue
+                under = _elements_under(elements, at, unit)
+                if not under:
+                    problem = f"no element is at ({at[0]:.6g}, {at[1]:.6g})"
+                    raise InputError(f"{where}.path", problem, "points on the outline of the structure")
+                force = (weight * downwards).tolist()
+                touched.append((under, PointLoad(element="", force=force, at=at.tolist())))
+            name = f"{moving.name}{word} at {first:.6g}"
+            # an axle on a joint stands on either side of it: the limits of the positions ahead and behind
+            for side in range(max((len(under) for under, _ in touched), default=1)):
+                own = [(under[min(side, len(under) - 1)], load) for under, load in touched]
+                live = fixed + [
+                    load.model_copy(update={"element": elements.ids[k]}) for k, load in own if not elements.support[k]
+                ]
+                if live:
+                    title = name if side == 0 else f"{name} behind the joint" + f" {side}" * (side > 1)
+                    case = Case(name=title, live=live, required=moving.required)
+                    found.append(PlacedCase(where, case, (f"{moving.name}{word}", first)))
+    if not found:
+        raise InputError(f"{where}.path", "it touches supports alone", "points on free elements")
+    return found
+
+
+def _positions(
+    moving: MovingLoad, points: Floats, legs: Floats
+) -> Iterator[tuple[float, list[tuple[Floats, Floats, float]]]]:
+    """Yield the positions on a path (k, 2) in equal steps.
+
+    Place of the first axle, and (point, direction, weight) of those on it.
+    """
+    behind = np.cumsum([0.0, *(axle.distance for axle in moving.axles[1:])])
+    ends = np.append(0.0, np.cumsum(legs))
+    whole = float(ends[-1])
+    for first in np.linspace(0.0, whole + float(behind[-1]), moving.steps).tolist():
+        forces = []
+        for place, axle in zip((first - behind).tolist(), moving.axles, strict=True):
+            if -tolerances.ON_OUTLINE * whole <= place <= (1.0 + tolerances.ON_OUTLINE) * whole:
+                leg = min(int(np.searchsorted(ends, place, side="right")) - 1, len(legs) - 1)
+                leg = max(leg, 0)
+                unit = (points[leg + 1] - points[leg]) / legs[leg]
+                forces.append((points[leg] + (place - ends[leg]) * unit, unit, axle.weight))
+        yield first, forces
+
+
+def _elements_under(elements: Elements, at: Floats, unit: Floats) -> list[int]:
+    """Return the elements that a point (2,) touches, the farthest along `unit` (2,) first."""
+    reach = tolerances.ON_OUTLINE * elements.size
+    near: Ints = np.flatnonzero(((elements.lower - reach <= at) & (at <= elements.upper + reach)).all(axis=1))
+    point = shapely.Point(*at)
+    touching = [k for k in near.tolist() if shapely.Polygon(elements.shape[k]).distance(point) <= reach]
+    return sorted(touching, key=lambda k: -float(elements.centroid[k] @ unit))
+
+
+def patch_tractions(elements: Elements, interfaces: Interfaces, entry: FaceLoad, where: str) -> list[Traction]:
+    """Return a uniform load on a plane patch as tractions on the element faces below it, without those of supports."""
+    key = f"{where}.face.patch"
+    corners = _corners(elements, entry, key)
+    normal = area_vector(corners)
+    area = float(np.linalg.norm(normal))
+    reach, origin = tolerances.ON_OUTLINE * elements.size, corners.mean(axis=0)
+    if not (area > reach * elements.size and np.abs((corners - origin) @ normal).max() <= reach * area):
+        raise InputError(key, "its corners lie on no plane", "the corners of a plane polygon, in order")
+    normal = normal / area
+    frame = across(normal)
+    patch = shapely.Polygon((corners - origin) @ np.transpose(frame))
+    if not patch.is_valid:
+        raise InputError(key, "its outline crosses itself", "the corners of a plane polygon, in order")
+    found, covered = list[Traction](), 0.0
+    low, high = corners.min(axis=0) - reach, corners.max(axis=0) + reach
+    for index in np.flatnonzero(((elements.lower <= high) & (low <= elements.upper)).all(axis=1)).tolist():
+        for loop in elements.faces[index]:
+            face = elements.shape[index][list(loop)]
+            outward = _unit_vector(face)
+            if abs(float(outward @ normal)) < 1.0 - tolerances.ON_OUTLINE:
+                continue
+            if np.abs((face - origin) @ normal).max() > reach:
+                continue
+            part = patch.intersection(_flat(face, frame, origin))
+            part = _free(part, interfaces, index, normal, frame, origin, reach)
+            covered += part.area
+            if not elements.support[index]:
+                found += _tractions(index, part, _force_per_area(entry, outward), frame, origin, reach)
+    if abs(covered - patch.area) > 4.0 * reach * patch.length:
+        problem = f"of its area of {patch.area:.6g}, {covered:.6g} is free surface"
+        raise InputError(key, problem, "a polygon on faces of solids that touch no others there")
+    return found
+
+
+def _corners(elements: Elements, entry: FaceLoad, key: str) -> Floats:
+    """Return the corners (k, 3) of a patch; raise InputError for a planar scene or uneven pressure."""
+    points = [*(entry.face.patch or []), *([entry.traction] if entry.traction is not None else [])]
+    if elements.centroid.shape[1] == 2 or any(len(point) != 3 for point in points):
+        raise InputError(
+            key, "it is for spatial scenes, with points and vectors of three numbers", '"along" in the plane'
+        )
+    first, last = entry.ends
+    if first != last:
+        raise InputError(key, "the pressure varies, and a patch has no first and last point", "one number")
+    return np.array(entry.face.patch, dtype=float)
+
+
+def _force_per_area(entry: FaceLoad, outward: Floats) -> Floats:
+    """Return the force per area (3,) on a face with outward normal (3,)."""
+    return -entry.ends[0] * outward if entry.traction is None else np.array(entry.traction, dtype=float)
+
+
+def surface_tractions(elements: Elements, interfaces: Interfaces, index: int, pressure: float) -> list[Traction]:
+    """Return a uniform pressure on the whole free surface of a solid, one traction per free part of a face."""
+    reach, found = tolerances.ON_OUTLINE * elements.size, list[Traction]()
+    for loop in elements.faces[index]:
+        face = elements.shape[index][list(loop)]
+        outward, origin = _unit_vector(face), face.mean(axis=0)
+        frame = across(outward)
+        part = _free(_flat(face, frame, origin), interfaces, index, outward, frame, origin, reach)
+        found += _tractions(index, part, -pressure * outward, frame, origin, reach)
+    return found
+
+
+def _unit_vector(face: Floats) -> Floats:
+    """Return the outward unit normal (3,) of a face (k, 3)."""
+    vector = area_vector(face)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _flat(face: Floats, frame: Floats, origin: Floats) -> shapely.Polygon:
+    """Return a face (k, 3) in the coordinates of `frame` (2, 3) about `origin` (3,)."""
+    return shapely.Polygon((face - origin) @ np.transpose(frame))
+
+
+def _free(
+    part: shapely.Geometry,
+    interfaces: Interfaces,
+    index: int,
+    normal: Floats,
+    frame: Floats,
+    origin: Floats,
+    reach: float,
+) -> shapely.Geometry:
+    """Return what the interfaces of an element leave of a part of its face, in the coordinates of `frame`."""
+    for face in np.flatnonzero((interfaces.a == index) | (interfaces.b == index)).tolist():
+        outline = interfaces.polygon[face]
+        if part.area > 0.0 and np.abs((outline - origin) @ normal).max() <= reach:
+            part = part.difference(_flat(outline, frame, origin))
+    return part
+
+
+def _tractions(
+    index: int, part: shapely.Geometry, value: Floats, frame: Floats, origin: Floats, reach: float
+) -> list[Traction]:
+    """Return a uniform force per area (3,) on the polygons of a part of a face, in the coordinates of `frame`."""
+    found = []
+    for one in shapely.get_parts(part):
+        if one.geom_type == "Polygon" and one.area > reach**2:
+            rings = tuple(origin + np.asarray(r.coords)[:-1] @ frame for r in (one.exterior, *one.interiors))
+            middle = origin + np.array([one.centroid.x, one.centroid.y]) @ frame
+            found.append(Traction(index, rings, middle, value, np.zeros((3, 3))))
+    return found
 
 
 def body_forces(entry: BodyLoad, elements: Elements, where: str) -> Floats:

@@ -30,12 +30,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from jld_core.exchange.formats import FORMATS, Format
+from jld_core.exchange.formats import FORMATS, Format, blocks_csv, export
 from jld_core.exchange.layout import Block, Layout
 from jld_core.exchange.libraries import import_file
 from jld_core.exchange.options import Imported, ImportOptions, Notes, Report
 from jld_core.exchange.solids import Part, Solids
-from jld_core.exchange.writers import blocks_csv, export
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.fields.outlines import merged, ring_of
+from jld_core.fields.mesh import merged, ring_of
 from jld_core.geometry import facets_of
 from jld_core.geometry.polyhedra import FacetFrames
 

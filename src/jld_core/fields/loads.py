@@ -20,8 +20,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.fields.mesh import Mesh, coarse_mesh, patch_tag
-from jld_core.fields.outlines import FREE, Outlines, outlines_of
+from jld_core.fields.mesh import FREE, Mesh, Outlines, coarse_mesh, outlines_of, patch_tag
 from jld_core.loads import Loads, Traction, resultants
 
 # Least length of a patch, relative to its free face. A shorter one means a force at an end of the face.

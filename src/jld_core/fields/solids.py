@@ -20,8 +20,7 @@ from jld_core.errors import InputError
 from jld_core.fields.forms import across
 from jld_core.fields.layers import Facet, Layers, Patch, Surface, corners_of, layers_of, pieces, surface_of
 from jld_core.fields.loads import FieldLoads, PatchLoad, body_forces, steepest
-from jld_core.fields.mesh import Mesh, patch_tag
-from jld_core.fields.outlines import ring_of
+from jld_core.fields.mesh import Mesh, patch_tag, ring_of
 from jld_core.loads import Loads, Traction, resultants
 
 # Relative difference between the area of an interface and that of its triangles, above which the mesh does not fit it

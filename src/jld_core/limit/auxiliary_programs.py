@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.program import ConicProgram, beginnings, pack
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, is_large, solve_auxiliary
 
 LARGEST: Final = 1e3

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.batch.blocks import BlockColumns
+from jld_core.batch.batch_solver import BlockColumns
 from jld_core.limit.bounds import Motion
 from jld_core.mechanics import YieldSet
 from jld_core.mechanics.yield_set import CoulombWedge

@@ -31,7 +31,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.batch import chosen
-from jld_core.batch.blocks import SOLVED, BatchBlockSolver, BlockAnswers, BlockColumns
+from jld_core.batch.batch_solver import SOLVED, BatchBlockSolver, BlockAnswers, BlockColumns
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_program import (
     LEAST,
@@ -44,7 +44,7 @@ from jld_core.limit.block_program import (
     block_parts,
     columns_of,
 )
-from jld_core.limit.reduced_rows import usable
+from jld_core.limit.bounds import usable
 from jld_core.mechanics.yield_set import CoulombWedge
 from jld_core.solvers import ClarabelSolver, Solver
 

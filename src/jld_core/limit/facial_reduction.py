@@ -29,8 +29,17 @@ from jld_core.limit.auxiliary_programs import (
     polygonal_support,
     project_onto_faces,
 )
-from jld_core.limit.bounds import Motion, Prover, State
-from jld_core.limit.reduced_rows import Reduced, kept_rows, leaning_program, program_of_rows, reduced_by, usable
+from jld_core.limit.bounds import (
+    Motion,
+    Prover,
+    Reduced,
+    State,
+    kept_rows,
+    leaning_program,
+    program_of_rows,
+    reduced_by,
+    usable,
+)
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawStatus

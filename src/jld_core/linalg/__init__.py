@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from jld_core.linalg.components import components
+from jld_core.linalg.projection import components
 
 __all__ = [
     "components",

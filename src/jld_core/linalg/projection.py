@@ -9,9 +9,11 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from jld_core import tolerances
-from jld_core.arrays import Floats
+from jld_core.arrays import Floats, Ints
 from jld_core.linalg.cholesky import Fronts
 
 _FULL = 20_000  # number of entries up to which products with a dense matrix are faster
@@ -130,3 +132,22 @@ def summed(*parts: Floats) -> Floats:
 def without_rounding(total: Floats, gross: Floats) -> Floats:
     """Return sums with zero in place of those that are rounding of the summed magnitudes of their terms."""
     return np.where(abs(total) <= tolerances.ROUNDING * gross, 0.0, total)
+
+
+def components(count: int, one: Ints, other: Ints) -> Ints:
+    """Return the connected component of each node, numbered in the order of their first nodes.
+
+    Parameters
+    ----------
+    count : int
+        Number of nodes.
+    one, other : (k,) int arrays
+        Ends of the edges, in either direction; repetitions are allowed.
+
+    Returns
+    -------
+    (count,) int array
+        Component of each node.
+    """
+    graph = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

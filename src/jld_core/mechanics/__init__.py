@@ -25,17 +25,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.mechanics.bending import InnerBending
 from jld_core.mechanics.compiled_rows import maps_criteria, yield_set
 from jld_core.mechanics.criteria import FaceGeometry, FaceRows, Gauge
-from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
-from jld_core.mechanics.scaling import Scaling, scaling_of
+from jld_core.mechanics.equilibrium import Scaling, equilibrium_matrix, load_vectors, scaling_of
+from jld_core.mechanics.standard import InnerBending
 from jld_core.mechanics.yield_set import YieldSet, require_materials
 from jld_core.strengths import Parameter
 
 if TYPE_CHECKING:
     from jld_core.mechanics import prescribed_friction
-    from jld_core.mechanics.scaling import reference_load
+    from jld_core.mechanics.equilibrium import reference_load
     from jld_core.mechanics.standard import scaled_strengths
     from jld_core.mechanics.yield_set import FrictionSet, used
 
@@ -64,7 +63,7 @@ export_lazily(
     __name__,
     {
         "yield_set": ["FrictionSet", "used"],
-        "scaling": ["reference_load"],
+        "equilibrium": ["reference_load"],
         "standard": ["scaled_strengths"],
     },
     submodules=["prescribed_friction"],

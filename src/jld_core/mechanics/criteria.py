@@ -15,7 +15,7 @@ import numpy as np
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
-from jld_core.mechanics.bending import Bending
+from jld_core.mechanics.standard import Bending
 from jld_core.strengths import Parameter, StatedCriterion, criterion_of
 
 

@@ -32,11 +32,9 @@ if TYPE_CHECKING:
     from jld_core.limit import SolveOptions
     from jld_core.models import by_fields, effective_area
     from jld_core.models.by_fields import solve_by_fields
-    from jld_core.models.case_analysis import CaseAnalysis, solve, solve_by_elements, solve_rigid
-    from jld_core.models.central_path import under_own_areas
+    from jld_core.models.case_analysis import CaseAnalysis, require_cracks, rigid, solve, solve_by_elements, solve_rigid
+    from jld_core.models.central_path import areas_under, under_own_areas
     from jld_core.models.costs import cost_estimate, require_memory
-    from jld_core.models.crack_models import require_cracks, rigid
-    from jld_core.models.moving_rows import areas_under
     from jld_core.models.rigid_blocks import limit_analysis, require_model, solve_labelling
     from jld_core.models.sensitivity import GeometrySensitivities, SolvedProgram, sensitivities
 
@@ -68,15 +66,10 @@ export_lazily(
     {
         "by_fields": ["solve_by_fields"],
         "costs": ["cost_estimate", "require_memory"],
-        "crack_models": [
-            "require_cracks",
-            "rigid",
-        ],
+        "case_analysis": ["require_cracks", "rigid", "CaseAnalysis", "solve", "solve_by_elements", "solve_rigid"],
         "rigid_blocks": ["SolveOptions", "limit_analysis", "require_model", "solve_labelling"],
         "sensitivity": ["GeometrySensitivities", "SolvedProgram", "sensitivities"],
-        "case_analysis": ["CaseAnalysis", "solve", "solve_by_elements", "solve_rigid"],
-        "moving_rows": ["areas_under"],
-        "central_path": ["under_own_areas"],
+        "central_path": ["areas_under", "under_own_areas"],
     },
     submodules=["by_fields", "effective_area"],
 )

@@ -21,8 +21,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError
 from jld_core.limit import LimitAnalysis, Motion, Proof, State, Status, number, relative_width
 from jld_core.mechanics.prescribed_friction import EffectiveAreas
-from jld_core.models.central_path import FixedPoint, find_fixed_point, under_own_areas
-from jld_core.models.moving_rows import areas_under, frozen_areas
+from jld_core.models.central_path import FixedPoint, areas_under, find_fixed_point, frozen_areas, under_own_areas
 from jld_core.solvers import ClarabelSolver
 from jld_core.strengths import ADHESION, STANDARD, Route
 

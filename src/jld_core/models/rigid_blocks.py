@@ -28,11 +28,10 @@ from jld_core.geometry import spun
 from jld_core.geometry.vectors import resultants
 from jld_core.limit import LimitAnalysis, Model, Motion, Proof, State, Status
 from jld_core.limit import SolveOptions as SolveOptions
-from jld_core.limit.fallbacks import FALLBACKS, Fallback, insert_before
-from jld_core.limit.proof_attempt import ProofAttempt
+from jld_core.limit.analysis import FALLBACKS, Fallback, ProofAttempt, insert_before
 from jld_core.limit.result import element_velocities
 from jld_core.loads import Loads
-from jld_core.mechanics.bending import local_hulls
+from jld_core.mechanics.standard import local_hulls
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.plugins import part
 from jld_core.program import Template, beginnings, pack

@@ -20,9 +20,11 @@ from jld_core.models.case_analysis import (
     labellings_of,
     model_of,
     options_of_model,
+    require_cracks,
+    rigid,
     solve_cracked,
+    under,
 )
-from jld_core.models.crack_models import require_cracks, rigid, under
 from jld_core.models.rigid_blocks import limit_analysis, solve_labelling
 from jld_core.parameters import require_kind
 from jld_core.scene.cracks import FieldCracks, cracks_in_short

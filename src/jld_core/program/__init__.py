@@ -12,8 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.program.conic import ConicProgram, beginnings, pack
-from jld_core.program.template import Template
+from jld_core.program.template import ConicProgram, Template, beginnings, pack
 
 if TYPE_CHECKING:
     from jld_core.program.template import Beside

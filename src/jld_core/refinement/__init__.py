@@ -17,7 +17,7 @@ from jld_core.refinement.refine import Refined, refine
 
 if TYPE_CHECKING:
     from jld_core.refinement import arrangement, voussoirs
-    from jld_core.refinement.cells import crack_cells
+    from jld_core.refinement.refine import crack_cells
     from jld_core.refinement.walls import prism_of
 
 __all__ = [
@@ -32,7 +32,7 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "cells": ["crack_cells"],
+        "refine": ["crack_cells"],
         "walls": ["prism_of"],
     },
     submodules=["arrangement", "voussoirs"],

@@ -30,7 +30,7 @@ from jld_core.scene.search import Search
 
 if TYPE_CHECKING:
     from jld_core.scene import cracks, design, loads, move, standard, uncertain, units
-    from jld_core.scene.fill import FillLoad
+    from jld_core.scene.materials import FillLoad
     from jld_core.scene.reading import NeedsImport
 
 __all__ = [
@@ -54,7 +54,7 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "fill": ["FillLoad"],
+        "materials": ["FillLoad"],
         "reading": ["NeedsImport"],
     },
     submodules=["cracks", "design", "loads", "move", "standard", "uncertain", "units"],

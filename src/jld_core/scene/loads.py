@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
-from jld_core.scene.fill import FillLoad
+from jld_core.scene.materials import FillLoad
 from jld_core.scene.part import Loading, LoadVector, NonNegative, Pair, Part, Positive, VaryingPositive, Vector
 
 

@@ -12,9 +12,8 @@ from jld_core.errors import InputError
 from jld_core.notebook_repr import Showable
 from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
 from jld_core.scene.design import Design
-from jld_core.scene.fill import Fill
 from jld_core.scene.loads import Loads, Settling, require_unique_names
-from jld_core.scene.materials import Materials
+from jld_core.scene.materials import Fill, Materials
 from jld_core.scene.move import Move
 from jld_core.scene.part import (
     Angle,

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Final
 from jld_core.errors import ParameterError, SolverError
 from jld_core.lazy_exports import export_lazily
 from jld_core.program import ConicProgram
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver

@@ -10,7 +10,7 @@ from typing import Final
 
 from jld_core.arrays import Floats
 from jld_core.program import ConicProgram
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 
 Suffices = Callable[[Floats, Floats], bool]
 """Test whether a point and multipliers suffice for the caller of a solver."""

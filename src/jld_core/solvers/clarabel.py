@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.program import ConicProgram
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 # Status for each status that Clarabel reports; others count as failed

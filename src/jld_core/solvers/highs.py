@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from jld_core.arrays import Floats
 from jld_core.errors import SolverError
 from jld_core.program import ConicProgram
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 # Status for each name of a status that HiGHS reports; others count as failed

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import math
+import shutil
 import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,6 +16,7 @@ from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -25,7 +27,7 @@ from jld_core.assembly import Assembly, faces_of
 from jld_core.errors import InputError
 from jld_core.files import whole_file
 from jld_core.limit import LimitAnalysisResult, Status, displacement
-from jld_core.limit.movements import result_of_faces
+from jld_core.limit.mechanism import result_of_faces
 from jld_core.views import annotations as notes
 from jld_core.views import quantities
 from jld_core.views.annotations import draw_members, member_handles
@@ -361,3 +363,29 @@ def tints_of(assembly: Assembly, labels: Bits) -> list[str]:
     """Return the fill colour (#rrggbb) of each element: by block, and grey for supports."""
     colours = quantities.block_colours(assembly, labels, len(TINTS))
     return [TINTS[colour] if colour >= 0 else SUPPORT for colour in colours]
+
+
+FRAMES: Final = 24
+"""Number of frames from rest to the drawn displacement and back; the opposite one would let blocks penetrate."""
+
+PER_SECOND: Final = 12
+"""Frames per second."""
+
+
+def save_animation(result: LimitAnalysisResult, path: str | Path) -> None:
+    """Write the mechanism of a result as a looped .gif or .mp4; raise InputError without mechanism or ffmpeg."""
+    ending = Path(path).suffix.lower()
+    if ending not in (".gif", ".mp4"):
+        raise InputError(str(path), f"{ending!r} is no ending of an animation", "a name ending in .gif or .mp4")
+    if ending == ".mp4" and shutil.which("ffmpeg") is None:
+        raise InputError(str(path), "ffmpeg is not on this machine", "a name ending in .gif")
+    if result.mechanism is None:
+        raise InputError(result.assembly.name, f"it has no mechanism to move ({result.status})", "one that collapses")
+    writer: Any = PillowWriter(fps=PER_SECOND) if ending == ".gif" else FFMpegWriter(fps=PER_SECOND)
+    figure, ax = figure_of_mechanism(result)
+    with writer.saving(figure, str(path), dpi=100):
+        for k in range(FRAMES):
+            ax.clear()
+            draw_mechanism(ax, result, share=float(0.5 - 0.5 * np.cos(2.0 * np.pi * k / FRAMES)))
+            with as_written(figure):
+                writer.grab_frame()

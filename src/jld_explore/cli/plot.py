@@ -91,7 +91,7 @@ def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Pat
     result = solve_rigid(assembly, labels, model)
     if result.governing is not None:
         result = result.cases[result.governing]
-    from jld_core.views.animation import save_animation
+    from jld_core.views.figures import save_animation
 
     save_animation(result, target)
     return target

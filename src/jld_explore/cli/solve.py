@@ -20,8 +20,7 @@ from jld_core.limit import LimitAnalysisResult, Model, Result, Status
 from jld_core.limit.options import FLOOR_SECONDS, Friction
 from jld_core.mechanics import require_materials
 from jld_core.models import cost_estimate, require_cracks, require_model, rigid, sensitivities, solve_rigid
-from jld_core.models.case_analysis import solve_cracked
-from jld_core.models.crack_models import under
+from jld_core.models.case_analysis import solve_cracked, under
 from jld_core.models.sensitivity import geometry_sensitivities
 from jld_core.scene.cracks import FieldCracks
 from jld_core.tolerances import GAP

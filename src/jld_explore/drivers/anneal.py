@@ -13,13 +13,13 @@ from pydantic import Field
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import checkpoint
 from jld_core.limit import LimitAnalysis
-from jld_core.limit.movements import Movements
+from jld_core.limit.mechanism import Movements
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.drivers.operators.following import Following
+from jld_explore.drivers.operators.segmentations import Following
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.ranking import sort_key
+from jld_explore.evaluation.protocol import sort_key
 from jld_explore.space import SearchSpace, keys
 
 _FIRST_TEMPERATURE: Final = 0.04  # temperature at the start of a cycle, relative to the largest λ known

@@ -26,11 +26,18 @@ from jld_explore.drivers.exact.driver import ProvingDriver
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_check import check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism, ProofState
-from jld_explore.drivers.field_aims import aim_of, holds
-from jld_explore.drivers.field_proof import CommonMeshes, FieldIncumbents, FieldRefuter, has_conflict, refuting_step
+from jld_explore.drivers.field_proof import (
+    CommonMeshes,
+    FieldIncumbents,
+    FieldRefuter,
+    aim_of,
+    has_conflict,
+    holds,
+    refuting_step,
+)
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation, Records
-from jld_explore.evaluation.field_pool import TOGETHER, FieldPool
+from jld_explore.evaluation.field_evaluator import TOGETHER, FieldPool
 from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range

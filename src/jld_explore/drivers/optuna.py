@@ -20,7 +20,7 @@ from jld_core.limit import Status
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation, Records
-from jld_explore.evaluation.ranking import objectives
+from jld_explore.evaluation.protocol import objectives
 from jld_explore.space import SearchSpace, keys, to_string
 from jld_explore.space.labelling import canonical
 

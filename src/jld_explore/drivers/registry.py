@@ -11,8 +11,7 @@ from jld_core.parameters import near, typed
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.minimum_count import MinimumCount
+from jld_explore.drivers.exact.driver import Exact, MinimumCount
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.hillclimb import HillClimb
 from jld_explore.drivers.optuna import Optuna

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import math
 import time
+import zlib
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final, Protocol, Self, runtime_checkable
+from itertools import repeat
+from operator import attrgetter
+from typing import Any, Final, Protocol, Self, runtime_checkable
 
-from jld_core.arrays import Bits, Floats
+import numpy as np
+from numpy.typing import NDArray
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError
 from jld_core.limit import BatchAnalysis, LimitAnalysis, Proof, SolveOptions, Status
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.models.solve_many import BatchResult
+from jld_explore.space import SearchSpace, count_named, values_of
 
 SOLVE: Final = "solve"  # settled by a limit analysis of the labelling itself
 
@@ -282,3 +290,233 @@ class Evaluator(SharedEvaluator):
             settled=BOUND if bound is None else SOLVE,
             seconds=time.perf_counter() - start,
         )
+
+
+# statuses in the order of the results table, best first: collapse alone has a finite λ to be raised
+ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)
+
+
+def comparison_value(evaluation: Evaluation) -> float:
+    """Return λ of a collapse, the upper bound of a pruned labelling, else 0; scene units."""
+    if evaluation.settled == BOUND:
+        return evaluation.high
+    return evaluation.load_factor if evaluation.status is Status.COLLAPSE else 0.0
+
+
+def meets_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
+    """Return whether a labelling provably reaches the required load factor, if any; locked ones do."""
+    required = space.search.require
+    if required is None or evaluation.status is Status.LOCKED:
+        return True
+    return evaluation.status is Status.COLLAPSE and evaluation.low >= required.threshold
+
+
+def may_meet_requirement(space: SearchSpace, evaluation: Evaluation) -> bool:
+    """Return False where a labelling provably misses the required load factor."""
+    required = space.search.require
+    if required is None or meets_requirement(space, evaluation):
+        return True
+    if evaluation.status is Status.UNSTABLE:
+        return False
+    # Solutions without dilation are not unique; the associative λ bounds all of them from above.
+    high = evaluation.high if math.isnan(evaluation.zero_dilation) else evaluation.associative
+    return not high < required.threshold
+
+
+def objective_values(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
+    """Compute the objectives (k,), scene units of λ, that a driver maximises; 0 without a number."""
+    # Without a requirement the objective is `comparison_value`. With a required load factor it is λ up to the
+    # requirement. Beyond the requirement it grows with the quality of the first count of the scene's front.
+    value = np.array([comparison_value(found) for found in evaluations], dtype=np.float64)
+    required = space.search.require
+    if required is None:
+        return value
+    met = np.array([meets_requirement(space, found) for found in evaluations], dtype=bool)
+    share = 1.0 / (1.0 + abs(front_counts(space, labellings)[:, 0]))
+    gain = share if space.search.front.axes[0][1] == "min" else 1.0 - share
+    short = np.minimum(value, required.threshold * (1.0 - tolerances.PROVEN))
+    return np.asarray(np.where(met, required.load_factor * (1.0 + gain), short))
+
+
+def sort_key(evaluation: Evaluation, objective: float | None = None) -> tuple[int, float]:
+    """Return the key that sorts evaluations, best first: rank of the status, minus objective."""
+    rank = _status_rank(evaluation)
+    return rank, -(comparison_value(evaluation) if objective is None else objective) if rank == 0 else 0.0
+
+
+def _status_rank(evaluation: Evaluation) -> int:
+    """Return the rank of the status in `ORDER`, 0 for an evaluation settled by a bound."""
+    return 0 if evaluation.settled == BOUND else ORDER.index(evaluation.status)
+
+
+def status_ranks(evaluations: Sequence[Evaluation]) -> Ints:
+    """Return the rank (k,) of the status of each evaluation; 0 for collapse and for pruned ones."""
+    return np.array([_status_rank(found) for found in evaluations], dtype=np.int64)
+
+
+def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
+    """Compute the counts (k, c) of the scene's front, signed so that less is better."""
+    graph, shapes = space.graph, space.limits.block_shapes
+    found = [
+        (-1.0 if sense == "max" else 1.0) * values_of(count_named(name), space.assembly, labellings, graph, shapes)
+        for name, sense in space.search.front.axes
+    ]
+    return np.column_stack(found)
+
+
+class Envelope:
+    """Largest λ known among labellings whose counts are equal or better."""
+
+    def __init__(self, size: int) -> None:
+        self.values, self.counts = np.empty(0), np.empty((0, size))
+
+    def learn(self, values: Floats, counts: Floats) -> None:
+        """Add λ (k,) of labellings with counts (k, c), less is better; drop dominated ones."""
+        values, counts = np.concatenate([self.values, values]), np.concatenate([self.counts, counts])
+        # Sort by descending λ: a later entry matters only if no earlier one has equal or better counts.
+        order = np.lexsort((*counts.T, -values))
+        values, counts = values[order], counts[order]
+        kept = ~np.triu(_as_good(counts, counts), 1).any(axis=0)
+        self.values, self.counts = values[kept], counts[kept]
+
+    def best(self, counts: Floats) -> Floats:
+        """Return (k,) largest λ known for counts (k, c) or better; −inf if nothing is known."""
+        if not len(self.values):
+            return np.full(len(counts), -np.inf)
+        as_good = _as_good(self.counts, counts)
+        return np.asarray(np.where(as_good, self.values[:, None], -np.inf).max(axis=0))
+
+
+def _as_good(counts: Floats, others: Floats) -> Bools:
+    """Return (a, b) True where counts (a, c) are equal to or better than others (b, c)."""
+    found = np.ones((len(counts), len(others)), dtype=bool)
+    for one, other in zip(counts.T, others.T, strict=True):
+        found &= one[:, None] <= other[None]
+    return found
+
+
+def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
+    """Compute the objectives (k, 1 + c) that a driver minimises: −λ, 0 without one, and the counts."""
+    return np.column_stack([-objective_values(space, labellings, evaluations), front_counts(space, labellings)])
+
+
+Rows = NDArray[np.void]  # structured array of evaluations with the fields of `record_type`
+
+_STATUSES: Final = tuple(Status)  # statuses; the position is the code in a row
+_SETTLED: Final = (SOLVE, BOUND)  # ways in which a labelling is settled; the position is the code in a row
+# Attributes of `Evaluation` that are stored as float64
+_NUMBERS: Final = ("low", "high", "associative", "zero_dilation", "seconds")
+# columns of the table of evaluations, without their number
+COLUMNS: Final = ("labelling", "multiplicity", "status", "settled", *_NUMBERS, "governing", "cases", "checksum")
+
+_CODES: Final = {str(status): code for code, status in enumerate(_STATUSES)}
+_SETTLED_CODES: Final = {name: code for code, name in enumerate(_SETTLED)}
+_STATUS_NAMES: Final = np.array([str(status) for status in _STATUSES], dtype=object)
+_SETTLED_NAMES: Final = np.array(_SETTLED, dtype=object)
+_numbers: Final = attrgetter(*_NUMBERS)
+
+
+def record_type(faces: int, cases: int = 0) -> np.dtype[np.void]:
+    """Return the structured type of one evaluation for m faces and c load cases, scene units."""
+    fields = [(name, "<f8") for name in _NUMBERS]
+    head = [("labelling", "u1", ((faces + 7) // 8,)), ("multiplicity", "<u4"), ("status", "u1"), ("settled", "u1")]
+    return np.dtype([*head, *fields, ("governing", "<i4"), ("cases", "<f8", (cases,))])
+
+
+def rows_of(
+    kind: np.dtype[np.void], labellings: Bits, multiplicities: Sequence[int], found: Sequence[Evaluation]
+) -> Rows:
+    """Return the rows (k,) of evaluations of labellings (k, m), for a record or a table."""
+    rows = np.zeros(len(found), dtype=kind)
+    rows["labelling"] = np.packbits(labellings, axis=1)
+    rows["multiplicity"] = multiplicities
+    rows["status"] = [_CODES[one.status] for one in found]
+    rows["settled"] = [_SETTLED_CODES[one.settled] for one in found]
+    values = np.array([_numbers(one) for one in found], dtype=np.float64).reshape(-1, len(_NUMBERS))
+    # The file has one zero and one NaN, so remove the sign of zeros and the payload of NaNs.
+    values = np.where(np.isnan(values), np.nan, values + 0.0)
+    for name, column in zip(_NUMBERS, values.T, strict=True):
+        rows[name] = column
+    rows["governing"] = [one.governing for one in found]
+    if width := rows["cases"].shape[1]:
+        cases = [one.cases or (math.nan,) * width for one in found]
+        # Reshape also works for an empty list, if time ran out before the first evaluation.
+        rows["cases"] = np.array(cases, dtype=np.float64).reshape(-1, width)
+    return rows
+
+
+def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
+    """Yield each row as a tuple of the columns `COLUMNS`, as SQLite stores them."""
+    # mypy takes seconds for the types of so many columns, which are any in the end
+    columns: list[Iterable[Any]] = [
+        keys_of(rows),
+        rows["multiplicity"].tolist(),
+        statuses(rows).tolist(),
+        settled(rows).tolist(),
+        *(rows[name].tolist() for name in _NUMBERS),
+        rows["governing"].tolist(),
+        (one.tobytes() for one in rows["cases"]) if rows["cases"].shape[1] else repeat(b"", len(rows)),
+        checksums(rows),
+    ]
+    return zip(*columns, strict=True)
+
+
+def from_columns(kind: np.dtype[np.void], content: Sequence[tuple[Any, ...]]) -> tuple[Rows, int | None]:
+    """Return the rows of stored columns, and the index of the first row that is damaged."""
+    # The index is that of the first wrong checksum, None if all are right.
+    rows = np.zeros(len(content), dtype=kind)
+    columns = dict(zip(COLUMNS, zip(*content, strict=True), strict=True))
+    packed = np.frombuffer(b"".join(columns["labelling"]), np.uint8)
+    rows["labelling"] = packed.reshape(len(rows), kind["labelling"].itemsize)
+    rows["multiplicity"] = columns["multiplicity"]
+    rows["status"] = [_CODES[name] for name in columns["status"]]
+    rows["settled"] = [_SETTLED_CODES[name] for name in columns["settled"]]
+    for name in _NUMBERS:
+        rows[name] = np.array(columns[name], dtype=np.float64)
+    rows["governing"] = columns["governing"]
+    rows["cases"] = np.frombuffer(b"".join(columns["cases"]), "<f8").reshape(rows["cases"].shape)
+    made, kept = checksums(rows), list(columns["checksum"])
+    if made == kept:
+        return rows, None
+    return rows, next(n for n, (one, other) in enumerate(zip(made, kept, strict=True)) if one != other)
+
+
+def keys_of(rows: Rows) -> list[bytes]:
+    """Return the packed labelling of each row as bytes, by which a labelling is found."""
+    width = rows.dtype["labelling"].itemsize
+    content = rows["labelling"].tobytes()
+    return [content[n : n + width] for n in range(0, len(content), width)]
+
+
+def statuses(rows: Rows) -> NDArray[np.object_]:
+    """Return the status (k,) of each row by name."""
+    codes = rows["status"]
+    return _STATUS_NAMES.take(codes)
+
+
+def settled(rows: Rows) -> NDArray[np.object_]:
+    """Return the way (k,) in which each row was settled, "solve" or "bound"."""
+    codes = rows["settled"]
+    return _SETTLED_NAMES.take(codes)
+
+
+def load_factors(rows: Rows) -> Floats:
+    """Return λ (k,) of each row, as `Evaluation.load_factor`."""
+    zero = rows["zero_dilation"]
+    found = np.where(np.isnan(zero), rows["associative"], zero)
+    return np.asarray(np.where(rows["settled"] == _SETTLED_CODES[BOUND], np.nan, found))
+
+
+def checksums(rows: Rows) -> list[int]:
+    """Return the CRC-32 of each row's bytes."""
+    raw, size = memoryview(rows.tobytes()), rows.dtype.itemsize
+    return [zlib.crc32(raw[n : n + size]) for n in range(0, len(raw), size)]
+
+
+def evaluation_of(row: np.void) -> Evaluation:
+    status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
+    low, high, associative, zero_dilation, seconds = (float(row[name]) for name in _NUMBERS)
+    cases, governing = tuple(row["cases"].tolist()), int(row["governing"])
+    return Evaluation(
+        status, low, high, associative, zero_dilation, settled_by, seconds, cases=cases, governing=governing
+    )

@@ -28,9 +28,9 @@ from jld_core.errors import InputError
 from jld_core.files import whole_file
 from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.pool import deferred_signals
-from jld_explore.evaluation.protocol import Evaluation
-from jld_explore.evaluation.ranking import (
+from jld_explore.evaluation.protocol import (
     COLUMNS,
+    Evaluation,
     Rows,
     checksums,
     columns_of,

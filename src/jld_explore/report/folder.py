@@ -23,14 +23,12 @@ from jld_core.tolerances import GAP
 from jld_explore.drivers.choice import what_would_prove
 from jld_explore.drivers.field_exact import CONFLICTS_FILE
 from jld_explore.evaluation.records import RECORDS_FILE, REFINED_FILE
-from jld_explore.report import summary as required
 from jld_explore.report import tables
+from jld_explore.report import tables as required
 from jld_explore.report.columns import columns, csv_of, front_rows, values_on, with_evidence
 from jld_explore.report.reading import FIELD_PICTURE, Exploration, history_of
-from jld_explore.report.summary import Summary
-from jld_explore.report.tables import without_parquet, write_results
-from jld_explore.search.state import StopReason, name_of
-from jld_explore.search.study import Study
+from jld_explore.report.tables import Summary, without_parquet, write_results
+from jld_explore.search.study import StopReason, Study, name_of
 from jld_explore.space import registered
 
 if TYPE_CHECKING:

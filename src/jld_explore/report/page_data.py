@@ -21,7 +21,7 @@ from jld_core._version import __version__
 from jld_core.arrays import Bools
 from jld_core.assembly import Assembly, faces_of
 from jld_core.limit import LimitAnalysisResult, effects
-from jld_core.limit.movements import result_of_faces
+from jld_core.limit.mechanism import result_of_faces
 from jld_core.scene import Scene
 from jld_core.scene.part import MemberKind
 from jld_core.views import look, quantities
@@ -42,8 +42,7 @@ from jld_explore.report.page_contract import (
     Table,
 )
 from jld_explore.space import Count, registered, to_string
-from jld_explore.space.labelling import pack
-from jld_explore.space.void import beside_nothing, dry_of, omitted
+from jld_explore.space.labelling import beside_nothing, dry_of, omitted, pack
 
 if TYPE_CHECKING:
     import pandas as pd

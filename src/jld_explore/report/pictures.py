@@ -29,7 +29,7 @@ from jld_core.views.structure import LineStyle, element_points, extent, paint, p
 from jld_explore.report.columns import known_front, ranked_by, value_in_words
 from jld_explore.report.reading import Exploration
 from jld_explore.space import Count, count_named, cut, registered
-from jld_explore.space.void import dry_of
+from jld_explore.space.labelling import dry_of
 
 FIRST: Final[str] = Front().count  # default count of the front in pictures
 

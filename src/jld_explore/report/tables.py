@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -16,25 +17,179 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, faces_of
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
-from jld_core.exchange.writers import harmless
+from jld_core.exchange.formats import harmless
 from jld_core.files import whole_file, write_text
 from jld_core.limit import Status, load_scale, relative_width
+from jld_core.scene import Search
 from jld_core.tolerances import GAP
 from jld_explore.evaluation import Records
-from jld_explore.evaluation.protocol import BOUND
-from jld_explore.evaluation.ranking import ORDER, load_factors, settled, statuses
+from jld_explore.evaluation.cases import Standing
+from jld_explore.evaluation.protocol import BOUND, ORDER, load_factors, settled, statuses
 from jld_explore.evaluation.records import RefinedRecords
-from jld_explore.evaluation.standing import Standing
-from jld_explore.report import summary as required
 from jld_explore.report.columns import csv_of
-from jld_explore.search.state import StopReason, versions
-from jld_explore.search.study import Study
-from jld_explore.space import Count, SearchSpace, registered, unpack
+from jld_explore.search.study import StopReason, Study, versions
+from jld_explore.space import Count, SearchSpace, count_named, registered, unpack
 from jld_explore.space.counts import counts, values_until
 from jld_explore.space.labelling import letters_of
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Outcome of a search: the entries of summary.json that every search has.
+
+    Attributes
+    ----------
+    best, best_labelling : float, str or None
+        Largest load factor of the objective, scene units, and its labelling as text.
+    unbounded, proven : bool
+        Whether some layout carries any load, and whether none carries more than `best`.
+    stands_at_zero : bool or None
+        False if the best falls under its dead load alone.
+    bound, gap : float or None
+        Proven upper bound on λ of all layouts, and its relative distance from `best`.
+    stop_reason : str
+        Why the search ended.
+    classes, evaluated, labellings : int
+        Layouts up to symmetry, in total and evaluated; and those evaluated with their images.
+    solved, pruned, settled : int
+        Classes solved in this run; not worth a solve by a bound; always 0.
+    counts_by_status : dict of str to int
+        Number of classes by status.
+    seconds, rate : float
+        Duration, s, and classes solved per second, or None.
+    driver, seed : str, int
+        Driver and its seed.
+    warnings : list of str
+        Warnings.
+    front : list of dict
+        Points: `count`, `load_factor`, `bound`, `proven`.
+    next : str or None
+        How to complete the proof.
+    cracks : str or dict
+        Crack model of λ, as in a scene.
+    by_fields, uncut : [float or None, float or None] or None
+        Bounds on λ of the best, and without cuts, where blocks may crack anywhere.
+    facts : dict
+        All entries of summary.json.
+    """
+
+    best: float | None
+    best_labelling: str | None
+    unbounded: bool
+    proven: bool
+    bound: float | None
+    gap: float | None
+    stop_reason: str
+    labellings: int
+    evaluated: int
+    counts_by_status: dict[str, int]
+    seconds: float
+    rate: float | None
+    driver: str
+    classes: int | None = None
+    stands_at_zero: bool | None = None
+    solved: int = 0
+    settled: int = 0
+    pruned: int = 0
+    seed: int = 0
+    warnings: list[str] = field(default_factory=list)
+    front: list[dict[str, Any]] = field(default_factory=list)
+    next: str | None = None
+    cracks: Any = "faces"
+    by_fields: list[float | None] | None = None
+    uncut: list[float | None] | None = None
+    facts: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, facts: Mapping[str, Any]) -> Summary:
+        """Make a summary from the content of summary.json; TypeError if a field without default is missing."""
+        known = {one.name for one in fields(cls)} - {"facts", "warnings"}
+        found = [*facts.get("warnings", []), *(facts.get("fields") or {}).get("findings", [])]
+        return cls(**{name: value for name, value in facts.items() if name in known}, warnings=found, facts=dict(facts))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of summary.json as a new dict."""
+        return dict(self.facts)
+
+
+COLUMN: Final = "meets"  # column of layouts that reach the required load factor
+
+
+def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str, Any]:
+    """Return the column of rows (k,) that reach the required load factor, as locked ones do.
+
+    Empty if none is required.
+    """
+    if search.require is None:
+        return {}
+    with np.errstate(invalid="ignore"):
+        carries = (status == str(Status.COLLAPSE)) & (low >= search.require.threshold)
+    return {COLUMN: carries | (status == str(Status.LOCKED))}
+
+
+def order(table: pd.DataFrame, search: Search) -> list[Floats]:
+    """Return sort keys (k,) for `numpy.lexsort` that put layouts with the required λ, by count, first."""
+    if search.require is None:
+        return []
+    met = table[COLUMN].to_numpy(bool)
+    return [np.where(met, _signed(table, search), 0.0), np.where(met, 0.0, 1.0)]
+
+
+def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
+    """Return the entries of summary.json on the required load factor; empty if none is required."""
+    # a layout that collapses may reach the factor although its lower bound does not
+    if search.require is None:
+        return {}
+    met, (count, sense) = table[table[COLUMN]], search.front.axes[0]
+    sign = _signed(met, search)
+    best = None if met.empty else met.iloc[int(np.argmin(sign))]
+    open_status = [Status.UNCERTIFIED, Status.FAILED, Status.COLLAPSE]
+    open_rows = table[~table[COLUMN] & table["status"].isin([str(status) for status in open_status])]
+    high = open_rows["bracket_hi"].to_numpy(float)
+    # Undecided layouts matter only if their count is better.
+    may = ~(high < search.require.threshold) & (open_rows["settled"] != BOUND).to_numpy(bool)
+    better = _signed(open_rows, search) < (np.inf if best is None else float(np.min(sign)))
+    proven = finished or (complete and not np.any(may & better))
+    found: dict[str, Any] = {
+        "load_factor": search.require.load_factor,
+        "count": count,
+        "sense": sense,
+        "met": len(met),
+        "best": None if best is None else _plain(best[count]),
+        "best_load_factor": None if best is None or np.isnan(best["load_factor"]) else float(best["load_factor"]),
+        "best_labelling": None if best is None else str(best["labelling"]),
+        "proven": proven,
+    }
+    return {"require": found, "proven": proven}
+
+
+def words(require: dict[str, Any]) -> str:
+    """Describe the entry `require` of a summary in one line."""
+    least = f"λ ≥ {require['load_factor']:g}"
+    if require["best"] is None:
+        return f"no layout with {least}" + (": proven that there is none" if require["proven"] else " found")
+    count = count_named(require["count"])
+    value = f"{require['best']:g} {count.noun}s" if count.integer else f"{count.title} {require['best']:.4g}"
+    carried = "any load" if require["best_load_factor"] is None else f"{require['best_load_factor']:.6g}"
+    side = "fewest" if require["sense"] == "min" else "most"
+    if not count.integer:
+        side = "least" if require["sense"] == "min" else "most"
+    proof = f"proven the {side}" if require["proven"] else "not proven"
+    return f"{value} ({proof} with {least}), which carry {carried}; {require['met']} layouts meet it"
+
+
+def _signed(table: pd.DataFrame, search: Search) -> Floats:
+    """Return the first count of the front, signed so that less is better."""
+    count, sense = search.front.axes[0]
+    return np.asarray((1.0 if sense == "min" else -1.0) * table[count].to_numpy(float))
+
+
+def _plain(value: Any) -> float | int:
+    """Return a NumPy number as a Python number."""
+    return float(value) if isinstance(value, float | np.floating) else int(value)
 
 
 CSV_FILE: Final = "results.csv"  # table for people and spreadsheets
@@ -225,7 +380,7 @@ def results_table(
         "load_factor_zero_dilation": zero,
         **({} if not assembly.has_low_values else {"load_factor_nominal": rows["cases"][:, -1]}),
         **_of_cases(rows, assembly),
-        **required.column(rows["low"], np.where(falls, str(Status.UNSTABLE), statuses(rows)), space.search),
+        **column(rows["low"], np.where(falls, str(Status.UNSTABLE), statuses(rows)), space.search),
         "seconds": rows["seconds"],
     }
     table = pd.DataFrame(columns)
@@ -236,24 +391,24 @@ def results_table(
     level = np.where(lower > 0, lower + level.max(initial=0), level)
     # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
-    wanted = required.order(table, space.search)
-    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, level, group, *wanted, falls, place))
-    table = table.iloc[order].reset_index(drop=True)
-    packed = packed[order]
+    wanted = order(table, space.search)
+    places = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, level, group, *wanted, falls, place))
+    table = table.iloc[places].reset_index(drop=True)
+    packed = packed[places]
     void = space.void
     texts = _texts(packed, records.faces, assembly.faces) if void is None else void.texts(unpack(packed, records.faces))
     table.insert(0, "labelling", texts)
-    table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[order])
-    known = pd.Series(pd.arrays.BooleanArray(~falls[order], np.isnan(stands)[order]))
+    table.insert(table.columns.to_list().index("bracket_hi") + 1, "status", statuses(rows)[places])
+    known = pd.Series(pd.arrays.BooleanArray(~falls[places], np.isnan(stands)[places]))
     table.insert(table.columns.to_list().index("status") + 1, STANDS, known)
-    table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[order])
+    table.insert(table.columns.to_list().index("seconds"), "settled", settled(rows)[places])
     table["driver"] = driver
     _insert_late(table, late, unpack(packed, records.faces), space, deadline)
     # Tied rows share the rank of the first of them.
     ranked = int(np.count_nonzero(place == 0))
-    alike = np.array([key[order] for key in (group, *wanted, falls)])
-    first = np.r_[True, (alike[:, 1:] != alike[:, :-1]).any(axis=0)][: len(order)]
-    number = np.maximum.accumulate(np.where(first, np.arange(1, len(table) + 1), 0)) if len(table) else order
+    alike = np.array([key[places] for key in (group, *wanted, falls)])
+    first = np.r_[True, (alike[:, 1:] != alike[:, :-1]).any(axis=0)][: len(places)]
+    number = np.maximum.accumulate(np.where(first, np.arange(1, len(table) + 1), 0)) if len(table) else places
     unranked = np.arange(len(table)) >= ranked
     table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number.astype(np.int64), unranked)))
     return table

@@ -14,7 +14,7 @@ from jld_core.scene.cracks import cracks_in_words
 from jld_core.views import facts_of_assembly
 from jld_core.views.notebook import aligned
 from jld_explore.evaluation.protocol import BOUND
-from jld_explore.report import summary as required
+from jld_explore.report import tables as required
 from jld_explore.report.columns import COLUMN, ranked_by
 from jld_explore.report.languages import stronger_cut
 from jld_explore.report.reading import Exploration

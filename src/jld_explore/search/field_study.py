@@ -14,8 +14,8 @@ from jld_core.scene.cracks import FieldCracks
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.field_evaluator import COARSE_RATE, field_evaluation, mesh_seconds
-from jld_explore.evaluation.field_pool import (
+from jld_explore.evaluation.field_evaluator import (
+    COARSE_RATE,
     BestAim,
     FieldPool,
     FieldRace,
@@ -23,11 +23,12 @@ from jld_explore.evaluation.field_pool import (
     RaceAim,
     RaceResult,
     RequirementAim,
+    field_evaluation,
+    mesh_seconds,
 )
-from jld_explore.evaluation.ranking import front_counts, keys_of, statuses
+from jld_explore.evaluation.protocol import front_counts, keys_of, statuses
 from jld_explore.evaluation.records import RefinedRecords
-from jld_explore.search.state import Progress, StopReason
-from jld_explore.search.study import Study
+from jld_explore.search.study import Progress, StopReason, Study
 from jld_explore.space import keys, unpack
 from jld_explore.space.labelling import orbit_sizes
 

@@ -30,9 +30,8 @@ from jld_explore.space.labelling import LETTERS, from_string, keys, to_string, u
 from jld_explore.space.search_space import SearchSpace, search_space
 
 if TYPE_CHECKING:
-    from jld_explore.space.reasons import reasons_against
-    from jld_explore.space.search_space import feasible
-    from jld_explore.space.void import cut
+    from jld_explore.space.labelling import cut
+    from jld_explore.space.search_space import feasible, reasons_against
 
 __all__ = [
     "LETTERS",
@@ -58,8 +57,7 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "void": ["cut"],
-        "search_space": ["feasible"],
-        "reasons": ["reasons_against"],
+        "labelling": ["cut"],
+        "search_space": ["feasible", "reasons_against"],
     },
 )

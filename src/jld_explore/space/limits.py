@@ -15,9 +15,8 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, Elements
 from jld_core.errors import InputError
 from jld_core.scene import Search
-from jld_explore.space.counts import Count, Terms, count_named, registered, values_of
+from jld_explore.space.counts import BlockShapes, Count, Terms, count_named, registered, values_of
 from jld_explore.space.labelling import Connectivity, blocks_of, numbers_of, totals_of
-from jld_explore.space.shapes import BlockShapes
 
 
 @dataclass(frozen=True)

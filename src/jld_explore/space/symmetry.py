@@ -22,7 +22,7 @@ from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry
 from jld_core.scene.uncertain import Uncertain, UncertainVector, uncertain_values, written
 
 if TYPE_CHECKING:
-    from jld_core.refinement.cells import CrackCells
+    from jld_core.refinement.refine import CrackCells
 
 
 # Largest difference of values that are mapped onto each other, relative to their size

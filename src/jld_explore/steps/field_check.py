@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from jld_core.errors import InputError
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.problem import require_planar_fields
 from jld_core.limit import Status, number
+from jld_core.models import CaseAnalysis
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
@@ -165,3 +167,56 @@ def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, flo
     if uncut is not None and uncut[0] > max(high.max(), 0.0):
         found.append(f"without cuts it carries at least {uncut[0]:.4g}, more than any of the best {len(values)}")
     return found
+
+
+MOST_UNCUT: Final = 2000
+"""Largest number of interfaces of an assembly that is solved without its cuts."""
+
+
+def most_without_cuts(scene: Scene, assembly: Assembly, space: SearchSpace) -> float | None:
+    """Return the upper bound on λ by faces where every face that may be inner is inner.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    assembly : Assembly
+        Its structure.
+    space : SearchSpace
+        Labellings that may be searched.
+
+    Returns
+    -------
+    float or None
+        Upper bound on the governing factor. None where it is not finite, beside other crack models, uncertain values or
+        cells left out, and above MOST interfaces.
+    """
+    plain = scene.cracks == "faces" and space.void is None and not assembly.has_low_values
+    if not plain or len(assembly.labels) > MOST_UNCUT:
+        return None
+    high = CaseAnalysis(assembly, single_labelling=True).solve(space.fixed & ~space.candidates).bracket[1]
+    return float(high) if math.isfinite(high) else None
+
+
+class Uncut(Step):
+    """Comparison of the best layout of a search by faces with the structure without cuts."""
+
+    name = "uncut_at_most"
+
+    def entries(self, done: Exploration, context: StepContext) -> Mapping[str, Any]:
+        """Return the upper bound without cuts under the name of the step where the best is proven stronger."""
+        facts, settings = done.summary.facts, context.settings
+        other = settings.by_experiment or settings.own_objective is not None or facts.get("require")
+        plain = settings.model == type(settings.model)()
+        if other or not plain or facts["best"] is None or facts["unbounded"] or context.deadline.passed():
+            return {}
+        best = done.results.iloc[0]
+        if best["status"] != str(Status.COLLAPSE):
+            return {}
+        high = most_without_cuts(done.scene, done.assembly, context.space)
+        return {} if high is None or not float(best["bracket_lo"]) > high else {self.name: high}
+
+    def run(self, done: Exploration, context: StepContext) -> Exploration:
+        """Return the search with the bound in its summary, if it says something."""
+        entries = self.entries(done, context)
+        return with_entries(done, entries) if entries else done

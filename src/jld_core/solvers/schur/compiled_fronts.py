@@ -20,7 +20,7 @@ from jld_core.errors import SolverError
 from jld_core.linalg import components
 from jld_core.linalg.cholesky import Fronts
 from jld_core.program import ConicProgram
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 from jld_core.solvers.schur.nesterov_todd import Cones
 
 # Routines in the order in which `JldFronts` takes them

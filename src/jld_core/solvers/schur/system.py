@@ -24,7 +24,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.errors import SolverError
 from jld_core.linalg.cholesky import Fronts
 from jld_core.program import ConicProgram
-from jld_core.program.conic import Structure
+from jld_core.program.template import Structure
 from jld_core.solvers.base import EARLY, RawSolution, RawStatus, Solver, Suffices
 from jld_core.solvers.schur.compiled_fronts import (
     BlockEquations,

@@ -27,8 +27,7 @@ from jld_explore.space import SearchSpace, feasible, to_string
 from jld_explore.space.labelling import blocks_of
 from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, write
-from jld_explore.verification.labellings import Labellings
-from jld_explore.verification.verify import Checker
+from jld_explore.verification.verify import Checker, Labellings
 
 # Relative amount by which the certified bound exceeds the bound of the search. It is a fifth of `tolerances.PROVEN`. It
 # covers the accuracy of the solver that computes mechanisms again, and their rounding.

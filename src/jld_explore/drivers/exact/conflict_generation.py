@@ -12,7 +12,7 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import ConflictRequest
 from jld_core.batch.batch_solver import MinimizationOptions
-from jld_core.limit.dual_bounds import DualBound, MinimizedConflict
+from jld_core.limit.work_balance import DualBound, MinimizedConflict
 from jld_explore.drivers.exact.context import SEED_STEP, PartialLabellingRelaxation, ProofContext
 from jld_explore.drivers.exact.formula import EVERYTHING, Cube, Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism

@@ -9,8 +9,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Ints
 from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts, atom_graph, limits_of
-from jld_explore.drivers.operators.cutting import Cutter
-from jld_explore.drivers.operators.repair import Repair
+from jld_explore.drivers.operators.cutting import Cutter, Repair
 from jld_explore.space import SearchSpace, feasible
 from jld_explore.space.labelling import blocks_of
 
