@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.spatial import ConvexHull, cKDTree
 
 from jld_core import Assembly, Bools, Floats, Ints, tolerances
 from jld_core.geometry import Faces, solids
@@ -42,6 +41,8 @@ class ConvexCell:
 
     def is_convex(self) -> bool:
         """Return whether the polyhedron fills its convex hull."""
+        from scipy.spatial import ConvexHull  # local imports here and below: slow to import, spatial scenes only
+
         hull = float(ConvexHull(self.vertices - self.vertices.mean(axis=0)).volume)
         return hull - self.volume <= _CONVEX * hull
 
@@ -254,6 +255,8 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
 def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]:
     """Merge points within `reach`, also by chains: vertex (k,) of each point, and places (v, d)."""
     points = np.concatenate(groups)
+    from scipy.spatial import cKDTree
+
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
     number = components(len(points), pairs[:, 0], pairs[:, 1])
     _, first = np.unique(number, return_index=True)

@@ -530,7 +530,8 @@ def facts_of_summary(summary: Mapping[str, Any], results: pd.DataFrame) -> dict[
         row = best.iloc[0]
         facts["bracket of the best"] = f"{row['bracket_lo']:.9g} … {row['bracket_hi']:.9g}"
     bound, gap = summary.get("bound"), summary.get("gap")
-    facts["bound over all layouts"] = "none is known" if bound is None else f"{bound:.9g}"
+    by = f" ({summary['bound_by']})" if summary.get("bound_by") else ""
+    facts["bound over all layouts"] = "none is known" if bound is None else f"{bound:.9g}{by}"
     if gap is not None:
         facts["gap to the bound"] = f"{gap:.2g}"
     versions = summary.get("versions", {})

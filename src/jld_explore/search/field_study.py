@@ -134,7 +134,7 @@ class FieldStudy(Study):
     def _count(self, evaluations: list[Evaluation], labellings: Bits) -> None:
         """Update progress by new evaluations, and by the best bound of a proof so far."""
         if isinstance(self.driver, FieldExact) and self.driver.best >= 0.0 and not self.driver.best <= self._best:
-            self._best, self._best_text = float(self.driver.best), ""  # the driver names its layout at the end
+            self._best = float(self.driver.best)  # the driver names its layout at the end
         super()._count(evaluations, labellings)
 
     def _until(self, deadline: Any) -> None:

@@ -23,9 +23,10 @@ from jld_core.limit import Status, load_scale, relative_width
 from jld_core.limit.bounds import exceeds
 from jld_core.models import cost_estimate
 from jld_core.scene import Scene
+from jld_core.tolerances import GAP
 from jld_explore.drivers import Driver
 from jld_explore.drivers.choice import first_layout
-from jld_explore.drivers.exact.block_bounds import BlockRoot
+from jld_explore.drivers.proof_beside import ProofBeside
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, Records, evaluator_of
 from jld_explore.evaluation.cases import IncumbentFront, Standing, VoidStanding
 from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
@@ -34,6 +35,7 @@ from jld_explore.evaluation.records import PendingEvaluations, RecordedEvaluator
 from jld_explore.evaluation.workers import HANG_SECONDS, Workers, WorkerSpec
 from jld_explore.search.settings import ExploreSettings
 from jld_explore.space import SearchSpace, cut, to_string, unpack
+from jld_explore.space.labelling import canonical
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -157,10 +159,11 @@ class Study:
         self._end, self._cut = self.deadline.end, False
         self._empty = False
         self.evaluated = self.asked = self.solved = 0
-        self._root: BlockRoot | None = None
+        self._beside: ProofBeside | None = None
+        self._offered: Bits | None = None  # a layout (1, m) of the proof beside that is stronger than all evaluated
         self.bound_by: str | None = None
         self._best, self._floor = np.nan, load_scale(assembly)
-        self._best_text = ""
+        self._best_labels: Bits | None = None
         self.records = self.open_records()
 
     @property
@@ -272,7 +275,7 @@ class Study:
                 self._restore()
             driver.set_workers(self.settings.jobs)
             driver.start(self.deadline, lambda: self._count([], _NONE), self.records)
-            self._root = self._block_root()
+            self._beside = self._proof_beside()
             while True:
                 # Request a fixed number of portions ahead, so that the order of results is independent of the workers.
                 # At least one labelling is evaluated even after the deadline.
@@ -291,8 +294,13 @@ class Study:
                     if reason is StopReason.UNPROVEN:
                         self._discard_proof()
                     if reason in (StopReason.BUDGET, StopReason.TIME):
-                        self._take_root_bound(wait=True)
-                    return reason
+                        self._look_beside(wait=True)
+                    if self._offered is None:
+                        return reason
+                if self._offered is not None:
+                    offered, self._offered = self._offered, None
+                    recorded.collect(recorded.submit(offered))
+                    continue
                 pending = waiting.popleft()
                 evaluations = recorded.collect(pending)
                 self.solved = recorded.solved
@@ -304,29 +312,36 @@ class Study:
                     front.learn(pending.labellings, told)
         finally:
             self.solved = recorded.solved
-            if self._root is not None:
-                self._root.close()
-            workers.close()
-            driver.close()
-            try:
-                self.keep_bound(driver.bound, driver.name)
-            finally:
-                self.records.close()
+            self._close(workers)
 
-    def _block_root(self) -> BlockRoot | None:
-        """Start the bound by blocks beside the search, unless the driver proves or would end before it."""
+    def _close(self, workers: Workers) -> None:
+        if self._beside is not None:
+            self._beside.close()
+        workers.close()
+        self.driver.close()
+        try:
+            self.keep_bound(self.driver.bound, self.driver.name)
+        finally:
+            self.records.close()
+
+    def _proof_beside(self) -> ProofBeside | None:
+        """Start a proof beside the search, unless the driver proves or would end before it."""
         settings, driver = self.settings, self.driver
         other = settings.own_objective is not None or settings.by_experiment or self._make is not evaluator_of
         if other or driver.modular or (driver.exhaustive and self.total is not None):
             return None
-        return BlockRoot.beside(self.space, settings.model, self.deadline, settings.jobs)
+        return ProofBeside.of(self.space, settings.model, self.deadline)
 
-    def _take_root_bound(self, *, wait: bool = False) -> None:
-        """Record the bound by blocks once it is there; wait: until the deadline."""
-        if self._root is not None and self._root.running:
-            bound = self._root.poll(self.deadline.remaining() if wait else 0.0)
-            if bound is not None:
-                self.keep_bound(bound, "block by block")
+    def _look_beside(self, *, wait: bool = False) -> None:
+        """Record what the proof beside has found; wait: until the deadline for its first bound."""
+        if self._beside is None:
+            return
+        found = self._beside.poll(self._best_labels, self.deadline.remaining() if wait and self._beside.first else 0.0)
+        if math.isfinite(found.bound):
+            self.keep_bound(found.bound, found.by)
+        # a layout that is stronger by more than two brackets of the same one may differ
+        if found.labels is not None and not found.low <= self._best + GAP * max(abs(self._best), self._floor):
+            self._offered, self._best = canonical(found.labels[None], self.space.group), found.low
 
     @property
     def evaluation_seconds(self) -> float:
@@ -431,8 +446,8 @@ class Study:
         if not np.all(np.isnan(values)):
             place = int(np.nanargmax(values))
             if not values[place] <= self._best:
-                self._best, self._best_text = float(values[place]), self.text_of(labellings[place])
-        self._take_root_bound()
+                self._best, self._best_labels = float(values[place]), labellings[place]
+        self._look_beside()
         self._withdraw_contradicted(evaluations)
         self.keep_bound(self.driver.bound, self.driver.name)
         if self.report is not None:
@@ -440,7 +455,7 @@ class Study:
             budget, total = self.settings.budget, self.total
             total = total if budget is None else min(budget, total or budget)
             gap = relative_width(self._best, bound, self._floor)
-            text = self._best_text
+            text = "" if self._best_labels is None else self.text_of(self._best_labels)
             left = self.deadline.remaining()
             self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap, text, left))
 

@@ -13,7 +13,7 @@ function progressOf(job) {
   if (summary.proven && typeof top !== "number") return summary.unbounded ? "a layout is locked: no live load brings it down" : "proven: no layout stands under any λ";
   if (done !== undefined) parts.push(`${done}${total ? ` of ${total}` : ""} layouts`);
   if (typeof top === "number") parts.push(`best λ ${shown(top, 6)}`);
-  if (typeof roof === "number") parts.push(`bound ${shown(roof, 6)}`);
+  if (typeof roof === "number") parts.push(`bound ${shown(roof, 6)}${summary.bound_by ? ` (${summary.bound_by})` : ""}`);
   if (typeof top === "number" && typeof roof === "number" && roof > 0) parts.push(`gap ${shown(Math.max(0, (100 * (roof - top)) / roof), 2)} %`);
   if (seconds !== undefined && (job.kind !== "design" || job.state !== "running")) parts.push(`${shown(seconds, 3)} s`);
   if (typeof job.seconds_left === "number") parts.push(`at most ${timeOf(job.seconds_left)} left`);

@@ -1,0 +1,181 @@
+"""Proof in a process beside any search: the block relaxation of all layouts first, then the exact driver."""
+
+from __future__ import annotations
+
+import math
+import os
+import pickle
+import threading
+import time
+from concurrent.futures import Future, wait
+from contextlib import suppress
+from typing import Final, NamedTuple
+
+import cloudpickle
+import numpy as np
+
+from jld_core.arrays import Bits
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.limit import LimitAnalysis, SolveOptions, Status
+from jld_core.limit.block_relaxation import applies_to
+from jld_core.limit.case_relaxation import relaxation_of
+from jld_core.threads import memory_limit, one_thread
+from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
+from jld_explore.drivers.exact.context import listed_blocks
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.evaluation import Evaluator, EvaluatorSettings, Pool
+from jld_explore.evaluation.cases import Standing
+from jld_explore.evaluation.pool import is_lost
+from jld_explore.space import SearchSpace
+
+LEAST_SECONDS: Final = 5.0  # shortest time of a search with a proof beside it; its process takes two seconds to start
+
+_SIDE_SECONDS: Final = 6e-4  # time of the program for each side of a block; 40 000 to 77 000 sides took 24 to 48 s
+_SIDE_MEMORY: Final = 16e3  # memory of the program for each side of a block, bytes
+_MEMORY_SHARE: Final = 0.4  # largest share of the memory for the program
+_LISTED_WITHIN: Final = 0.3  # share of the time that is open to listing the possible blocks
+_CLOSE: Final = 1.0  # time before the deadline at which the process ends, s
+_TURN: Final = 1.0  # time after which the exact driver reports, s
+_NICE: Final = 5  # the search goes first where it uses every core
+
+
+class Found(NamedTuple):
+    """What the process has proven, scene units, and the strongest layout (m,) it knows, with its lower bound."""
+
+    bound: float = math.inf
+    by: str = ""
+    labels: Bits | None = None
+    low: float = -math.inf
+    done: bool = False
+
+
+class ProofBeside:
+    """Proof in a process of its own; `found` is what it has sent."""
+
+    def __init__(self, space: SearchSpace, model: SolveOptions, blocks: BlockSpace | None, until: Deadline) -> None:
+        self.found = Found()
+        self._pool, self._until = Pool(1), until
+        work = cloudpickle.dumps((space, model, blocks))
+        self._future: Future[Found] | None = self._pool.submit(_begin, work, self._left)
+        self.first = True  # while the bound at the root may still come
+
+    @classmethod
+    def of(cls, space: SearchSpace, model: SolveOptions, deadline: Deadline) -> ProofBeside | None:
+        """Start the process for a search; None where nothing can be proven in its time."""
+        left = deadline.remaining()
+        if not LEAST_SECONDS <= left < math.inf or space.void is not None:
+            return None
+        if not model.supports_bounds_over_labellings:
+            return None
+        return cls(space, model, _blocks(space, deadline), deadline.earlier(_CLOSE))
+
+    @property
+    def _left(self) -> float:
+        return self._until.remaining()
+
+    def poll(self, best: Bits | None, seconds: float = 0.0) -> Found:
+        """Return what is proven, after waiting for the next message up to some seconds; best (m,): of the search."""
+        future = self._future
+        if future is None or not wait([future], timeout=seconds).done:
+            return self.found
+        self._future, self.first = None, False
+        try:
+            self.found = future.result()
+            if not self.found.done and self._left > _TURN:
+                self._future = self._pool.submit(_go_on, best, self._left)
+        except Exception as error:
+            if not is_lost(error):  # a process that is killed costs its proof alone
+                raise
+        return self.found
+
+    def close(self) -> None:
+        """End the process; what has not come is lost."""
+        self._future = None
+        self._pool.close()
+
+
+def _blocks(space: SearchSpace, deadline: Deadline) -> BlockSpace | None:
+    """List the possible blocks in a share of the time; None where their program does not exist or takes too much."""
+    if not all(applies_to(LimitAnalysis(case)) for case in space.assembly.by_case):
+        return None
+    with Deadline(_LISTED_WITHIN * deadline.remaining()).enforced():
+        blocks = listed_blocks(space)
+    if blocks is None or not len(blocks):
+        return None
+    sides = sides_of(space, blocks)
+    if sides * _SIDE_SECONDS > deadline.remaining() or sides * _SIDE_MEMORY > _MEMORY_SHARE * memory_limit():
+        return None
+    return BlockSpace(space, blocks)
+
+
+class _Proof:
+    """State of the process."""
+
+    current: _Proof | None = None
+
+    def __init__(self, space: SearchSpace, model: SolveOptions, blocks: BlockSpace | None) -> None:
+        self.space, self.model, self.blocks = space, model, blocks
+        self.found = Found()
+        self.driver: Exact | None = None
+        self.given: Bits | None = None
+        self._thread: threading.Thread | None = None
+
+    def at_root(self, seconds: float) -> Found:
+        """Solve the block relaxation of all possible blocks."""
+        start = time.perf_counter()
+        whole = relaxation_of(self.space.assembly)
+        if self.blocks is not None and whole is not None:
+            most = whole.bound(self.space.fixed, self.space.candidates)
+            relaxation = self.blocks.relaxation(seconds=seconds - (time.perf_counter() - start))
+            every = np.ones(len(self.blocks.blocks), dtype=bool)
+            bound = relaxation.choose(every, 0.0, most).bound * whole.unit
+            if np.isfinite(bound):
+                self.found = Found(float(bound), "block by block")
+        self.blocks = None  # its memory goes to the driver
+        return self.found
+
+    def prove(self, deadline: Deadline) -> None:
+        """Run the exact driver until it ends or the deadline passes, in a thread that `_go_on` looks at."""
+        driver = self.driver = Exact(self.space)
+        evaluator = Evaluator(self.space.assembly, EvaluatorSettings(self.model))
+        standing = Standing(self.space.assembly, self.model)
+        with suppress(DeadlinePassed), deadline.enforced():
+            driver.start(deadline, lambda: None)
+            while len(asked := driver.ask()):
+                given, self.given = self.given, None
+                for own, labellings in ((True, asked), *(() if given is None else ((False, given[None]),))):
+                    evaluations = evaluator.evaluate_all(labellings, deadline=deadline)
+                    told = standing.told(labellings[: len(evaluations)], evaluations)
+                    (driver.tell if own else driver.restore)(labellings[: len(told)], told)
+                    for labels, one in zip(labellings, told, strict=False):
+                        if one.status is Status.COLLAPSE and one.low > self.found.low:
+                            self.found = self.found._replace(labels=labels.copy(), low=one.low)
+
+    def now(self, best: Bits | None, seconds: float) -> Found:
+        """Return what is known after some seconds, or once the exact driver has ended; best (m,): of the search."""
+        self.given = best
+        if self._thread is None:
+            deadline = Deadline(seconds)
+            self._thread = threading.Thread(target=self.prove, args=(deadline,), daemon=True)
+            self._thread.start()
+        self._thread.join(min(_TURN, seconds))
+        bound = None if self.driver is None else self.driver.bound
+        if self.driver is not None and bound is not None and bound < self.found.bound:
+            self.found = self.found._replace(bound=bound, by=self.driver.name)
+        return self.found._replace(done=not self._thread.is_alive())
+
+
+@one_thread()
+def _begin(work: bytes, seconds: float) -> Found:
+    """Bound all layouts in at most some seconds."""
+    os.nice(_NICE)
+    _Proof.current = _Proof(*pickle.loads(work))
+    return _Proof.current.at_root(seconds)
+
+
+@one_thread()
+def _go_on(best: Bits | None, seconds: float) -> Found:
+    """Go on with the proof for a while, of the seconds that are left."""
+    if _Proof.current is None:
+        raise RuntimeError("the process has not begun")
+    return _Proof.current.now(best, seconds)
