@@ -21,7 +21,7 @@ from benchmarks.common import about, table, write
 from jld_core import parse_scene
 from jld_core.arrays import Floats
 from jld_practice.reliability.analysis import Reliability, ReliabilityOptions, analyse, estimate
-from jld_practice.reliability.form import Limit
+from jld_practice.reliability.monte_carlo import Limit
 from jld_practice.reliability.structure import GoverningBounds, Variables, random_structure
 
 SAMPLES: Final = 20_000

@@ -18,7 +18,8 @@ from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, StopRe
 from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.report import tables
-from jld_explore.search.study import Interrupted, Study
+from jld_explore.search.state import Interrupted
+from jld_explore.search.study import Study
 from jld_explore.space import feasible, keys
 from jld_explore.space.labelling import canonical
 

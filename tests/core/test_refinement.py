@@ -17,11 +17,9 @@ from jld_core.fields.problem import require_fields
 from jld_core.refinement import crack_cells, refine
 from jld_core.refinement.arrangement import squares
 from jld_explore import search_space
-from jld_practice.design.aligned import TriangleStresses, aligned_cells
-from jld_practice.design.crushing import stresses_of_body
-from jld_practice.design.loads import with_loads
-from jld_practice.design.options import DesignOptions
+from jld_practice.design.options import DesignOptions, with_loads
 from jld_practice.design.outline import read_outline
+from jld_practice.design.tessellations import TriangleStresses, aligned_cells, stresses_of_body
 
 BODY = {"live": [{"body": [1.0, 0.0]}]}
 WALL = samples.wall(courses=4, length=1.6, opening="0.6,0.2,0.4,0.2", load="crown")

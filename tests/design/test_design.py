@@ -20,11 +20,10 @@ from jld_core.exchange import Layout
 from jld_core.refinement import refine
 from jld_core.samples import box
 from jld_explore import ExploreSettings, explore
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 from jld_practice.design import run, tessellations
 from jld_practice.design import trials as checks
-from jld_practice.design.loads import with_loads
-from jld_practice.design.options import DesignOptions
+from jld_practice.design.options import DesignOptions, with_loads
 from jld_practice.design.outline import read_outline
 from jld_practice.design.page import facts_of, gain_of, verdict, words_of, write_design
 from jld_practice.design.tessellations import Tessellation

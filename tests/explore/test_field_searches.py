@@ -30,7 +30,7 @@ from jld_explore.evaluation.field_evaluator import FieldEvaluator, FieldPool, Fi
 from jld_explore.evaluation.records import REFINED_FILE
 from jld_explore.report import words
 from jld_explore.report.page_of_study import study_data
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 from jld_explore.space import from_string
 
 FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}

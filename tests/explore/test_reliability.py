@@ -18,8 +18,7 @@ from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.scene.uncertain import uncertain_values
 from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, explore_failures, structure_of
-from jld_practice.reliability.form import Form, Limit, LimitFunction, design_point
-from jld_practice.reliability.monte_carlo import _Drawing, compare, simulate
+from jld_practice.reliability.monte_carlo import Form, Limit, LimitFunction, _Drawing, compare, design_point, simulate
 from jld_practice.reliability.structure import (
     GoverningBounds,
     SampleBounds,

@@ -18,8 +18,8 @@ from cases import grid_document, scene_of_cases, small_scene
 from command import ROOT, Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
 from jld_explore import Exploration, ExploreSettings, Progress, explore, read_folder, search_space
-from jld_explore.cli import ending as overview
 from jld_explore.cli import explore as progress
+from jld_explore.cli import overview
 from jld_explore.cli.explore import ProgressBar
 from jld_explore.drivers import DRIVERS
 from jld_explore.report import words

@@ -34,8 +34,8 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
     from jld_studio import server
     from jld_studio.api import Api
-    from jld_studio.app import build_app
     from jld_studio.jobs import Jobs
+    from jld_studio.server import build_app
     from jld_studio.session import StudioSession
 
     desk = StudioSession(parse_scene(small_scene()))

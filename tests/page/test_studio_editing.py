@@ -19,8 +19,8 @@ from jld_core.exchange import import_file
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
-from jld_studio.collapse_loads import collapse_loads, texts_of_bounds
-from jld_studio.supports import with_support
+from jld_studio.scene_store import with_support
+from jld_studio.session import collapse_loads, texts_of_bounds
 from local_studio import Local, fits
 
 

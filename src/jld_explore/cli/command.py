@@ -12,7 +12,7 @@ from typer.core import TyperGroup
 
 from jld_core import plugins
 from jld_core._version import __version__
-from jld_explore.cli import ending as overview
+from jld_explore.cli import overview
 from jld_explore.cli.ending import run
 from jld_explore.cli.streams import say
 
