@@ -24,7 +24,8 @@ ORDER = [
     ["jld_practice"],
     ["jld_geometry"],
     ["jld_experiment"],
-    ["jld_formats"],
+    ["jld_formats", "jld_samples"],
+    ["jld_samples"],
     ["jld_dilation"],
     ["jld_explore.cli"],
     ["jld_explore"],
@@ -47,12 +48,13 @@ ORDER = [
     ["jld_core.program"],
     ["jld_core.refinement"],
     ["jld_core.mechanics", "jld_core.build"],
-    ["jld_core.geometry", "jld_core.samples"],
+    ["jld_core.geometry"],
     ["jld_core.assembly"],
     ["jld_core.assembly"],
     ["jld_core.strengths"],
     ["jld_core.scene"],
     ["jld_core.loads", "jld_core.members"],
+    ["jld_core.samples"],
     ["jld_core.plugins", "jld_core.linalg", "jld_core.files", "jld_core.parameters"],
     [
         "jld_core.notebook_repr",
@@ -69,7 +71,7 @@ ORDER = [
 FLOOR = {wing: len(ORDER) - floor for floor, wings in enumerate(ORDER) for wing in wings}
 
 # packages that are one wing: add-ons, which core and explore never import
-FLAT = ["jld_studio", "jld_practice", "jld_geometry", "jld_experiment", "jld_dilation", "jld_formats"]
+FLAT = ["jld_studio", "jld_practice", "jld_geometry", "jld_experiment", "jld_dilation", "jld_formats", "jld_samples"]
 
 # modules that load what is slow are imported by name, also where their package exports the name
 SLOW = ["jld_core.views.", "jld_explore.report.pictures"]

@@ -42,7 +42,6 @@ from jld_core.assembly import Elements, Interfaces
 from jld_core.build.loads import settlements_of
 from jld_core.loads import Loads
 from jld_core.models import solve_by_fields
-from jld_core.samples import box
 from jld_core.strengths import FaceStrengths, Strengths
 from jld_core.views import figures as animation
 from jld_core.views import quantities
@@ -64,6 +63,7 @@ from jld_core.views.writing import write_numbers
 from jld_practice.laying import assembly_order
 from jld_practice.reactions import thrust_ranges
 from jld_practice.reactions.force_range import settle
+from jld_samples import box
 
 
 def axes() -> Axes:

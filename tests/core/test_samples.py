@@ -13,7 +13,7 @@ import pytest
 from cases import ROUTE
 from command import Command
 from jld_core import InputError, Status, build_assembly, load_scene, samples, solve
-from jld_core.samples import bonds
+from jld_core.refinement import bonds
 
 
 @pytest.mark.parametrize("kind", samples.KINDS)

@@ -18,7 +18,6 @@ from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene,
 from jld_core.deadline import Deadline
 from jld_core.exchange import Layout
 from jld_core.refinement import refine
-from jld_core.samples import box
 from jld_explore import ExploreSettings, explore
 from jld_explore.search.state import Interrupted
 from jld_practice.design import run, tessellations
@@ -29,6 +28,7 @@ from jld_practice.design.page import facts_of, gain_of, verdict, words_of, write
 from jld_practice.design.tessellations import Tessellation
 from jld_practice.design.trials import NONE, Design, Screening, Trial, at_low_friction, field_bounds, labelled, one_case
 from jld_practice.laying.command import start_of_design
+from jld_samples import box
 
 WALL = "id,x,y\n" + "".join(f"w,{x},{y}\n" for x, y in [(0, 0), (1.2, 0), (1.2, 0.8), (0, 0.8)])
 ASKED: dict[str, Any] = {"load": "10 kN", "places": "0.3", "push": 0.1, "thickness": 0.3, "block_mass": 150.0}
