@@ -6,7 +6,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from inspect import signature
@@ -34,7 +34,7 @@ from jld_explore.drivers.registry import driver_kinds
 from jld_explore.evaluation import evaluator_of
 from jld_explore.evaluation.cases import OwnObjectiveEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
-from jld_explore.evaluation.pool import deferred_signals, on_cluster
+from jld_explore.evaluation.pool import beside, deferred_signals, on_cluster
 from jld_explore.evaluation.protocol import MakeEvaluator
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import Exploration, write_pictures, write_report
@@ -265,18 +265,20 @@ def _search(
     reason = _run_study(study, deadline)
     context = StepContext(space, settings, until)
     try:
-        with deferred_signals():  # a signal waits until the tables are whole
-            done = write_tables(study, reason, later(deadline, settings, TABLES))
-            say()  # of a resumed search without a new layout
-            for step in tabled:
-                done = step.run(done, context)
-            save_tables(done, csv=settings.csv)
-        if settings.certificate is not None and isinstance(chosen, Exact):
-            _certify(chosen, scene, settings.certificate, done)
-        done = run_steps(done, steps, context)
-        if settings.pictures:
-            _draw(done, deadline, settings, announce)
-        return done
+        with ExitStack() as drawn:
+            with deferred_signals():  # a signal waits until the tables are whole
+                done = write_tables(study, reason, later(deadline, settings, TABLES))
+                say()  # of a resumed search without a new layout
+                drawing = drawn.enter_context(beside(_pictures_of(done, deadline, settings)))
+                for step in tabled:
+                    done = step.run(done, context)
+                save_tables(done, csv=settings.csv)
+            if settings.certificate is not None and isinstance(chosen, Exact):
+                _certify(chosen, scene, settings.certificate, done)
+            done = run_steps(done, steps, context)
+            if settings.pictures:
+                _draw(done, deadline, settings, drawing, announce)
+            return done
     except Interrupted as stop:
         if settings.pictures:
             with deferred_signals():
@@ -339,25 +341,39 @@ def _makers(
     return kind, VoidCellsEvaluator if void else make
 
 
-def _draw(
-    done: Exploration, deadline: Deadline, settings: ExploreSettings, announce: Callable[[str], None] | None
-) -> None:
-    """Write the page, then as many pictures as time allows."""
-    # The page of a search by fields is then written again, since it shows a picture. Pictures that are missing are
-    # announced.
-    clock, processor = time.perf_counter(), time.process_time()
-    write_report(done, deadline=later(deadline, settings, PAGE))
-    names = folders.PICTURES if settings.pictures == "all" else folders.SHOWN
-    busy = busy_factor(time.perf_counter() - clock, time.process_time() - processor)
-    written, missing = write_pictures(
+Drawn = tuple[list[Path], list[str]]
+"""Pictures that were written, and those that were left out for lack of time."""
+
+
+def _pictures_of(done: Exploration, deadline: Deadline, settings: ExploreSettings) -> Callable[[], Drawn]:
+    """Return the function that draws as many pictures as time allows; no picture depends on what steps find."""
+    if not settings.pictures:
+        return lambda: ([], [])
+    return partial(
+        write_pictures,
         done,
         deadline=later(deadline, settings, PICTURES),
-        busy=busy,
+        busy=busy_factor(deadline.elapsed(), time.process_time()) if settings.jobs == 1 else 1.0,
         fields=field_seconds(settings.seconds),
-        names=names,
+        names=folders.PICTURES if settings.pictures == "all" else folders.SHOWN,
     )
-    if isinstance(done.scene.cracks, FieldCracks) and written:
-        write_report(done, deadline=later(deadline, settings, PAGE))  # now with the picture of the best layout
+
+
+def _draw(
+    done: Exploration,
+    deadline: Deadline,
+    settings: ExploreSettings,
+    drawing: Callable[[], Drawn],
+    announce: Callable[[str], None] | None,
+) -> None:
+    """Write the page, and wait for the pictures that are drawn beside it."""
+    # The page of a search by fields shows the picture of the best layout. Pictures that are missing are announced.
+    fields = isinstance(done.scene.cracks, FieldCracks)
+    if not fields:
+        write_report(done, deadline=later(deadline, settings, PAGE))
+    missing = drawing()[1]
+    if fields:
+        write_report(done, deadline=later(deadline, settings, PAGE))
     if missing and announce is not None:
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -285,6 +286,47 @@ def make_executor(jobs: int) -> Executor:
         max_workers=jobs, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED
     )
     return found
+
+
+@contextmanager
+def beside(work: Callable[[], Result]) -> Iterator[Callable[[], Result]]:
+    """Begin work in a copy of this process on another core; yield the function that waits for its result.
+
+    The copy ends with the context. Without `fork`, a second core, or where other threads run, the work is done when its
+    result is asked for; so it is where the copy fails.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    if not hasattr(os, "fork") or cores < 2 or threading.active_count() > 1:
+        yield work
+        return
+    sys.stdout.flush()
+    sys.stderr.flush()
+    here, there = os.pipe()
+    child = os.fork()
+    if child == 0:
+        with suppress(BaseException):  # whatever happens, the copy must not go on as this process would
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            os.close(here)
+            with os.fdopen(there, "wb") as pipe:
+                pickle.dump(work(), pipe)
+            os._exit(0)
+        os._exit(1)
+    os.close(there)
+    ended: list[int] = []
+
+    def result() -> Result:
+        with os.fdopen(os.dup(here), "rb") as pipe:
+            sent = pipe.read()
+        ended.append(os.waitpid(child, 0)[1])
+        return pickle.loads(sent) if ended == [0] else work()
+
+    try:
+        yield result
+    finally:
+        os.close(here)
+        if not ended:
+            os.kill(child, signal.SIGTERM)
+            os.waitpid(child, 0)
 
 
 class TaskStream:
