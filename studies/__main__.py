@@ -17,6 +17,8 @@ STUDIES: Final = (
     "one_block_two_cubes",
     "leonardo_flat_arch",
     "leonardo_section_3_3",
+    "what_is_1312",
+    "article",
     "how_low_can_it_go",
     "semicircular_arch",
     "settlement",

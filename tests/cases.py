@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jld_core import Assembly, Scene, build_assembly, parse_scene
-from jld_core.strengths import Route
+from jld_core import Assembly, Route, Scene, build_assembly, parse_scene
 
 Document = dict[str, Any]
 ROOT_CELL = 0.1

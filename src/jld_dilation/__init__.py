@@ -1,6 +1,7 @@
 """Collapse without dilation of one labelling: one solution, the lowest and highest found, a proven bound below all.
 
 - `ProximalOptions`: parameters of the fixed-point search
+- `options_of`: return the parameters that a model states
 - `prove`: prove λ without dilation of one labelling, as `jld_core` asks for it
 - `prove_zero_dilation`: the same with parameters, and the range of λ
 
@@ -20,7 +21,23 @@ from jld_core.limit import LimitAnalysis, Model, Proof
 from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.range import prove_zero_dilation
 
-__all__ = ["ProximalOptions", "prove", "prove_zero_dilation"]
+__all__ = ["ProximalOptions", "options_of", "prove", "prove_zero_dilation"]
+
+
+def options_of(model: Model) -> ProximalOptions:
+    """Return the parameters of the fixed-point search that a model states.
+
+    Parameters
+    ----------
+    model : Model
+        Model without dilation.
+
+    Returns
+    -------
+    ProximalOptions
+        Start, share of the present normal force, effective areas.
+    """
+    return ProximalOptions(alpha=model.alpha, start=model.start, effective_area=model.effective_area)
 
 
 def prove(analysis: LimitAnalysis, labels: Bits, model: Model, stands: bool, pruning_threshold: float) -> Proof:
@@ -44,7 +61,7 @@ def prove(analysis: LimitAnalysis, labels: Bits, model: Model, stands: bool, pru
     Proof
         Proof in the scaled units of `analysis`.
     """
-    options = ProximalOptions(effective_area=model.effective_area)
+    options = options_of(model)
     seconds = model.floor_seconds if model.range else None
     return prove_zero_dilation(
         analysis, labels, options, stands=stands, pruning_threshold=pruning_threshold, range=seconds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -64,6 +64,17 @@ class ProximalOptions:
             raise InputError("damping, anchor, block, most", "not positive", "positive numbers")
 
 
+class Step(NamedTuple):
+    """One step of a fixed-point search: of friction frozen at the previous N, or a minimised gap."""
+
+    kind: Literal["frozen friction", "least gap"]
+    alpha: float
+    load: float  # scaled λ
+    violation: float  # max(|V| − μN)⁺ / max N
+    dilation: float  # largest opening of pressed faces over the largest slip
+    gap: float  # Γ over the dissipation; NaN for frozen friction
+
+
 class FixedPointSearch:
     """Search for forces that solve the problem frozen at their own N (4.1), so that the gap Γ (4.3) is zero.
 
@@ -88,6 +99,7 @@ class FixedPointSearch:
         self.load_scale = load_scale(template.assembly) / template.scaling.load
         self.last_feasible = np.zeros(self.count)
         self.solves = self.program_limit = 0
+        self.history: list[Step] | None = None  # a list here receives every step
 
     # --- frozen problems ----------------------------------------------------------------------------------
 
@@ -226,11 +238,7 @@ class FixedPointSearch:
         if locked or motion.margin < 0.0 or not motion.work > 0.0:
             return PrimalDualPair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.load_scale, False)
         jumps = motion.jumps
-        slip = sets.slip(jumps, labels)[sets.slides(labels)].max(initial=0.0)
-        widest = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
-        # Where the live load lifts all weight, N is rounding on every face; scaled forces are of order one.
-        pressed = state.forces[:, 0] > _PRESSED * max(largest, _LIGHT)
-        dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
+        dilation = self._dilation(sets, jumps, state.forces)
         dissipation = float(sets.dissipation(jumps, labels).sum())
         gap = motion.bound - state.load
         area_change = (
@@ -243,7 +251,7 @@ class FixedPointSearch:
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         settled = abs(gap) <= tolerances.SETTLED * size
         return PrimalDualPair(
-            state, motion, False, violation, max(dilation, 0.0), gap, dissipation, area_change, self.load_scale, settled
+            state, motion, False, violation, dilation, gap, dissipation, area_change, self.load_scale, settled
         )
 
     # --- the search ----------------------------------------------------------------------------------------
@@ -278,12 +286,16 @@ class FixedPointSearch:
                     back = float(way @ last) < 0.0
                     share = max(0.5 * share, _LEAST) if back else min(2.0 * share, 1.0)
                     forces, dual, last = forces[: self.count] + share * way, raw.dual, way
+                    self._record(forces, raw, alpha if step < options.block else 0.0)
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
             areas = self.areas(forces)
             state = self.minimise_gap(forces, dual, areas, held)
             if areas is not None:
                 state, areas = self.settle_areas(state, dual, areas)
             pair = self.evaluate_pair(state, areas)
+            if self.history is not None:
+                numbers = state.load, pair.violation, pair.dilation, pair.relative_gap
+                self.history.append(Step("least gap", 0.0, *numbers))
             yield pair
             width = (0.1 if areas is None else 1.0) * tolerances.GAP
             if (
@@ -295,6 +307,27 @@ class FixedPointSearch:
             forces = self.last_feasible = state.forces.ravel()
             if areas is not None and pair.motion is not None:
                 held, dual = self.margin, pair.motion.velocity
+
+    def _record(self, forces: Floats, raw: RawSolution, alpha: float) -> None:
+        """Add a step of frozen friction to the history: λ, and what its forces and velocities violate."""
+        if self.history is None:
+            return
+        table = self.table(forces)
+        sets = prescribed_friction.PrescribedFriction(self.base, 0.0, table[:, 0], self.areas(forces))
+        largest = float(abs(table[:, 0]).max(initial=0.0)) or 1.0
+        template = self.analysis.template
+        velocity = raw.dual[: template.matrix.shape[0]]
+        violation = max(0.0, float(sets.excess(table, self.labels).max(initial=0.0))) / largest
+        dilation = self._dilation(sets, (template.matrix.T @ velocity).reshape(table.shape), table)
+        self.history.append(Step("frozen friction", alpha, float(raw.point[self.count]), violation, dilation, math.nan))
+
+    def _dilation(self, sets: prescribed_friction.PrescribedFriction, jumps: Floats, forces: Floats) -> float:
+        """Return the largest opening of pressed faces over the largest slip. jumps, forces: (m, q) scaled."""
+        slip = sets.slip(jumps, self.labels)[sets.slides(self.labels)].max(initial=0.0)
+        widest = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
+        # Where the live load lifts all weight, N is rounding on every face; scaled forces are of order one.
+        pressed = forces[:, 0] > _PRESSED * max(float(abs(forces[:, 0]).max(initial=0.0)) or 1.0, _LIGHT)
+        return max(0.0, float(sets.dilation(jumps, self.labels)[pressed].max(initial=0.0)) / float(widest or 1.0))
 
     def settle_areas(
         self, state: State, dual: Floats, areas: prescribed_friction.EffectiveAreas

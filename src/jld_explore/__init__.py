@@ -21,6 +21,7 @@
 - `most_without_cuts`: return the upper bound on λ by faces where every face that may be inner is inner
 - `read_folder`: read a results folder as an `Exploration`
 - `search_space`: build the search space of a scene
+- `sweep`: compute λ over a grid of values of a scene
 - `with_entries`: return a search with further entries of its summary and columns of its results; nothing is written
 """
 
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from jld_explore.space import SearchSpace, search_space
     from jld_explore.steps.field_check import most_without_cuts
     from jld_explore.steps.step import Step, StepContext, busy_factor, with_entries
+    from jld_explore.sweep import sweep
 
 __all__ = [
     "BudgetSettings",
@@ -71,6 +73,7 @@ __all__ = [
     "most_without_cuts",
     "read_folder",
     "search_space",
+    "sweep",
     "with_entries",
 ]
 
@@ -94,5 +97,6 @@ export_lazily(
         "steps.step": ["with_entries", "Step", "StepContext", "busy_factor"],
         "search.state": ["Interrupted", "Progress", "StopReason"],
         "steps.field_check": ["most_without_cuts"],
+        "sweep": ["sweep"],
     },
 )

@@ -16,8 +16,17 @@ from PIL import Image
 from cases import assembly_in_space as spatial_assembly
 from cases import box, dry_and_inner, grid_assembly
 from command import Command
-from jld_core import Assembly, InputError, LimitAnalysis, Scene, build_assembly, load_scene, parse_scene, samples
-from jld_core.deadline import DeadlinePassed
+from jld_core import (
+    Assembly,
+    DeadlinePassed,
+    InputError,
+    LimitAnalysis,
+    Scene,
+    build_assembly,
+    load_scene,
+    parse_scene,
+    samples,
+)
 from jld_core.scene.units import force_in_words
 from jld_practice.laying import Laying, assembly_order
 from jld_practice.laying.command import words_of

@@ -12,8 +12,7 @@ import pytest
 from browser_visits import Open, Visit, looks_like
 from cases import HOSTILE, scene_of_cases, small_scene, spatial_scene
 from command import SCENES
-from jld_core import build_assembly, load_scene, parse_scene
-from jld_core.assembly import blocks_of
+from jld_core import blocks_of, build_assembly, load_scene, parse_scene
 from jld_core.views import look, quantities
 from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import page_data as joined

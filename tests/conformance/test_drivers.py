@@ -14,11 +14,10 @@ import pytest
 
 from cases import every_layout, grid_document
 from jld_core import Assembly, Scene, Status, build_assembly, parse_scene
-from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, StopReason, search_space
+from jld_explore import Driver, Evaluation, ExploreSettings, Interrupted, SearchSpace, StopReason, search_space
 from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.report import tables
-from jld_explore.search.state import Interrupted
 from jld_explore.search.study import Study
 from jld_explore.space import feasible, keys
 from jld_explore.space.labelling import canonical

@@ -11,8 +11,8 @@ import pytest
 
 import jld_core.strengths
 from cases import grid_assembly
-from jld_core import InputError
-from jld_core.strengths import CRITERIA, FACTS, STANDARD, FaceStrengths, Route, StatedCriterion
+from jld_core import FACTS, InputError, Route
+from jld_core.strengths import CRITERIA, STANDARD, FaceStrengths, StatedCriterion
 
 SOURCES = Path(__file__).parents[2] / "src"
 OWNER = "jld_core/strengths.py"

@@ -22,14 +22,15 @@ ORDER = [
     ["jld_explore.__main__"],
     ["jld_studio"],
     ["jld_practice"],
+    ["jld_maps"],
     ["jld_geometry"],
     ["jld_experiment"],
-    ["jld_formats", "jld_samples"],
+    ["jld_formats"],
     ["jld_samples"],
     ["jld_dilation"],
     ["jld_explore.cli"],
     ["jld_explore"],
-    ["jld_explore.explore"],
+    ["jld_explore.explore", "jld_explore.sweep"],
     ["jld_explore.steps"],
     ["jld_explore.report"],
     ["jld_explore.search"],
@@ -71,7 +72,16 @@ ORDER = [
 FLOOR = {wing: len(ORDER) - floor for floor, wings in enumerate(ORDER) for wing in wings}
 
 # packages that are one wing: add-ons, which core and explore never import
-FLAT = ["jld_studio", "jld_practice", "jld_geometry", "jld_experiment", "jld_dilation", "jld_formats", "jld_samples"]
+FLAT = [
+    "jld_studio",
+    "jld_practice",
+    "jld_geometry",
+    "jld_experiment",
+    "jld_dilation",
+    "jld_formats",
+    "jld_samples",
+    "jld_maps",
+]
 
 # modules that load what is slow are imported by name, also where their package exports the name
 SLOW = ["jld_core.views.", "jld_explore.report.pictures"]
@@ -290,6 +300,6 @@ def test_public_names() -> None:
     tolerances"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
     Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress
-    Step StepContext StopReason Interrupted busy_factor most_without_cuts with_entries"""
+    Step StepContext StopReason Interrupted busy_factor most_without_cuts sweep with_entries"""
     assert sorted(jld_core.__all__) == sorted(core.split())
     assert sorted(jld_explore.__all__) == sorted(explore.split())

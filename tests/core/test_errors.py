@@ -11,8 +11,7 @@ from typer import Context
 from typer.main import get_command
 
 from command import ROOT, Command
-from jld_core import InputError, SolveOptions
-from jld_core.errors import ParameterError
+from jld_core import InputError, ParameterError, SolveOptions
 from jld_explore.cli.ending import in_flags
 
 

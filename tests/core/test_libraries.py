@@ -13,8 +13,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from command import ROOT
-from jld_core import LimitAnalysis, build_assembly, load_scene, solve
-from jld_core.threads import one_thread
+from jld_core import LimitAnalysis, build_assembly, load_scene, one_thread, solve
 from jld_explore import ExploreSettings, explore
 from jld_explore.evaluation import Evaluator
 

@@ -28,9 +28,12 @@ from cases import dry_and_inner, grid_document, small_scene
 from command import SCENES, Command
 from jld_core import (
     Assembly,
+    Elements,
     InputError,
     LimitAnalysisResult,
+    Loads,
     Status,
+    Strengths,
     blocks_of,
     build_assembly,
     load_scene,
@@ -38,11 +41,10 @@ from jld_core import (
     samples,
     solve,
 )
-from jld_core.assembly import Elements, Interfaces
+from jld_core.assembly import Interfaces
 from jld_core.build.loads import settlements_of
-from jld_core.loads import Loads
 from jld_core.models import solve_by_fields
-from jld_core.strengths import FaceStrengths, Strengths
+from jld_core.strengths import FaceStrengths
 from jld_core.views import figures as animation
 from jld_core.views import quantities
 from jld_core.views import quantities as marks
@@ -555,7 +557,7 @@ def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.Monk
         assert [file.stat().st_size > 1000 for file in tmp_path.iterdir()] == [True]
         return
     assert isinstance(figure, Figure)
-    figure.savefig(tmp_path / "figure.png")
+    figure.savefig(tmp_path / "figure.png", dpi=40)
     assert (tmp_path / "figure.png").stat().st_size > 1000
 
 

@@ -14,12 +14,10 @@ import pytest
 
 from cases import ROUTE, dry_and_inner, solid_of
 from command import Command
-from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.deadline import Deadline
+from jld_core import Deadline, InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.exchange import Layout
 from jld_core.refinement import refine
-from jld_explore import ExploreSettings, explore
-from jld_explore.search.state import Interrupted
+from jld_explore import ExploreSettings, Interrupted, explore
 from jld_practice.design import run, tessellations
 from jld_practice.design import trials as checks
 from jld_practice.design.options import DesignOptions, with_loads

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from cases import ROUTE, grid_document
-from jld_core import Scene, build_assembly, parse_scene, solve
-from jld_core.deadline import Deadline
+from jld_core import Deadline, Scene, build_assembly, parse_scene, solve
 from jld_core.fields import governing_bounds
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import Outline

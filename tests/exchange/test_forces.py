@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from jld_core.errors import InputError
+from jld_core import InputError
 from jld_core.exchange.forces import parse_force
 
 

@@ -15,8 +15,7 @@ import pytest
 from cases import box, grid_document
 from cases import scene_in_space as pile
 from command import SCENES, call
-from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
-from jld_core.errors import ParameterError
+from jld_core import InputError, ParameterError, Scene, build_assembly, parse_scene, samples, solve
 from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
 
 

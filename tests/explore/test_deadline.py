@@ -25,10 +25,22 @@ from benchmarks.claims import time_limits
 
 from cases import every_layout, grid_document
 from command import Command, running
-from jld_core import InputError, Scene, SolveOptions, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core import (
+    Deadline,
+    DeadlinePassed,
+    InputError,
+    Scene,
+    SolveOptions,
+    build_assembly,
+    checkpoint,
+    load_scene,
+    parse_scene,
+    samples,
+    solve,
+    time_left,
+)
 from jld_core.batch import chosen
-from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
-from jld_explore import Driver, ExploreSettings, explore, read_folder, search_space
+from jld_explore import Driver, ExploreSettings, Interrupted, explore, read_folder, search_space
 from jld_explore import __main__ as entry
 from jld_explore.cli import command, ending, streams
 from jld_explore.cli.command import main
@@ -43,7 +55,6 @@ from jld_explore.evaluation.field_evaluator import FieldPool
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import folder, page_of_study, write_pictures, write_report
 from jld_explore.search.driver_choice import choose_driver
-from jld_explore.search.state import Interrupted
 from jld_explore.space import feasible
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range

@@ -88,6 +88,7 @@ def enumerated(tmp_path_factory: pytest.TempPathFactory) -> Enumerated:
     return found
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", SCENES)
 def test_exact_proves_the_same_as_enumeration(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
     rows, options = SCENES[name]
@@ -300,6 +301,7 @@ def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, enumerated: E
     assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("name", "searched"),
     [

@@ -16,13 +16,12 @@ import pytest
 
 from cases import grid_document
 from command import Command
-from jld_core import InputError, Status, build_assembly, parse_scene, solve, solve_many
-from jld_core.deadline import Deadline
+from jld_core import Deadline, InputError, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import CoarseBounds, Fields, FieldSetting, PartialUpperBound
 from jld_core.limit import CaseBounds, governing
 from jld_core.refinement import crack_cells
-from jld_explore import Exploration, ExploreSettings, Progress, explore, read_folder, search_space
+from jld_explore import Exploration, ExploreSettings, Interrupted, Progress, explore, read_folder, search_space
 from jld_explore.drivers.field_exact import CONFLICTS_FILE, FieldExact
 from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conflict
 from jld_explore.evaluation import pool as task_pool
@@ -30,7 +29,6 @@ from jld_explore.evaluation.field_evaluator import FieldEvaluator, FieldPool, Fi
 from jld_explore.evaluation.records import REFINED_FILE
 from jld_explore.report import words
 from jld_explore.report.page_of_study import study_data
-from jld_explore.search.state import Interrupted
 from jld_explore.space import from_string
 
 FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}

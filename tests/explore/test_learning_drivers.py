@@ -13,8 +13,7 @@ from benchmarks.claims import Tally, trials
 
 from cases import grid_document
 from command import SCENES
-from jld_core import LimitAnalysis, SolveOptions, Status, build_assembly, load_scene, parse_scene
-from jld_core.deadline import Deadline
+from jld_core import Deadline, LimitAnalysis, SolveOptions, Status, build_assembly, load_scene, parse_scene
 from jld_core.limit.mechanism import Movements
 from jld_explore import Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import BufferedRandom, Genetic, make_driver, operators
@@ -380,7 +379,7 @@ def test_counting_takes_a_small_share_of_the_time(monkeypatch: pytest.MonkeyPatc
     quick_counts: list[bool] = []
 
     def count(*_: object, quick: bool) -> None:
-        from jld_core.deadline import time_left
+        from jld_core import time_left
 
         left.append(time_left())
         quick_counts.append(quick)

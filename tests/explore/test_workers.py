@@ -16,8 +16,7 @@ import pytest
 
 from cases import grid_document
 from fatal_labelling import FatalLabelling
-from jld_core import Assembly, InputError, Status, build_assembly, parse_scene
-from jld_core.deadline import Deadline
+from jld_core import Assembly, Deadline, InputError, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, ExploreSettings, Progress, explore, search_space
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation import EvaluatorSettings

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from studies.crack_models import bridge
 
-from jld_core import Assembly, build_assembly
-from jld_core.arrays import Bits, Floats
+from jld_core import Assembly, Bits, Floats, build_assembly
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.mesh import fanned

@@ -9,8 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 from cases import grid_assembly
-from jld_core import Assembly
-from jld_core.arrays import Bits, Floats
+from jld_core import Assembly, Bits, Floats
 from jld_core.batch import library
 from jld_core.fields import ConeProgram
 from jld_core.fields.bounds import CoarseBounds, FieldSetting

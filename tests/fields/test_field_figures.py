@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from cases import grid_document
 from command import Command
-from jld_core import Assembly, build_assembly, parse_scene
-from jld_core.arrays import Floats
+from jld_core import Assembly, Floats, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldSetting, Stresses, Velocities
 from jld_core.fields.mesh import Mesh, subdivide

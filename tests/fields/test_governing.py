@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from jld_core import build_assembly, parse_scene
-from jld_core.assembly import Assembly
+from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields, governing_bounds
 from jld_core.fields.bounds import FieldRefinement
 

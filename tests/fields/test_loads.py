@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from cases import box
-from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, solve
-from jld_core.arrays import Floats
+from jld_core import Assembly, Floats, InputError, build_assembly, load_scene, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
 from jld_core.fields.mesh import Mesh

@@ -11,8 +11,7 @@ import pytest
 from benchmarks.claims import fields
 from benchmarks.claims.geometry import Move
 
-from jld_core import Assembly, build_assembly, parse_scene
-from jld_core.arrays import Bits, Floats
+from jld_core import Assembly, Bits, Floats, Route, build_assembly, parse_scene
 from jld_core.fields.bounds import disagreement
 from jld_core.fields.forms import Material
 from jld_core.fields.loads import loaded_mesh
@@ -20,7 +19,6 @@ from jld_core.fields.lower import LowerBound
 from jld_core.fields.mesh import Mesh, patch_tag
 from jld_core.fields.problem import material_of, problem_of, units_of
 from jld_core.fields.upper import UpperBound
-from jld_core.strengths import Route
 
 ROUTE = Route("a test")
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from cases import all_inner, grid_document
-from jld_core import Assembly, build_assembly, parse_scene
-from jld_core.arrays import Floats
+from jld_core import Assembly, Floats, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 
 

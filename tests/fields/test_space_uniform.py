@@ -10,8 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 from cases import box
-from jld_core import build_assembly, parse_scene
-from jld_core.arrays import Floats
+from jld_core import Floats, build_assembly, parse_scene
 from jld_core.fields.forms import Material, normal_map, tensors
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.mesh import Mesh, bisect, split_at_centroids

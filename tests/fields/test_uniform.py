@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jld_core.arrays import Floats
+from jld_core import Floats
 from jld_core.fields.forms import Material
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.mesh import Mesh, subdivide

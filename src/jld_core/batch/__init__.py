@@ -3,7 +3,6 @@
 - `ConflictRequest`: labellings whose conflicts are to be minimised
 - `batch_solver`: batch solver: proven lower and upper bounds on λ for many labellings of one assembly at once
 - `chosen`: return the variant of the batch solver in use
-- `rows`: convert the rows of a template's yield sets to the layout of the batch solver, if that supports them
 """
 
 from __future__ import annotations
@@ -15,13 +14,12 @@ from jld_core.batch.library import chosen
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
-    from jld_core.batch import batch_solver, rows
+    from jld_core.batch import batch_solver
 
 __all__ = [
     "ConflictRequest",
     "batch_solver",
     "chosen",
-    "rows",
 ]
 
-export_lazily(__name__, {}, submodules=["batch_solver", "rows"])
+export_lazily(__name__, {}, submodules=["batch_solver"])

@@ -145,6 +145,16 @@ class BatchResults:
             raise ValueError("the batch solver was asked for no velocities; solve with `vectors=True`")
         return self.velocity
 
+    def take(self, rows: slice) -> BatchResults:
+        own: dict[str, Any] = {name: None if one is None else one[rows] for name, one in vars(self).items()}
+        return BatchResults(**own)
+
+    @classmethod
+    def joined(cls, parts: Sequence[BatchResults]) -> BatchResults:
+        each = {name: [getattr(part, name) for part in parts] for name in vars(parts[0])}
+        own: dict[str, Any] = {k: None if one[0] is None else np.concatenate(one) for k, one in each.items()}
+        return cls(**own)
+
 
 _UNDECIDED: Final = interface.codes("JldLabel")["UNDECIDED"]  # label of a face that may be dry or inner
 SAMPLES_OF_A_CALL: Final = 256
@@ -310,14 +320,16 @@ class BatchSolver:
             velocity = self._as_elements(velocity)
         return BatchResults(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
 
-    def solve_samples(self, rows: BatchRows, dead: Floats, live: Floats, thresholds: Floats | None) -> BatchResults:
+    def solve_samples(
+        self, rows: BatchRows, dead: Floats, live: Floats, thresholds: Floats | None, *, vectors: bool = False
+    ) -> BatchResults:
         """Compute bounds on λ of one labelling for scaled samples of strengths and loads (k, q·free)."""
         other = copy(self)
         other._rows, other._keep, other._bows = rows.rows, rows.keep, rows.parabolas
         other._dead, other._live = (np.ascontiguousarray(loads[:, self._ends]) for loads in (dead, live))
         other._own_loads = True
         number = np.arange(len(dead), dtype=np.uint8)  # the compiled solver looks rows and loads up by label
-        return other.solve(np.repeat(number[:, None], self.faces, axis=1), thresholds=thresholds)
+        return other.solve(np.repeat(number[:, None], self.faces, axis=1), thresholds=thresholds, vectors=vectors)
 
     def reversed(self) -> BatchSolver:
         """Return a solver under the opposite live load, for a few labellings: its start is slow."""

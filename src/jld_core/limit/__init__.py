@@ -3,7 +3,6 @@
 - `FIELD_SECONDS`: default time for the bounds of one load case by fields, seconds
 - `BatchAnalysis`: batch solver of one limit analysis
 - `CaseBounds`: status and bounds of one load case
-- `EffectiveAreas`: convergence of effective areas
 - `LimitAnalysis`: limit analysis of one assembly, reusable for many labellings
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
 - `Model`: how a structure is modelled and solved, as on the command line
@@ -11,6 +10,7 @@
 - `Proof`: bounds, status and solve log of one labelling
 - `Prover`: turns raw solver points and multipliers into checked bounds
 - `Result`: λ of one structure under one labelling: what all results have
+- `SampleAnalysis`: batch solver of one labelling under samples of strengths and loads
 - `SolveOptions`: name of `Model` before version 0.4
 - `State`: forces and λ with their slack and equilibrium error
 - `Status`: outcome of a limit analysis: collapse, locked, unstable, uncertified or failed
@@ -21,6 +21,7 @@
 - `face_jumps`: compute the velocity jumps J = A_eqᵀ u of all faces in a mechanism
 - `governing`: compute the governing factor of a labelling from its load cases
 - `load_scale`: compute the λ below which differences are negligible
+- `movements`: classify the movements of all faces in several mechanisms
 - `number`: convert a float to a JSON number or null
 - `relative_width`: compute the relative width of a bracket
 - `result_of`: convert a proof to a result in scene units
@@ -39,7 +40,6 @@ from jld_core.limit.mechanism import displacement
 from jld_core.limit.options import (
     FIELD_SECONDS,
     CaseBounds,
-    EffectiveAreas,
     Model,
     SolveOptions,
     Status,
@@ -51,14 +51,14 @@ from jld_core.limit.result import LimitAnalysisResult, Result, number, result_of
 
 if TYPE_CHECKING:
     from jld_core.limit.bounds import crossed
-    from jld_core.limit.mechanism import face_jumps
+    from jld_core.limit.mechanism import face_jumps, movements
     from jld_core.limit.result import effects, without_idle
+    from jld_core.limit.samples import SampleAnalysis
 
 __all__ = [
     "FIELD_SECONDS",
     "BatchAnalysis",
     "CaseBounds",
-    "EffectiveAreas",
     "LimitAnalysis",
     "LimitAnalysisResult",
     "Model",
@@ -66,6 +66,7 @@ __all__ = [
     "Proof",
     "Prover",
     "Result",
+    "SampleAnalysis",
     "SolveOptions",
     "State",
     "Status",
@@ -76,6 +77,7 @@ __all__ = [
     "face_jumps",
     "governing",
     "load_scale",
+    "movements",
     "number",
     "relative_width",
     "result_of",
@@ -86,7 +88,8 @@ export_lazily(
     __name__,
     {
         "bounds": ["crossed"],
-        "mechanism": ["face_jumps"],
+        "mechanism": ["face_jumps", "movements"],
         "result": ["effects", "without_idle"],
+        "samples": ["SampleAnalysis"],
     },
 )

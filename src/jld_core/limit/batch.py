@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch.batch_solver import FALLS, LOCKED, BatchSolver
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import crossed
@@ -97,6 +97,24 @@ class BatchAnalysis:
             for k, labels in enumerate(labellings):
                 state = self._prover.state(np.append(found.forces[k], low[k]), labels) if np.isfinite(low[k]) else None
                 low[k] = state.load if state is not None and state.admissible else -np.inf
+        return self.judged(low, high, np.where(locked, LOCKED, np.where(falls, FALLS, 0)))
+
+    def judged(self, low: Floats, high: Floats, verdict: Ints) -> BatchBounds:
+        """Judge scaled bounds (k,) with the verdicts (k,) of the batch solver.
+
+        Parameters
+        ----------
+        low, high : (k,) array
+            Bounds.
+        verdict : (k,) int array
+            Verdicts.
+
+        Returns
+        -------
+        BatchBounds
+            Bounds and statuses.
+        """
+        falls, locked = verdict == FALLS, verdict == LOCKED
         size = np.maximum(abs(low), abs(high))
         with np.errstate(invalid="ignore"):
             # Require a width relative to λ itself. A bracket that contains zero is compared with the load scale

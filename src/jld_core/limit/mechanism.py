@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -102,56 +102,73 @@ def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
 
 def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
     """Classify the movement of each face (m,) in a mechanism; ValueError without one."""
-    # A dry face is open if it opens everywhere by more than the dilation of its friction. Otherwise the largest of
-    # rotation about an axis in the face (hinge), slip (slide) and spin about the normal (twist) names the movement. An
-    # inner face that moves is a crack, in shear where it slips more than it opens.
     if result.mechanism is None:
         raise ValueError("the result holds no mechanism")
     assembly, faces = result.assembly, result.assembly.interfaces
-    jumps = face_jumps(assembly, result.mechanism)
     friction = np.nan_to_num(assembly.strengths(_ROUTE).friction)
     dilates = friction if result.friction == "associative" else np.zeros(len(faces))
-    parts = [_parts(assembly, result.mechanism, jumps, k) for k in range(len(faces))]
-    size = np.array([max(abs(gap).max(), slip, spin) for gap, slip, spin in parts])
-    least = SMALL * size.max(initial=0.0)
+    jumps = face_jumps(assembly, result.mechanism)
+    kinds, size, gap = movements(assembly, result.labels, jumps[None], dilates)
     motions = []
-    for k, (gap, slip, spin) in enumerate(parts):
-        turning, place = float(np.ptp(gap)), faces.origin[k]
-        if size[k] <= least:
-            kind = Movement.CLOSED
-        elif not result.labels[k]:
-            sheared = max(slip, spin) > gap.max()
-            kind = Movement.CRACK_SHEAR if sheared else Movement.CRACK_TENSION
-        elif gap.min() - dilates[k] * _rubbing(assembly, jumps, k) > 0.05 * size[k]:
-            kind = Movement.OPEN
-        elif turning >= max(slip, spin):
-            kind = Movement.HINGE
-            place = faces.polygon[k][gap <= gap.min() + 0.1 * turning].mean(axis=0)
-        else:
-            kind = Movement.TWIST if spin > slip else Movement.SLIDE
-        motions.append(FaceMotion(kind, place, float(size[k])))
+    for k, kind in enumerate(kinds[0]):
+        place, own = faces.origin[k], gap[0, k, : len(faces.polygon[k])]
+        if kind is Movement.HINGE:
+            place = faces.polygon[k][own <= own.min() + 0.1 * np.ptp(own)].mean(axis=0)
+        motions.append(FaceMotion(kind, place, float(size[0, k])))
     return tuple(motions)
 
 
-def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> tuple[Floats, float, float]:
-    """Compute the opening (k,) at the corners of a face, its slip, and its slip by spin alone."""
-    # Slip is taken at the centroid, slip by spin at the farthest corner; in the plane the latter is 0.
-    faces, polygon = assembly.interfaces, assembly.interfaces.polygon[face]
-    jump = displacement(assembly, mechanism, int(faces.b[face]), polygon)
-    jump = jump - displacement(assembly, mechanism, int(faces.a[face]), polygon)
-    gap = jump @ faces.normal[face]
-    if assembly.dimension == 2:
-        return gap, float(abs(jumps[face, 1])), 0.0
-    radius = float(np.linalg.norm(polygon - faces.origin[face], axis=1).max())
-    return gap, float(np.hypot(jumps[face, 1], jumps[face, 2])), radius * float(abs(jumps[face, 5]))
+def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) -> tuple[Any, Floats, Floats]:
+    """Classify the movements of all faces in k mechanisms.
 
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with m interfaces.
+    labels : (m,) bool array
+        Labels, True = dry.
+    jumps : (k, m, q) array
+        Jumps as of `face_jumps`, any unit.
+    dilates : (m,) or (k, m) array
+        Opening of each dry face per slip: its friction coefficient, or 0 without dilation.
 
-def _rubbing(assembly: Assembly, jumps: Floats, face: int) -> float:
-    """Return the slip that opens a face μ times as wide, max(|s|, c_T |ω|), or |s| in the plane."""
+    Returns
+    -------
+    kinds : (k, m) array of Movement
+        Kinds.
+    size : (k, m) array
+        Largest of the opening at the corners, the slip at the centroid and the slip by spin alone.
+    gap : (k, m, c) array
+        Opening at the corners, the last one repeated.
+    """
+    # A dry face is open if it opens everywhere by more than the dilation of its friction. Otherwise the largest of
+    # rotation about an axis in the face (hinge), slip (slide) and spin about the normal (twist) names the movement. An
+    # inner face that moves is a crack, in shear where it slips more than it opens. Slip is taken at the centroid, slip
+    # by spin at the farthest corner. In space a face opens by μ max(|s|, c_T |ω|).
+    faces, most = assembly.interfaces, max(map(len, assembly.interfaces.polygon), default=1)
+    corners = np.array([one[np.minimum(np.arange(most), len(one) - 1)] for one in faces.polygon])
+    arm = corners.reshape(len(faces), most, -1) - faces.origin[:, None]
+    along = np.einsum("mcd,md->mc", arm, faces.e1)
     if assembly.dimension == 2:
-        return float(abs(jumps[face, 1]))
-    slip = float(np.hypot(jumps[face, 1], jumps[face, 2]))
-    return max(slip, float(assembly.interfaces.c_t[face] * abs(jumps[face, 5])))
+        gap = jumps[..., 0, None] - jumps[..., 2, None] * along
+        slip, turn, rubbing = abs(jumps[..., 1]), np.zeros(jumps.shape[:2]), abs(jumps[..., 1])
+    else:
+        across = np.einsum("mcd,md->mc", arm, faces.e2)
+        gap = jumps[..., 0, None] + jumps[..., 3, None] * across - jumps[..., 4, None] * along
+        slip, spin = np.hypot(jumps[..., 1], jumps[..., 2]), abs(jumps[..., 5])
+        turn = np.linalg.norm(arm, axis=2).max(axis=1) * spin
+        rubbing = np.maximum(slip, faces.c_t * spin)
+    shear = np.maximum(slip, turn)
+    size = np.maximum(abs(gap).max(axis=2, initial=0.0), shear)
+    cracks = np.where(shear > gap.max(axis=2, initial=-np.inf), Movement.CRACK_SHEAR, Movement.CRACK_TENSION)
+    slides = np.where(
+        np.ptp(gap, axis=2) >= shear, Movement.HINGE, np.where(turn > slip, Movement.TWIST, Movement.SLIDE)
+    )
+    opens = gap.min(axis=2, initial=np.inf) - dilates * rubbing > 0.05 * size
+    kinds = np.where(labels, np.where(opens, Movement.OPEN, slides), cracks)
+    least = SMALL * size.max(axis=1, initial=0.0)[:, None]
+    named = np.array([Movement(one) for one in np.where(size <= least, Movement.CLOSED, kinds).ravel()], dtype=object)
+    return named.reshape(size.shape), size, gap
 
 
 # Residual requested from the solver where there is no batch solver; a heuristic needs no more digits

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, Final, Literal, get_args
 
@@ -24,6 +24,9 @@ Contacts = Literal["convex", "concave"]
 Condense = Literal["auto", "on", "off"]
 """When uncracked blocks are modelled as rigid bodies; "auto" does so where inner faces are very strong."""
 
+Start = Literal["associative", "gravity", "vertex"]
+"""Forces from which the iteration without dilation starts."""
+
 FLOOR_SECONDS: Final = 60.0
 """Default processor time, in seconds, for the lower bound on λ over all non-dilatant solutions."""
 
@@ -31,7 +34,13 @@ FIELD_SECONDS: Final = 60.0
 """Default time for the bounds of one load case by fields, s. No mesh is begun that is not expected to end in it."""
 
 # Allowed values of each option that takes one of several words
-_WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": InnerBending, "condense": Condense}
+_WORDS: Final = {
+    "friction": Friction,
+    "start": Start,
+    "contact": Contacts,
+    "inner_bending": InnerBending,
+    "condense": Condense,
+}
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,11 @@ class Model:
         Compute the lowest and the highest λ found with zero dilation, and a lower bound on all of them.
     floor_seconds : float
         Processor time for that lower bound, seconds; 0 omits the bound.
+    start : {"associative", "gravity", "vertex"}
+        Forces from which the iteration without dilation starts: those with dilation, the least ones under dead load,
+        or a vertex of the problem with dilation (planar).
+    alpha : float
+        Share of the present normal force in friction at the first step of that iteration, 0 to 1.
     contact : {"convex", "concave"}
         "convex": resultants at the centre of pressure. "concave": point contacts at the corners of dry faces.
     effective_area : bool
@@ -75,6 +89,8 @@ class Model:
     friction: Friction = "associative"
     range: bool = False
     floor_seconds: float = FLOOR_SECONDS
+    start: Start = "associative"
+    alpha: float = 0.01
     contact: Contacts = "convex"
     effective_area: bool = False
     inner_bending: InnerBending = "uncoupled"
@@ -96,6 +112,13 @@ class Model:
             raise ParameterError(
                 "range", "λ of associative friction is one number", '`friction="zero-dilation"` with it'
             )
+        for key in ("start", "alpha"):
+            if getattr(self, key) != getattr(Model, key) and self.friction != "zero-dilation":
+                raise ParameterError(
+                    key, "friction with dilation needs no iteration", '`friction="zero-dilation"` with it'
+                )
+        if not (_is_number(self.alpha) and 0.0 <= self.alpha <= 1.0):
+            raise ParameterError("alpha", f"{_shown(self.alpha)} is no share", "a number from 0 to 1")
         if self.effective_area and self.contact == "concave":
             raise ParameterError(
                 "effective_area", "point contacts have no effective area", '`contact="convex"` with it'
@@ -117,9 +140,15 @@ class Model:
         return not self.beyond_whole_faces
 
     @property
+    def dilating(self) -> Model:
+        """Return the model with associative friction, without the options of friction without dilation."""
+        plain = {name: getattr(Model, name) for name in ("friction", "range", "floor_seconds", "start", "alpha")}
+        return replace(self, **plain)
+
+    @property
     def beyond_whole_faces(self) -> dict[str, Any]:
         """Return the options that differ from associative friction on whole faces, by name."""
-        plain = ("friction", "range", "floor_seconds", "contact", "effective_area", "inner_bending")
+        plain = ("friction", "range", "floor_seconds", "start", "alpha", "contact", "effective_area", "inner_bending")
         return {name: getattr(self, name) for name in plain if getattr(self, name) != getattr(Model, name)}
 
     @property

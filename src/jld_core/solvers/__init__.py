@@ -2,7 +2,6 @@
 
 Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver reports.
 
-- `LARGE`: number of equations from which `auto` chooses the solver `schur`
 - `SOLVERS`: names of the solvers
 - `ClarabelSolver`: Clarabel's interior-point method, updated in place, with an optional proximal term
 - `HighsSolver`: simplex and interior-point methods of HiGHS for linear programs
@@ -161,7 +160,6 @@ def is_large(structure: Structure) -> bool:
 
 
 __all__ = [
-    "LARGE",
     "SOLVERS",
     "ClarabelSolver",
     "HighsSolver",

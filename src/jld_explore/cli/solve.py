@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 import typer
 
+from jld_core import plugins
 from jld_core.build import build_robust
 from jld_core.build.loads import settlements_of
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
 from jld_core.limit import LimitAnalysisResult, Model, Result, Status
-from jld_core.limit.options import FLOOR_SECONDS, Friction
+from jld_core.limit.options import FLOOR_SECONDS, Friction, Start
 from jld_core.mechanics import require_materials
 from jld_core.models import cost_estimate, require_cracks, require_model, rigid, sensitivities, solve_rigid
 from jld_core.models.case_analysis import solve_cracked, under
@@ -93,6 +94,16 @@ SolutionRange = Annotated[
 FloorSeconds = Annotated[
     float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
 ]
+StartForces = Annotated[
+    Start, typer.Option(help="With --friction zero-dilation: forces that the iteration starts from.")
+]
+Share = Annotated[float, typer.Option(help="Without dilation: share of the present N at the first step.")]
+History = Annotated[
+    Path | None, typer.Option(help="Without dilation: every step of the iteration as CSV, and a picture beside it.")
+]
+Geometric = Annotated[
+    bool, typer.Option("--geometric", help="Also the thickness over the least one at which it stands (dead loads).")
+]
 ResultFolder = Annotated[Path | None, typer.Option("-o", "--out", help="Folder for result.json and pictures.")]
 Sensitivities = Annotated[
     bool | None,
@@ -111,6 +122,9 @@ def solve(
     friction: FrictionModel = "associative",
     range_: SolutionRange = False,
     floor_seconds: FloorSeconds = FLOOR_SECONDS,
+    start: StartForces = "associative",
+    alpha: Share = Model.alpha,
+    history: History = None,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
     inner_bending: Bending = "uncoupled",
@@ -123,6 +137,7 @@ def solve(
     cracks: Cracks = None,
     seconds: CaseSeconds = None,
     sensitivities: Sensitivities = None,
+    geometric: Geometric = False,
     as_json: AsJson = False,
 ) -> None:
     """Compute the collapse load factor of one layout, with a two-sided bracket.
@@ -137,6 +152,8 @@ def solve(
         "friction": friction,
         "range": range_,
         "floor_seconds": floor_seconds,
+        "start": start,
+        "alpha": alpha,
         "effective_area": effective_area,
         "contact": contact,
         "inner_bending": inner_bending,
@@ -168,6 +185,11 @@ def solve(
             warn_of(scene, assembly)
         if not by_fields and (long := cost_estimate(elements).long) is not None and not as_json:
             warn(f"jld: {long}")
+        if history is not None:
+            if model.friction != "zero-dilation" or by_fields:
+                problem = "only friction without dilation of whole faces iterates"
+                raise ParameterError("history", problem, '`friction="zero-dilation"` with it')
+            plugins.part("dilation_history")(elements, labels, model, history)
         begun = time.process_time()
         result: Result
         if by_fields:
@@ -179,9 +201,15 @@ def solve(
         spent = {"start": begun, **result.seconds, "total": begun + result.seconds["total"]}
         result = replace(result, seconds=spent)
         result = with_rates(result, asked=sensitivities, vertices=as_json or out is not None)
+    told = {}
+    if geometric:
+        with error_context(scene):
+            safety = plugins.part("geometric_safety")(laid.scene, laid.labels)
+        result.facts["geometric"] = safety.to_json()
+        told = {"geometric safety": str(safety)}
     if out is not None:
         _write_result(result, out)
-    say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result)))
+    say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result) | told))
     if result.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
 
@@ -197,10 +225,8 @@ def _laid_out(path: Path, rank: int | None, strict: bool, own: bool) -> LaidOut:
 
 
 def _model(model: Model, options: dict[str, Any]) -> Model:
-    """Return a model with the options given; with friction alone, the range of a search without dilation goes."""
-    alone = options.get("friction") == "associative"
-    without: dict[str, Any] = {"range": False, "floor_seconds": FLOOR_SECONDS} if alone else {}
-    return replace(model, **(without | options))
+    """Return a model with the options given; with associative friction those of a search without dilation go."""
+    return replace(model.dilating if options.get("friction") == "associative" else model, **options)
 
 
 def _facts(result: Result) -> dict[str, str]:

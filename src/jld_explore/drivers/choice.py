@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -14,7 +13,6 @@ from jld_core.arrays import Bits
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit import SolveOptions
 from jld_core.limit.case_relaxation import relaxation_of
-from jld_core.limit.options import FLOOR_SECONDS
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.exact.context import PossibleBlocks, possible_blocks
 from jld_explore.drivers.exact.driver import Exact
@@ -63,7 +61,7 @@ def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
     """Compute a λ, scene units, that no labelling exceeds by one relaxation; None where there is none."""
     # Associative friction is assumed. The bound also holds for λ without dilation, which associative λ bounds.
     assembly = space.assembly
-    dilating = replace(model, friction="associative", range=False, floor_seconds=FLOOR_SECONDS)
+    dilating = model.dilating
     if space.void is not None or not dilating.supports_bounds_over_labellings or len(assembly.interfaces) > BOUNDED:
         return None
     relaxation = relaxation_of(assembly)

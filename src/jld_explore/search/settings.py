@@ -84,7 +84,7 @@ class ModelSettings:
             seconds = _BOUND_SECONDS if objective == "zero-dilation-floor" else 0.0
             model = replace(self.model, friction="zero-dilation", range=True, floor_seconds=seconds)
         else:
-            model = replace(self.model, friction="associative", range=False)
+            model = replace(self.model.dilating, floor_seconds=self.model.floor_seconds)
         ranked = self.reliability or _RELIABLE if objective == "reliability" else self.reliability
         tested = objective == "experiment"
         return replace(self, model=model, by_experiment=tested, own_objective=None, reliability=ranked)

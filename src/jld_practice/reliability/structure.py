@@ -11,10 +11,9 @@ import numpy as np
 
 from jld_core import Assembly, Bits, Bools, Floats, InputError, Ints, Loads, Route, Strengths, one_thread
 from jld_core.batch import batch_solver
-from jld_core.batch import rows as batch_rows
 from jld_core.build import build_assembly, build_geometry
-from jld_core.limit import LimitAnalysis, Proof, SolveOptions, Status, crossed
-from jld_core.mechanics import FrictionSet, require_materials, scaled_strengths, yield_set
+from jld_core.limit import LimitAnalysis, Proof, SampleAnalysis, SolveOptions, Status, crossed
+from jld_core.mechanics import require_materials
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.scene import Scene, parse_scene, standard, uncertain
 
@@ -431,75 +430,37 @@ class SampleBounds:
     def __init__(self, structure: RandomStructure, labels: Bits) -> None:
         require_materials(structure.assembly, labels, ~labels)
         self.structure, self.labels = structure, labels
-        self.analyses = [limit_analysis(case, _OPTIONS, reference=labels) for case in structure.cases]
-        self._plain = [self._rows(case, structure.variables.mean[None]) for case in range(len(self.analyses))]
+        analyses = [limit_analysis(case, _OPTIONS, reference=labels) for case in structure.cases]
+        self.analyses = [SampleAnalysis(one, labels) for one in analyses]
 
     @property
     def batched(self) -> bool:
         """True if the batch solver takes the samples of all load cases."""
-        return all(one.batch is not None for one in self.analyses) and None not in self._plain
-
-    @cached_property
-    def _stacked(self) -> FrictionSet:
-        """Yield sets of the faces of all samples of a call, to receive their strengths."""
-        assembly, template = self.structure.assembly, self.analyses[0].template
-        faces = np.tile(np.arange(len(self.labels)), batch_solver.SAMPLES_OF_A_CALL)
-        many = replace(
-            assembly, interfaces=assembly.interfaces.take(faces), face_strengths=assembly.face_strengths.take(faces)
-        )
-        return yield_set(many, template.scaling).associative
-
-    def _rows(self, case: int, values: Floats) -> batch_rows.BatchRows | None:
-        """Return the yield rows of samples (k, v), one or a whole call, under a load case."""
-        assembly, template = self.structure.assembly, self.analyses[case].template
-        count, unit = len(values), assembly.interfaces.area / template.scaling.force
-        scaled = scaled_strengths(self.structure.strengths(values), np.tile(unit, count))
-        own = self._stacked if count > 1 else template.yield_set.associative
-        return batch_rows.rows_of_samples(
-            own.with_strengths(scaled), np.tile(self.labels, (count, 1)), assembly.dimension
-        )
+        return all(one.batched for one in self.analyses)
 
     @one_thread()
     def of(self, values: Floats, required: float | None = None) -> GoverningBounds:
         """Compute bounds for samples (k, v)."""
         if not self.batched:
             return self.proven(values)
-        parts = [
-            self._portion(values[k : k + batch_solver.SAMPLES_OF_A_CALL], required)
-            for k in range(0, len(values), batch_solver.SAMPLES_OF_A_CALL)
-        ]
-        return GoverningBounds(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("low", "high")))
-
-    def _portion(self, values: Floats, required: float | None) -> GoverningBounds:
-        """Compute bounds for at most as many samples as one call takes."""
-        count = len(values)
-        full = np.concatenate([values, np.repeat(values[-1:], batch_solver.SAMPLES_OF_A_CALL - count, axis=0)])
-        low, high = np.full(len(full), np.inf), np.full(len(full), np.inf)
-        for case in range(len(self.analyses)):
-            least, most = self._of_case(case, full, required)
-            low, high = np.minimum(low, least), np.minimum(high, most)
-        return GoverningBounds(low[:count], high[:count])
+        size, cases = batch_solver.SAMPLES_OF_A_CALL, range(len(self.analyses))
+        parts = [values[k : k + size] for k in range(0, len(values), size)]
+        each = [[self._of_case(case, part, required) for case in cases] for part in parts]
+        least, most = (np.concatenate([np.min([one[end] for one in part], axis=0) for part in each]) for end in (0, 1))
+        return GoverningBounds(least, most)
 
     def _of_case(self, case: int, values: Floats, required: float | None) -> tuple[Floats, Floats]:
         """Return bounds (k,) on λ over the required one under a load case."""
-        analysis = self.analyses[case]
-        template, batch, asked = analysis.template, analysis.batch, float(self.structure.assembly.required[case])
-        assert isinstance(batch, batch_solver.BatchSolver)
-        plain = self._plain[case]
-        rows = self._rows(case, values) if self.structure.varies_in_strength else _repeated(plain, len(values))
-        assert rows is not None
-        dead, live = self.structure.loads(values, case)
-        free, scaling = self.structure.assembly.elements.free, template.scaling
-        dead, live = (load[:, free].reshape(len(values), -1) / scaling.row.ravel() for load in (dead, live))
-        enough = None if required is None else np.full(len(values), required * asked / scaling.load)
-        found = batch.solve_samples(rows, dead, scaling.load * live, enough)
+        unit, asked = self.analyses[case].analysis.template.scaling.load, float(self.structure.assembly.required[case])
+        strengths = self.structure.strengths(values) if self.structure.varies_in_strength else None
+        enough = None if required is None else np.full(len(values), required * asked / unit)
+        found = self.analyses[case].solve(strengths, *self.structure.loads(values, case), enough)
         low, high = found.low.copy(), found.high.copy()
         wrong = np.asarray(crossed(low, high)) | np.isnan(low) | np.isnan(high)
         low[wrong], high[wrong] = -np.inf, np.inf
         low[found.verdict == batch_solver.FALLS] = high[found.verdict == batch_solver.FALLS] = -np.inf
         low[found.verdict == batch_solver.LOCKED] = high[found.verdict == batch_solver.LOCKED] = np.inf
-        share = scaling.load / asked
-        return share * low, share * high
+        return unit / asked * low, unit / asked * high
 
     def proven(self, values: Floats) -> GoverningBounds:
         """Compute bounds of single samples that the batch solver left open."""
@@ -521,15 +482,6 @@ class SampleBounds:
             self.structure.at(values, case), _OPTIONS, reference=self.labels, single_labelling=True
         )
         return analysis, solve_labelling(analysis, self.labels, _OPTIONS)
-
-
-def _repeated(rows: batch_rows.BatchRows | None, count: int) -> batch_rows.BatchRows | None:
-    """Return rows of one sample for `count` samples."""
-    if rows is None:
-        return None
-    many = {name: getattr(rows, name) for name in ("rows", "keep", "parabolas")}
-    many = {name: None if one is None else np.repeat(one, count, axis=0) for name, one in many.items()}
-    return replace(rows, **many)
 
 
 def bracket_of(analysis: LimitAnalysis, proof: Proof) -> tuple[float, float]:

@@ -1,0 +1,96 @@
+"""Borders between the mechanisms of a map."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from jld_core import Status
+from jld_core.scene import Scene, load_scene
+from jld_maps.grid import Grid, points_of
+from jld_maps.sweep import Swept
+
+_HALVINGS: Final = 6  # halvings of the distance of two points of a grid before λ is extrapolated
+
+
+def borders(structure: Any, grid: Any, table: pd.DataFrame, labels: Any = None) -> pd.DataFrame:
+    """Find points on the borders between the mechanisms of a map.
+
+    Between neighbours of different mechanisms the distance is halved by the mechanism in the middle. λ is then
+    extrapolated from both sides; the border is where both meet.
+
+    Parameters
+    ----------
+    structure : str, Path, dict or Scene
+        Scene.
+    grid : dict
+        Values of the keys of the map, numbers.
+    table : pandas.DataFrame
+        Result of `sweep` over this grid.
+    labels : (m,) array or str, optional
+        As in `sweep`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns: the keys; `one` and `other`, the mechanisms below and above along the key `along`; `load_factor`. Empty
+        where more than strengths and loads depends on the keys.
+
+    Raises
+    ------
+    InputError
+        As `sweep`.
+    """
+    scene = structure if isinstance(structure, Scene) else load_scene(structure)
+    axes = Grid(scene, points_of(grid)).axes
+    names = np.where(table["status"] == str(Status.COLLAPSE), table["mechanism"], "").reshape(
+        [*map(len, axes.values())]
+    )
+    parts = []
+    for axis, key in enumerate(axes):
+        first, second = (np.moveaxis(names, axis, 0)[cut] for cut in (slice(None, -1), slice(1, None)))
+        edges = np.argwhere((first != second) & (first != "") & (second != ""))
+        if len(edges):
+            places = np.insert(edges[:, 1:], axis, edges[:, 0], axis=1)
+            found = _along(scene, axes, key, places, labels)
+            if found is not None:
+                parts.append(found)
+    columns = [*axes, "along", "one", "other", "load_factor"]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
+
+
+def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labels: Any) -> pd.DataFrame | None:
+    """Find the borders on edges of a grid along a key; places: (e, axes) the lower ends of the edges."""
+    axis, values = list(axes).index(key), np.array(axes[key], dtype=float)
+
+    def at(x: Any) -> dict[str, Any] | None:
+        """Return the columns of `sweep` at the values (e,) of the key."""
+        all_x, where = np.unique(np.concatenate([x, values[:2]]), return_inverse=True)
+        points = Grid(scene, axes | {key: all_x.tolist()})
+        states, own = points.states(), places.copy()
+        swept = None if states is None else Swept(points, states, labels)
+        own[:, axis] = where[: len(x)]
+        return swept.all(own, 1) if swept is not None and swept.batched else None
+
+    low, high = values[places[:, axis]], values[places[:, axis] + 1]
+    found = at(low)
+    if found is None:
+        return None
+    name = found["mechanism"]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        same = at(middle)["mechanism"] == name  # type: ignore[index]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    step = high - low
+    ends: Any = [at(x) for x in (low - step, low, high, high + step)]
+    far, near, other, beyond = (one["load_factor"] for one in ends)
+    slopes = (near - far) / step, (beyond - other) / step
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = low + (other - near - slopes[1] * step) / (slopes[0] - slopes[1])
+    fits = np.isfinite(x) & (x >= low - step) & (x <= high + step)
+    x = np.where(fits, x, 0.5 * (low + high))
+    table = {one: np.array(axes[one], dtype=object)[places[:, k]] for k, one in enumerate(axes)}
+    table |= {key: x, "along": key, "one": ends[1]["mechanism"], "other": ends[2]["mechanism"]}
+    return pd.DataFrame(table | {"load_factor": near + slopes[0] * (x - low)})
