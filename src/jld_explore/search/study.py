@@ -239,14 +239,17 @@ class Study:
                     front.learn(pending.labellings, told)
         finally:
             self.solved = recorded.solved
-            if self._beside is not None:
-                self._beside.close()
-            workers.close()
-            driver.close()
-            try:
-                self.keep_bound(driver.bound, driver.name)
-            finally:
-                self.records.close()
+            self._close(workers)
+
+    def _close(self, workers: Workers) -> None:
+        if self._beside is not None:
+            self._beside.close()
+        workers.close()
+        self.driver.close()
+        try:
+            self.keep_bound(self.driver.bound, self.driver.name)
+        finally:
+            self.records.close()
 
     def _proof_beside(self) -> ProofBeside | None:
         """Start a proof beside the search, unless the driver proves or would end before it."""
