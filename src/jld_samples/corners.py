@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import shapely
 
-from jld_core.errors import ParameterError
-from jld_core.parameters import typed
-from jld_core.samples.bonds import corner_course
-from jld_core.samples.stone import Stone, box, cap, check, count, scene_of
-from jld_core.samples.wall_openings import FACES, Lintel, bonded_walls
-from jld_core.scene import Scene
+from jld_core import ParameterError, Scene, parameters
+from jld_core.refinement import bonds
+from jld_samples.stone import Stone, box, cap, check, count, scene_of
 
 
-@typed
+@parameters.typed
 def corner(
     courses: int = 4,
     length: float = 1.6,
@@ -60,7 +57,7 @@ def corner(
     elements = [
         box(f"c{k}b{number}", (x0, y0, k * height), (x1, y1, (k + 1) * height))
         for k in range(courses)
-        for number, (x0, y0, x1, y1) in enumerate(corner_course(plan, k, bond, brick))
+        for number, (x0, y0, x1, y1) in enumerate(bonds.corner_course(plan, k, bond, brick))
     ]
     low, high = (-brick, -brick, -height), (length + brick, width + brick, 0.0)
     elements.append(box("footing", low, high, support=True))
@@ -133,9 +130,9 @@ def room(
         hole = shapely.box(*gap)
         sections[first:last] = [section.difference(hole) for section in sections[first:last]]
     beds = [k * height for k in range(courses + 1)]
-    stones = bonded_walls(sections, beds, bond, brick, lintel=Lintel(lintel, bearing), name="room")
+    stones = bonds.bonded_walls(sections, beds, bond, brick, lintel=bonds.Lintel(lintel, bearing), name="room")
     elements = [
-        {"id": f"c{k}b{number}", "vertices": corners.tolist(), "faces": [list(loop) for loop in FACES]}
+        {"id": f"c{k}b{number}", "vertices": corners.tolist(), "faces": [list(loop) for loop in bonds.FACES]}
         for k, row in enumerate(stones)
         for number, corners in enumerate(row)
     ]

@@ -18,11 +18,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from jld_core.samples.corners import corner, room
-from jld_core.samples.planar import arch, buttress, flat_arch, grid, wall
-from jld_core.samples.stone import Stone, box
-from jld_core.samples.vaults import dome, vault
-from jld_core.scene import Scene
+from jld_core import Scene
+from jld_samples.corners import corner, room
+from jld_samples.planar import arch, buttress, flat_arch, grid, wall
+from jld_samples.stone import Stone, box
+from jld_samples.vaults import dome, vault
 
 KINDS: Final[dict[str, Callable[..., Scene]]] = {
     "arch": arch,

@@ -8,10 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError, ParameterError
-from jld_core.parameters import require_field_types
-from jld_core.scene import Scene, parse_scene
+from jld_core import Floats, InputError, ParameterError, Scene, parameters, parse_scene
 
 
 @dataclass(frozen=True)
@@ -36,7 +33,7 @@ class Stone:
     shear: float = 2e5
 
     def __post_init__(self) -> None:
-        require_field_types(self)
+        parameters.require_field_types(self)
 
 
 MOST: Final = 100_000

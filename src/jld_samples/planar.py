@@ -7,17 +7,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import ParameterError
-from jld_core.parameters import typed
-from jld_core.samples import bonds
-from jld_core.samples.stone import Stone, cap, check, choose, count, materials, scene_of, steps
-from jld_core.scene import Scene, parse_scene
+from jld_core import Floats, ParameterError, Scene, parameters, parse_scene
+from jld_core.refinement import bonds
+from jld_samples.stone import Stone, cap, check, choose, count, materials, scene_of, steps
 
 _RINGS: Final = ("stack", "running")  # names of the bonds of an arch
 
 
-@typed
+@parameters.typed
 def arch(
     radius: float = 1.0,
     thickness: float = 0.2,
@@ -86,7 +83,7 @@ def _on_circle(radius: float, angles: Floats) -> Floats:
     return float(radius) * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-@typed
+@parameters.typed
 def flat_arch(
     span: float = 2.0,
     height: float = 0.4,
@@ -143,7 +140,7 @@ def flat_arch(
     return scene_of(f"flat arch of {voussoirs} wedges", elements, stone or Stone(), load, depth=depth)
 
 
-@typed
+@parameters.typed
 def buttress(
     height: float = 4.0,
     base: float = 1.6,
@@ -210,7 +207,7 @@ def buttress(
     )
 
 
-@typed
+@parameters.typed
 def wall(
     courses: int = 6,
     length: float = 2.4,
@@ -287,7 +284,7 @@ def _opening(text: str, courses: int, height: float, length: float) -> tuple[flo
     return x, x + wide, first, last
 
 
-@typed
+@parameters.typed
 def grid(
     columns: int = 8,
     rows: int = 4,

@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from jld_core.errors import ParameterError
-from jld_core.parameters import typed
-from jld_core.samples.stone import Stone, cap, check, choose, count, scene_of, steps, swept
-from jld_core.scene import Scene
+from jld_core import ParameterError, Scene, parameters
+from jld_samples.stone import Stone, cap, check, choose, count, scene_of, steps, swept
 
 
-@typed
+@parameters.typed
 def vault(
     kind: str = "barrel",
     radius: float = 1.5,
@@ -132,7 +130,7 @@ def _cross(inner: float, outer: float, reach: float, half: int, courses: int, fi
     return elements
 
 
-@typed
+@parameters.typed
 def dome(
     radius: float = 1.5,
     thickness: float = 0.25,

@@ -1,22 +1,18 @@
-"""Provide `jld new KIND`: the sample scenes of jld_core with their parameters as options."""
+"""Provide `jld new KIND`: the samples with their parameters as options."""
 
 from __future__ import annotations
 
 import inspect
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from jld_core.errors import InputError
-from jld_core.files import write_text
-from jld_core.samples import KINDS, Stone
-from jld_core.scene import Scene, Search
-from jld_explore.cli.streams import say
-
-Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]
+from jld_core import Scene
+from jld_core.scene import Search
+from jld_explore.cli import options, streams
+from jld_samples import KINDS, Stone
 
 # Help texts of the options for material properties
 _STONE = {
@@ -31,15 +27,6 @@ _STONE = {
 _MOST = "Elements of a block at the most, in a search; 0: as many as there are."
 
 _CELLS = 4  # Without a limit the strongest layout is often a single block.
-
-
-def write_scene(scene: Scene, out: Path) -> None:
-    """Write a scene file, completely or not at all; keys with default values are left out."""
-    if out.is_dir():
-        raise InputError(str(out), "it is a folder", "the name of a scene file")
-    if not out.absolute().parent.is_dir():
-        raise InputError(str(out), "its folder does not exist", "a file in a folder that is there")
-    write_text(out, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
 
 
 def commands() -> typer.Typer:
@@ -77,8 +64,8 @@ def _command(kind: str, make: Callable[..., Scene]) -> Callable[..., None]:
     parameters.append(
         inspect.Parameter("most", inspect.Parameter.KEYWORD_ONLY, default=_CELLS, annotation=types["most"])
     )
-    types["out"] = Out
-    parameters.append(inspect.Parameter("out", inspect.Parameter.KEYWORD_ONLY, annotation=Out))
+    types["out"] = options.Out
+    parameters.append(inspect.Parameter("out", inspect.Parameter.KEYWORD_ONLY, annotation=options.Out))
 
     def run(**given: Any) -> None:
         out = given.pop("out")
@@ -87,10 +74,13 @@ def _command(kind: str, make: Callable[..., Scene]) -> Callable[..., None]:
         scene = make(**given, stone=stone)
         if most:
             scene = scene.model_copy(update={"search": Search(block_cells=[1, most])})
-        write_scene(scene, out)
-        say(f"{kind}: {scene.name}, written to {out}")
+        options.write_scene(scene, out)
+        streams.say(f"{kind}: {scene.name}, written to {out}")
 
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {**types, "return": None}
     run.__name__ = kind.replace("-", "_")
     return run
+
+
+new = commands()
