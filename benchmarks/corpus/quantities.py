@@ -36,8 +36,9 @@ def load_factor(scene: str) -> Interval:
 
 
 def tilt_angle(scene: str) -> Interval:
-    """Angle of a tilting table at which a scene falls, degrees: the arc tangent of λ under a horizontal body load."""
-    return (math.degrees(math.atan(load_factor(scene)[0])),) * 2
+    """Bracket of the angle of a tilting table at which a scene falls, degrees."""
+    low, high = solve(build_assembly(_scene(scene))).facts["tilt_bracket"]
+    return low, high
 
 
 def published_wall(layout_name: str) -> Interval:

@@ -19,13 +19,11 @@ from jld_core import export_lazily
 
 if TYPE_CHECKING:
     from jld_studio.api import Api
-    from jld_studio.app import build_app
-    from jld_studio.collapse_loads import collapse_loads
     from jld_studio.evaluation import evaluate
     from jld_studio.jobs import Jobs
     from jld_studio.notebook import NotebookPage, make_page
-    from jld_studio.server import open_studio
-    from jld_studio.session import StudioSession
+    from jld_studio.server import build_app, open_studio
+    from jld_studio.session import StudioSession, collapse_loads
 
 __all__ = [
     "Api",
@@ -43,12 +41,10 @@ export_lazily(
     __name__,
     {
         "api": ["Api"],
-        "app": ["build_app"],
-        "collapse_loads": ["collapse_loads"],
         "evaluation": ["evaluate"],
         "jobs": ["Jobs"],
         "notebook": ["NotebookPage", "make_page"],
-        "server": ["open_studio"],
-        "session": ["StudioSession"],
+        "server": ["build_app", "open_studio"],
+        "session": ["StudioSession", "collapse_loads"],
     },
 )

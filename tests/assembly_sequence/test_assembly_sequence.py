@@ -38,7 +38,7 @@ from jld_practice.laying import (
     order_without_stages,
 )
 from jld_practice.laying.command import words_of
-from jld_practice.laying.solids import stations_below
+from jld_practice.laying.freedom import stations_below
 
 
 def names(assembly: Assembly, elements: tuple[int, ...]) -> list[str]:

@@ -16,11 +16,11 @@ from jld_core.limit import repair
 from jld_core.linalg import projection
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
-from jld_core.samples import arch
 from jld_core.solvers import LARGE
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
 from jld_practice.reactions.thrust import least_share, shrunk
+from jld_samples.planar import arch
 
 
 def wall(edge: int, *, friction: float = 0.75) -> tuple[Assembly, np.ndarray]:

@@ -34,8 +34,7 @@ from jld_core.refinement import crack_cells, refine
 from jld_core.refinement.arrangement import squares
 from jld_explore import search_space
 from jld_practice.design import DesignOptions, read_outline, with_loads
-from jld_practice.design.aligned import TriangleStresses, aligned_cells
-from jld_practice.design.crushing import stresses_of_body
+from jld_practice.design.tessellations import TriangleStresses, aligned_cells, stresses_of_body
 
 BODY = {"live": [{"body": [1.0, 0.0]}]}
 WALL = samples.wall(courses=4, length=1.6, opening="0.6,0.2,0.4,0.2", load="crown")

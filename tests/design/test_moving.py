@@ -21,8 +21,8 @@ from jld_practice.design import (
     uniaxial_strength,
     with_crushing,
 )
-from jld_practice.design.crushing import with_materials_of
 from jld_practice.design.run import move_in_rounds, moved_trial
+from jld_practice.design.tessellations import with_materials_of
 from jld_practice.design.trials import NONE
 
 FRICTION = 0.9

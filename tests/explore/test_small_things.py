@@ -24,8 +24,8 @@ from cases import CASES, grid_assembly, grid_document, scene_of_cases, small_sce
 from command import ROOT, SCENES, Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
 from jld_explore import Exploration, ExploreSettings, Progress, explore, read_folder, search_space
-from jld_explore.cli import ending as overview
 from jld_explore.cli import explore as progress
+from jld_explore.cli import overview
 from jld_explore.cli.explore import ProgressBar
 from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.evaluation import EvaluatorSettings, Pool

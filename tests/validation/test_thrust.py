@@ -15,7 +15,6 @@ from cases import ROUTE, as_elements, box, rotated
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.build.loads import settlements_of
-from jld_core.samples import arch
 from jld_practice.reactions import (
     Settled,
     reactions,
@@ -25,6 +24,7 @@ from jld_practice.reactions import (
     settle,
     thrust_ranges,
 )
+from jld_samples import arch
 
 
 def ranges(scene: Scene, **options: Any) -> dict[tuple[str, str], Any]:

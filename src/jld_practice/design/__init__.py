@@ -22,13 +22,11 @@ from typing import TYPE_CHECKING
 from jld_core import export_lazily
 
 if TYPE_CHECKING:
-    from jld_practice.design.crushing import uniaxial_strength, with_crushing
-    from jld_practice.design.loads import with_loads
-    from jld_practice.design.options import DesignOptions
+    from jld_practice.design.options import DesignOptions, with_loads
     from jld_practice.design.outline import Outline, read_outline
     from jld_practice.design.page import facts_of, write_design
     from jld_practice.design.run import Task
-    from jld_practice.design.tessellations import Tessellation
+    from jld_practice.design.tessellations import Tessellation, uniaxial_strength, with_crushing
     from jld_practice.design.trials import Design, Screening, Trial
 
 __all__ = [
@@ -50,13 +48,11 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "crushing": ["uniaxial_strength", "with_crushing"],
-        "loads": ["with_loads"],
-        "options": ["DesignOptions"],
+        "options": ["with_loads", "DesignOptions"],
         "outline": ["Outline", "read_outline"],
         "page": ["facts_of", "write_design"],
         "run": ["Task"],
-        "tessellations": ["Tessellation"],
+        "tessellations": ["uniaxial_strength", "with_crushing", "Tessellation"],
         "trials": ["Design", "Screening", "Trial"],
     },
 )

@@ -19,8 +19,7 @@ from jld_core import export_lazily
 if TYPE_CHECKING:
     from jld_practice.laying.constraint import SequenceConstraint
     from jld_practice.laying.freedom import Freedom, blocks_of_labelling
-    from jld_practice.laying.order import Laying, assembly_order, locked_blocks
-    from jld_practice.laying.quick import order_without_stages
+    from jld_practice.laying.order import Laying, assembly_order, locked_blocks, order_without_stages
     from jld_practice.laying.standing import Parts
 
 __all__ = [
@@ -39,8 +38,7 @@ export_lazily(
     {
         "constraint": ["SequenceConstraint"],
         "freedom": ["Freedom", "blocks_of_labelling"],
-        "order": ["Laying", "assembly_order", "locked_blocks"],
-        "quick": ["order_without_stages"],
+        "order": ["Laying", "assembly_order", "locked_blocks", "order_without_stages"],
         "standing": ["Parts"],
     },
 )

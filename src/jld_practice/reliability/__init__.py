@@ -25,8 +25,7 @@ from jld_core import export_lazily
 
 if TYPE_CHECKING:
     from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, explore_failures, structure_of
-    from jld_practice.reliability.form import Form, Limit, LimitFunction, design_point
-    from jld_practice.reliability.monte_carlo import compare, simulate
+    from jld_practice.reliability.monte_carlo import Form, Limit, LimitFunction, compare, design_point, simulate
     from jld_practice.reliability.structure import GoverningBounds, SampleBounds, Variables, random_structure
 
 __all__ = [
@@ -51,8 +50,7 @@ export_lazily(
     __name__,
     {
         "analysis": ["ReliabilityOptions", "analyse", "estimate", "explore_failures", "structure_of"],
-        "form": ["Form", "Limit", "LimitFunction", "design_point"],
-        "monte_carlo": ["compare", "simulate"],
+        "monte_carlo": ["Form", "Limit", "LimitFunction", "design_point", "compare", "simulate"],
         "structure": ["GoverningBounds", "SampleBounds", "Variables", "random_structure"],
     },
 )
