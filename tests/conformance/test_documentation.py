@@ -15,7 +15,7 @@ import jld_core
 import jld_experiment
 import jld_explore
 from command import ROOT
-from jld_explore.cli import ending as overview
+from jld_explore.cli import overview
 
 DOCS = ROOT / "docs"
 GUIDE = sorted(DOCS.glob("guide/*.md"))

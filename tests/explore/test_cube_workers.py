@@ -22,10 +22,11 @@ from cases import grid_document
 from jld_core import Scene, build_assembly, parse_scene
 from jld_core.batch import chosen
 from jld_explore import Exploration, ExploreSettings, Progress, explore, search_space
+from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.context import ProofContext
 from jld_explore.drivers.exact.cube_workers import CubeWorkers, TaskResult
-from jld_explore.drivers.exact.driver import Exact, MinimumCount
+from jld_explore.drivers.exact.driver import MinimumCount
 from jld_explore.drivers.exact.formula import EVERYTHING, Formula, split_cube
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.verification import verify
@@ -49,9 +50,11 @@ def scene_of(rows: list[str], options: dict[str, Any]) -> Scene:
     return parse_scene(grid_document(rows, **options))
 
 
-def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options: Any) -> tuple[Exploration, Exact]:
+def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options: Any) -> tuple[Exploration, Any]:
     """By others from the first, where there are several."""
-    driver = Exact(search_space(scene, build_assembly(scene)), **{"solo_relaxations": 0, "search": 0, **options})
+    driver = DRIVERS["exact"](
+        search_space(scene, build_assembly(scene)), **{"solo_relaxations": 0, "search": 0, **options}
+    )
     return explore(scene, folder, settings, driver=driver), driver
 
 
@@ -288,7 +291,7 @@ def test_a_kill_loses_nothing_proven(tmp_path: Path) -> None:
     os.kill(run.pid, signal.SIGKILL)
     run.wait()
     assert psutil.wait_procs(helpers, timeout=60.0)[1] == []  # they do not outlive it
-    driver = Exact(search_space(scene, build_assembly(scene)), search=0)
+    driver = DRIVERS["exact"](search_space(scene, build_assembly(scene)), search=0)
     rest = explore(scene, tmp_path / "out", replace(SOLO_PROGRAMS, resume=True), driver=driver)
     assert rest.summary.proven is True
     assert len(driver.state.conflicts) > 50
@@ -309,7 +312,7 @@ def test_workers_of_a_cluster_prove(cluster: Any, tmp_path: Path) -> None:
     """One at first, a second joins, the first leaves: the same optimum."""
     scene = scene_of([*["aaaa"] * 5, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     one, _ = prove(scene, tmp_path / "one", SOLO_PROGRAMS)
-    driver = Exact(search_space(scene, build_assembly(scene)), solo_relaxations=0, search=0)
+    driver = DRIVERS["exact"](search_space(scene, build_assembly(scene)), solo_relaxations=0, search=0)
     events: list[str] = []
     (first,) = cluster.scheduler.workers
 

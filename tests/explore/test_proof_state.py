@@ -21,7 +21,7 @@ from jld_core.batch import ConflictRequest, chosen
 from jld_core.batch.batch_solver import MinimizationOptions
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
 from jld_explore import Driver, Exploration, ExploreSettings, StopReason, explore, search_space
-from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.exact.proof_check import Claim, check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
@@ -60,11 +60,11 @@ def _switching() -> Iterator[None]:
     sys.setswitchinterval(before)
 
 
-def search(document: dict[str, Any], folder: Path, **options: Any) -> tuple[Exploration, Exact]:
+def search(document: dict[str, Any], folder: Path, **options: Any) -> tuple[Exploration, Any]:
     """Prove with two jobs, unless said otherwise, and hardly any search before the proof."""
     scene = parse_scene(document)
     settings = replace(QUIET, jobs=options.pop("jobs", 2), resume=options.pop("resume", False))
-    driver = Exact(search_space(scene, build_assembly(scene)), **{"search": 0, **options})
+    driver = DRIVERS["exact"](search_space(scene, build_assembly(scene)), **{"search": 0, **options})
     return explore(scene, folder, settings, driver=driver), driver
 
 
