@@ -153,3 +153,16 @@ def test_what_does_not_turn_is_refused() -> None:
         parse_scene(filled)
     with pytest.raises(InputError, match="nothing is tilted"):
         explore(grid_document(["ab", "##"]), objective="tilt_angle")
+
+
+def test_files_hold_a_tilt_as_a_body_load(jld: Command, tmp_path: Path) -> None:
+    """A file of another program knows no table: its load is that at λ = 1, along the direction."""
+    document, written = grid_document(["ab", "##"]), []
+    del document["materials"]["inner"]
+    for name, entry in (("tilt", {"tilt": {"towards": [-2, 0]}}), ("body", {"body": [-1, 0]})):
+        document["loads"]["live"] = [entry]
+        path = tmp_path / f"{name}.json"
+        path.write_text(json.dumps(document), encoding="utf-8")
+        assert jld("export", path, "--format", "compas", "-o", tmp_path / f"{name}.out").code == 0
+        written.append((tmp_path / f"{name}.out").read_text(encoding="utf-8"))
+    assert written[0] == written[1]
