@@ -225,10 +225,6 @@ def test_maps_of_grooves() -> None:
     """A turn by 90° maps grooves alike both ways alone, a mirror those along or across it."""
     for second, way, turns, mirrors in ((0.6, 0, True, True), (0.3, 0, False, True), (0.3, 2, False, False)):
         direction = [1, way, 0]
-        (0.6, [1, 0, 0], True, True),
-        (0.3, [1, 0, 0], False, True),
-        (0.3, [1, 2, 0], False, False),
-    ):
         friction = {"coefficients": [0.6, second], "direction": direction, "cone": "product"}
         document = with_surface(scene([GROUND, box("a", [-1, -1, 0], [1, 1, 1])]), "dry", friction=friction, bending={})
         assembly = build_assembly(parse_scene(document))
