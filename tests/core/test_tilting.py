@@ -56,6 +56,14 @@ def test_sliding_with_cohesion(cohesion: float) -> None:
     assert angle(found) == pytest.approx(expected, rel=1e-8)
 
 
+def test_a_bond_at_the_apex_of_friction_is_no_cone() -> None:
+    """c = μ σt: W sin θ = μ (W cos θ + σt A), although rows moved to the apex have no strength."""
+    bond = 0.2 * 5000.0
+    found = solve(block(4.0, 0.5, cohesion=0.5 * bond, tensile_strength=bond))
+    expected = brentq(lambda x: math.sin(x) - 0.5 * (math.cos(x) + 0.2), 0.0, 1.5)
+    assert angle(found) == pytest.approx(expected, rel=1e-8)
+
+
 def test_opening_of_an_inner_face() -> None:
     """A glued block opens where W sin θ h/2 = (σt A + W cos θ) l/6."""
     document = grid_document(["a", "#"], tension=2e3, shear=1e6, live=[{"tilt": {"towards": [-1, 0]}}])
