@@ -180,8 +180,7 @@ def solve(
         require_cracks(assembly, model)
         by_fields = isinstance(assembly.cracks, FieldCracks)
         if robust and by_fields:
-            problem = "cracks by fields take one value of each strength"
-            raise ParameterError("robust", problem, "cracks by faces or cells")
+            raise ParameterError("robust", "by fields, strengths have one value", "cracks by faces or cells")
         elements, labels = rigid(assembly, laid.labels)
         if own and not as_json:
             warn_of(scene, assembly)
@@ -208,17 +207,15 @@ def solve(
         raise typer.Exit(UNCERTIFIED)
 
 
-def _write_history(assembly: Assembly, labels: Bits, model: Model, path: Path, by_fields: bool) -> None:
-    """Write the iteration without dilation; InputError where there is none."""
+def _write_history(elements: Assembly, labels: Bits, model: Model, history: Path, by_fields: bool) -> None:
     if model.friction != "zero-dilation" or by_fields:
         problem = "only friction without dilation of whole faces iterates"
         raise ParameterError("history", problem, '`friction="zero-dilation"` with it')
-    plugins.part("dilation_history")(assembly, labels, model, path)
+    plugins.part("dilation_history")(elements, labels, model, history)
 
 
-def _geometric(path: Path, laid: LaidOut, result: Result) -> dict[str, str]:
-    """Add the geometric safety to the facts of a result, and return it in words."""
-    with error_context(path):
+def _geometric(scene: Path, laid: LaidOut, result: Result) -> dict[str, str]:
+    with error_context(scene):
         safety = plugins.part("geometric_safety")(laid.scene, laid.labels)
     result.facts["geometric"] = safety.to_json()
     return {"geometric safety": str(safety)}
