@@ -27,9 +27,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.mechanics.compiled_rows import enclosing_rows, exact_sets, maps_criteria, yield_set
+from jld_core.mechanics.compiled_rows import exact_sets, maps_criteria, yield_set
 from jld_core.mechanics.criteria import FaceGeometry, FaceRows, Gauge
 from jld_core.mechanics.equilibrium import Scaling, equilibrium_matrix, load_vectors, scaling_of
+from jld_core.mechanics.polytopes import enclosing_rows
 from jld_core.mechanics.standard import InnerBending
 from jld_core.mechanics.yield_set import YieldSet, require_materials
 from jld_core.strengths import Parameter
