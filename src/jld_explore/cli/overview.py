@@ -26,6 +26,8 @@ _GROUPS: Final = {
         "check-design": "partial factors: utilisation, reactions, joints near their limit, and a page to file",
         "reliability": "reliability index of a layout whose strengths and loads have distributions",
         "experiment": "load a layout in a virtual experiment until it comes down",
+        "map": "λ and mechanisms over values of a scene, or the strongest layout at each",
+        "benchmark": "problems with proven answers, and the check of layouts that others found",
     },
     "Show and build it": {
         "studio": "move joints by hand and see the proven load follow, in a browser",
