@@ -103,8 +103,10 @@ def corbel() -> Any:
 
 
 def dome() -> Any:
-    whole = Manifold.sphere(2.0, 48) - Manifold.sphere(1.7, 48)
-    return (whole ^ block(-3, -3, 0, 3, 3, 3)) - Manifold.cylinder(3, 0.45, 0.45, 32)
+    angle = np.linspace(0.0, np.arccos(0.45 / 1.85), 13)
+    outer = [(2.0 * np.cos(a), 2.0 * np.sin(a)) for a in angle]
+    inner = [(1.7 * np.cos(a), 1.7 * np.sin(a)) for a in angle[::-1]]
+    return CrossSection([np.array(outer + inner)]).revolve(48)
 
 
 SOLIDS: Final[dict[str, Case]] = {

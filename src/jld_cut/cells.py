@@ -258,7 +258,14 @@ def lifted(polygon: Any, plane: Floats) -> Floats:
 
 def convex_pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
     """Split a polygon into convex pieces of at most eight corners; a piece may exceed it by a share `bent`."""
-    region = shapely.simplify(shapely.orient_polygons(region), tolerance)
+    pieces = _pieces(shapely.simplify(shapely.orient_polygons(region), tolerance), tolerance, bent)
+    total = sum(piece.area for piece in pieces)
+    if total - shapely.union_all(pieces).area > 1e-9 * total:  # hulls of bent pieces overlap
+        return _pieces(region, tolerance, 1e-6)
+    return pieces
+
+
+def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
     pieces = [region]
     if not _is_convex(region, bent):
         pieces = [one for one in shapely.get_parts(shapely.constrained_delaunay_triangles(region)) if one.area > 0.0]
