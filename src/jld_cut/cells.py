@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, Ints
-from jld_cut.meshes import manifold3d, surface_of
+from jld_cut.meshes import as_written, doubled_edges, manifold3d, solid_of, surface_of
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
@@ -145,8 +145,26 @@ def _at(plane: Floats, point: Floats) -> Any:
 
 
 def union(cells: list[Any]) -> Any:
-    """Return the union of bodies."""
-    return cells[0] if len(cells) == 1 else manifold3d().Manifold.batch_boolean(cells, manifold3d().OpType.Add)
+    """Return the union of bodies that touch, without walls of no thickness between them where possible."""
+    if len(cells) == 1:
+        return cells[0]
+    whole, best = sum(cell.volume() for cell in cells), None
+    # corners that differ by rounding leave such walls: a fine grid makes them equal
+    for grid in (0.0, 2.0**-40, 2.0**-36, 2.0**-30):
+        bodies = [_snapped(cell, grid) for cell in cells] if grid else cells
+        body = manifold3d().Manifold.batch_boolean(bodies, manifold3d().OpType.Add)
+        walls = doubled_edges(*as_written(body, 1.0))
+        if (best is None or walls < best[0]) and (not grid or abs(body.volume() - whole) <= 1e-8 * whole):
+            best = walls, body
+        if best is not None and not best[0]:
+            break
+    assert best is not None
+    return best[1]
+
+
+def _snapped(cell: Any, grid: float) -> Any:
+    points, triangles = surface_of(cell)
+    return solid_of(np.round(points / grid) * grid, triangles)
 
 
 def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
@@ -268,7 +286,7 @@ def convex_pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
 def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
     pieces = [region]
     if not _is_convex(region, bent):
-        pieces = [one for one in shapely.get_parts(shapely.constrained_delaunay_triangles(region)) if one.area > 0.0]
+        pieces = [one for one in _triangles(region) if one.area > 0.0]
     merging = True
     while merging and len(pieces) > 1:
         merging = False
@@ -289,6 +307,14 @@ def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
                 break
     least = 1e-4 * region.area
     return [_inscribed(one) for one in pieces if one.area > least]
+
+
+def _triangles(region: Any) -> list[Any]:
+    try:
+        return list(shapely.get_parts(shapely.constrained_delaunay_triangles(region)))
+    except shapely.errors.GEOSException:  # a ring that touches itself
+        within = shapely.intersection(shapely.get_parts(shapely.delaunay_triangles(region)), region)
+        return [one for one in shapely.get_parts(within) if one.geom_type == "Polygon"]
 
 
 def _is_convex(polygon: Any, bent: float) -> bool:
