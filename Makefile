@@ -54,13 +54,14 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# mypy takes one core for a minute in a fresh clone: tests run beside it, and both have to pass
+# mypy takes one core for a minute in a fresh clone, and the tests of pages wait for a browser most of the time: one after
+# the other beside the tests, and all have to pass
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy >$(VENV)/mypy.txt 2>&1 & types=$$!; \
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not long'; tests=$$?; \
-	wait $$types; types=$$?; cat $(VENV)/mypy.txt; test $$tests -eq 0 -a $$types -eq 0
+	{ $(BIN)/mypy && $(BIN)/python -m pytest -n 0 -m 'not long' tests/browser; } >$(VENV)/beside.txt 2>&1 & beside=$$!; \
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not long' --ignore tests/browser; tests=$$?; \
+	wait $$beside; beside=$$?; cat $(VENV)/beside.txt; test $$tests -eq 0 -a $$beside -eq 0
 
 # The newest version of every library, as `pip install .` takes without constraints, in an environment of its own, and
 # the tests that touch most of them.

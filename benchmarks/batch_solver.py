@@ -27,10 +27,10 @@ from jld_core.batch.library import described
 from jld_core.limit import BatchAnalysis, LimitAnalysis, SolveOptions, Status, load_scale
 from jld_core.models import limit_analysis, solve
 from jld_core.refinement import refine
-from jld_core.samples import Stone
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.space import search_space
+from jld_samples import Stone
 
 HARD_MANY: Final = 512
 FEW: Final = 6

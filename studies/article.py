@@ -148,7 +148,7 @@ def _picture(table: pd.DataFrame) -> Figure:
     own = table[table["published"].notna()].reset_index(drop=True)
     figure = figure_of(9.5, 0.28 * len(own) + 1.1)
     ax = axes_at(figure, 4.9, 0.6, 4.3, 0.28 * len(own) + 0.1)
-    for k, row in own.iterrows():
+    for k, (_, row) in enumerate(own.iterrows()):
         ends = [row[name] / row["published"] for name in ("ours_low", "ours_high")]
         colour = PAIRED[0][0] if row["agrees"] != "outside" else PAIRED[1][0]
         ax.plot(ends, [k, k], color=colour, lw=4.0, solid_capstyle="butt")

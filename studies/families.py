@@ -9,7 +9,7 @@ import numpy as np
 
 from jld_core import Scene, parse_scene
 from jld_core.arrays import Floats
-from jld_core.samples import box
+from jld_samples import box
 
 _LEAST = 0.35  # shortest piece of a block, in block lengths; a shorter one joins its neighbour
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from jld_core import Scene, parse_scene
 from jld_core.arrays import Floats
-from jld_core.samples import box
+from jld_samples import box
 
 
 def stacked_cubes(

@@ -7,6 +7,7 @@ import os
 import signal
 import sqlite3
 import sys
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -62,8 +63,16 @@ LONG = (
 )
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What takes long goes first."""
+    """Leave all rows of a table but one in so many to `make bench`; what takes long goes first."""
+    seen: Counter[str] = Counter()
+    for item in items:
+        if table := item.get_closest_marker("sampled"):
+            name = item.nodeid.partition("[")[0]
+            if (seen[name] + seen[name] // table.args[0]) % table.args[0]:  # of two lists every value is met
+                item.add_marker(pytest.mark.long)
+            seen[name] += 1
     items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
 
 

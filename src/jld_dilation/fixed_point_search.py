@@ -16,8 +16,7 @@ from jld_core.models import areas_under, under_own_areas
 from jld_core.models import effective_area as models_effective_area
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
-from jld_dilation.linear import LinearRows
-from jld_dilation.modes import LinearModes, Modes, Statics
+from jld_dilation.modes import LinearModes, LinearRows, Modes, Statics
 from jld_dilation.product_space import PrimalDualPair, rank
 from jld_dilation.rlt_relaxation import LowerBoundProblem
 

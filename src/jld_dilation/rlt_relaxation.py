@@ -19,8 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core import Bools, Floats, Ints, time_left, tolerances
-from jld_dilation.linear import LinearAnswer, interior_point
-from jld_dilation.modes import BoundedModes, LinearModes, Modes, Region
+from jld_dilation.modes import BoundedModes, LinearAnswer, LinearModes, Modes, Region, interior_point
 
 _NOTHING: Final = 1e-11  # size of coefficients that are rounding errors of an elimination
 

@@ -18,8 +18,8 @@ from jld_core import Bits, Bools, Floats, tolerances
 from jld_core.limit import LimitAnalysis, Proof, State, Status
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus
+from jld_dilation.certificate import BlockCertifier, solve_rlt_by_matrix_blocks
 from jld_dilation.fixed_point_search import AlternatingPrograms, FixedPointSearch, ProximalOptions
-from jld_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
 from jld_dilation.modes import BoundedModes, Modes, Region, modes_of
 from jld_dilation.product_space import PrimalDualPair
 from jld_dilation.rlt_relaxation import LowerBoundProblem, RltOptions, RltSolution

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
         ParallelSettings,
         SearchMethod,
     )
-    from jld_explore.search.study import Interrupted, Progress, StopReason
+    from jld_explore.search.state import Interrupted, Progress, StopReason
     from jld_explore.space import SearchSpace, search_space
     from jld_explore.steps.field_check import most_without_cuts
     from jld_explore.steps.step import Step, StepContext, busy_factor, with_entries
@@ -95,7 +95,7 @@ export_lazily(
         ],
         "space": ["SearchSpace", "search_space"],
         "steps.step": ["with_entries", "Step", "StepContext", "busy_factor"],
-        "search.study": ["Interrupted", "Progress", "StopReason"],
+        "search.state": ["Interrupted", "Progress", "StopReason"],
         "steps.field_check": ["most_without_cuts"],
         "sweep": ["sweep"],
     },

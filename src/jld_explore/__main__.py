@@ -56,7 +56,7 @@ def main() -> None:
 
         open_streams()
         if sys.argv[1:] == ["--help"]:
-            from jld_explore.cli.ending import text  # The modules imported below take a second to load.
+            from jld_explore.cli.overview import text  # The modules imported below take a second to load.
 
             say(text().removesuffix("\n"))
             sys.exit(0)

@@ -51,7 +51,8 @@ from jld_explore.search.driver_choice import (
 )
 from jld_explore.search.field_study import FieldStudy
 from jld_explore.search.settings import ExploreSettings, Objective
-from jld_explore.search.study import Interrupted, Progress, StopReason, Study
+from jld_explore.search.state import Interrupted, Progress, StopReason
+from jld_explore.search.study import Study
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.space.labelling import orbit_sizes
 from jld_explore.steps.field_check import FieldCheck, Uncut, plan_check

@@ -19,7 +19,7 @@ from jld_core.models import solve_by_fields, solve_rigid
 from jld_core.scene import Scene
 from jld_core.scene import cracks as scene_cracks
 from jld_explore import Interrupted
-from jld_explore.cli import layout, options, samples, streams
+from jld_explore.cli import layout, options, streams
 from jld_explore.report import csv_of
 from jld_geometry.box_bound import ProvenBox, check_proof, prove_box, write_box_certificate
 from jld_geometry.field_search import move_by_fields
@@ -44,7 +44,7 @@ def write_move(
 
     names = ["start", "step", "value", "bracket_lo", "bracket_hi", "predicted", "radius", "solves", "seconds"]
     rows = pd.DataFrame(table)
-    samples.write_scene(scene, out)
+    options.write_scene(scene, out)
     files.write_text(out.with_suffix(".csv"), csv_of(rows[[name for name in names if name in rows]]))
     if after is None:
         return
@@ -173,7 +173,7 @@ def _write(done: ShapedJoints, out: Path) -> None:
     from jld_core.views import figures
 
     rows = pd.DataFrame([{**vars(shape), "load_factor": value} for shape, value in done.trials])
-    samples.write_scene(done.scene, out)
+    options.write_scene(done.scene, out)
     files.write_text(out.with_suffix(".csv"), csv_of(rows))
     titles = [f"straight: λ = {_said(done.before)}", f"{type(done.shape).__name__.lower()}: λ = {_said(done.after)}"]
     figures.save_figure(figures.figure_of_layouts([done.before, done.after], titles), out.with_suffix(".png"))
@@ -288,7 +288,7 @@ def require_movable(scene: Scene, assembly: Assembly) -> None:
 def move(
     context: typer.Context,
     source: options.Source,
-    out: samples.Out,
+    out: options.Out,
     rank: options.Rank = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="Time limit, s.")] = math.inf,
     starts: Annotated[
@@ -378,7 +378,7 @@ def move(
         time_to_move = (1.0 - _CHECKING) * until.remaining()
         done = mover(scene, assembly, labels, seconds=time_to_move, starts=starts, progress=progress)
     # a signal in the checks leaves the scene
-    samples.write_scene(done.scene, out)
+    options.write_scene(done.scene, out)
     stopped = done.end == "interrupted"
     try:
         _finish(done, assembly, labels, until, out, as_json, by_fields=by_fields)

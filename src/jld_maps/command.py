@@ -89,7 +89,7 @@ def _axis(text: str) -> tuple[str, list[Any]]:
     count = int(parts[2])
     if count > MOST:
         raise ParameterError("over", f"it asks for {count} points", f"at most {MOST}")
-    values = np.linspace(*ends, count).tolist()
+    values = np.linspace(ends[0], ends[1], count).tolist()
     return key.strip(), [f"{value!r} {named[0]}" for value in values] if named else values
 
 

@@ -165,14 +165,14 @@ def _middle_surface(points: Floats, faces: list[list[int]], joints: list[Floats]
             free.append(face)
     edges = {frozenset(pair) for face in faces for pair in zip(face, face[1:] + face[:1], strict=True)}
     best: tuple[float, Floats] | None = None
-    for one, two in itertools.combinations(free, 2):
-        if set(one) & set(two) or len(one) + len(two) != len(points):
+    for inside, outside in itertools.combinations(free, 2):
+        if set(inside) & set(outside) or len(inside) + len(outside) != len(points):
             continue
-        links = [[b for b in two if frozenset((a, b)) in edges] for a in one]
-        if any(len(link) != 1 for link in links) or len({link[0] for link in links}) != len(two):
+        links = [[b for b in outside if frozenset((a, b)) in edges] for a in inside]
+        if any(len(link) != 1 for link in links) or len({link[0] for link in links}) != len(outside):
             continue
         middle = points.copy()
-        for a, (b,) in zip(one, links, strict=True):
+        for a, (b,) in zip(inside, links, strict=True):
             middle[[a, b]] = 0.5 * (points[a] + points[b])
         size = float(np.linalg.norm(points - middle, axis=1).mean())
         if best is None or size < best[0]:

@@ -61,14 +61,15 @@ def parts_of(key: str) -> list[Any]:
 
 def place_of(document: Any, key: str) -> tuple[Any, Any, Any]:
     """Return the value of a key in a scene or None, the object that holds it, and its last part; objects are made."""
-    place, path = document, parts_of(key)
+    place: Any = document
+    path = parts_of(key)
     for depth, part in enumerate(path):
         listed = isinstance(place, list)
         if not isinstance(place, list | dict) or listed != isinstance(part, int) or (listed and part >= len(place)):
             has = f"an entry from 0 to {len(place) - 1}" if listed else "a key of the scene"
             raise InputError(key, f"there is no {part} in {'.'.join(map(str, path[:depth])) or 'the scene'}", has)
         if depth < len(path) - 1:
-            place = place[part] if listed else place.setdefault(part, {})
+            place = place[part] if isinstance(place, list) else place.setdefault(part, {})
     return place[path[-1]] if isinstance(place, list) else place.get(path[-1]), place, path[-1]
 
 

@@ -19,12 +19,10 @@ from jld_core.exchange import formats as exchange_formats
 from jld_core.scene import load_scene
 from jld_explore.report import page_contract, page_of_study, read_folder
 from jld_studio.jobs import Job, Jobs, orders_for
-from jld_studio.opening import options_of, read_file, received, stated_scene
+from jld_studio.opening import design_command, options_of, read_file, received, stated_scene, understood
 from jld_studio.page_start import drawing_data, scene_data
-from jld_studio.scene_store import SceneStore
+from jld_studio.scene_store import SceneStore, with_support
 from jld_studio.session import StudioSession, parsed
-from jld_studio.supports import with_support
-from jld_studio.understanding import design_command, understood
 
 SECONDS: Final = (1.0, 86_400.0)
 """Smallest and largest time limit of a search begun from the page, s."""

@@ -4,18 +4,35 @@ from __future__ import annotations
 
 import base64
 import binascii
+import copy
 import re
+import shlex
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core import InputError
+import numpy as np
+import shapely
+
+from jld_core import InputError, plugins
 from jld_core.build import build_assembly, build_geometry
-from jld_core.exchange import Imported, ImportOptions, Report, import_file
+from jld_core.exchange import (
+    Imported,
+    ImportOptions,
+    Notes,
+    Report,
+    Solids,
+    drawn_loads,
+    import_file,
+    libraries,
+    planar_scene,
+    solids,
+)
 from jld_core.exchange import options as exchange_options
+from jld_core.exchange import paths as exchange_paths
 from jld_core.scene import NeedsImport, Scene, cracks, load_scene, parse_scene
 
 LAYERS: Final = (*exchange_options.LAYER_ROLES, "layer")
@@ -148,3 +165,248 @@ def stated(options: ImportOptions) -> dict[str, Any]:
     """Return the options of an import that differ from those of none, as a request states them."""
     given = {key: getattr(options, key) for key in KNOWN}
     return {key: list(value) if key in LAYERS else value for key, value in given.items() if value not in (None, ())}
+
+
+DESIGNED: Final = {"mass": "block-mass", "force": "load", "seconds": "seconds"}
+"""Settings of a design that the page states, and the options of `jld design`."""
+
+_SECONDS: Final = 60.0, 10.0  # time in which a file is read and understood, s, and further time for each megabyte
+
+_REACH: Final = 2e-3  # distance, relative to the size, within which a path lies on the boundary of an element
+
+_MOST_FACES: Final = 6_000  # number of faces above which the page draws solids as boxes
+
+_REMEDY: Final = re.compile(r"--(hole|unit|up|tolerance) (.+)")  # what the sentence of a report advises
+
+_LACKING: Final = "it has no support"  # problem of a file that stands on nothing
+
+_Y_UP: Final = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))  # rows by which y becomes z
+
+_BOX: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+
+
+def understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an import understands of a file: "report", "layers", "shapes", "elements", "commands".
+
+    "refused", "undesigned": why it opens as no scene, why no design can start.
+    """
+    libraries.reader_of(path)  # there is such a file
+    seconds = _SECONDS[0] + _SECONDS[1] * path.stat().st_size / 2**20
+    with libraries.reading(path):
+        found: dict[str, Any] = libraries.in_own_process(
+            _understood, path.absolute(), options, settings, seconds=seconds
+        )
+    return found
+
+
+def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any]) -> dict[str, Any]:
+    notes, read = Notes(), libraries.reader_of(path).read
+    assert read is not None
+    with libraries.reading(path), libraries.without_collection():
+        content = drawn = read(path, options, notes)
+        if options.skip or options.layer:  # some readers leave out what is not to be read
+            drawn = read(path, replace(options, skip=(), layer=("*",) if options.layer else ()), Notes())
+    found, tried, refused = _tried(path, content, options, notes, feet=False)
+    undesigned = refused
+    if refused is not None and _LACKING in refused.problem:  # a design adds supports
+        found, again, undesigned = _tried(path, content, options, notes, feet=True)
+        tried = again if undesigned is None else tried
+    if "design" not in plugins.entry_points("jld.commands"):
+        undesigned = InputError("jld design", "it is not installed", "pip install jld, whole")
+    parts = (
+        _planar(drawn, options, found) if isinstance(drawn, drawn_loads.Drawing) else _spatial(drawn, options, found)
+    )
+    layers = _layers(drawn, options)
+    facts = {} if found is None else found.facts()
+    return {
+        "report": [[kind, *_advised(text, layers)] for kind, text in sentences(tried.report())],
+        "refused": None if refused is None else [_line(refused), _remedy(str(refused), layers)],
+        "undesigned": None if undesigned is None else _line(undesigned),
+        "planar": isinstance(drawn, drawn_loads.Drawing),
+        "layers": list(layers.values()),
+        **parts,
+        "size": facts.get("size"),
+        "length": facts.get("length", "m"),
+        "unit": facts.get("unit", drawn.unit or "m"),
+        "options": stated(options),
+        "commands": {
+            "import": shlex.join(["jld", "import", path.name, "-o", f"{path.stem}_scene.json", *flags(options)]),
+            "design": shlex.join(design_command(path.name, f"{path.stem}_design", options, settings)),
+        },
+    }
+
+
+def flags(options: ImportOptions) -> list[str]:
+    """Return options of reading as arguments of `jld import`."""
+    given = [(key, one) for key, value in stated(options).items() for one in (value if key in LAYERS else [value])]
+    return [word for key, one in given for word in (f"--{key}", f"{one:.12g}" if isinstance(one, float) else one)]
+
+
+def design_command(file: str, out: str, options: ImportOptions, settings: Mapping[str, Any]) -> list[str]:
+    """Return the command line of a design, as words.
+
+    Raises InputError for settings that the page does not state.
+    """
+    for key, value in settings.items():
+        kinds = (str,) if key == "force" else (int, float)
+        if key not in DESIGNED or type(value) not in kinds:
+            wish = "mass and seconds as numbers, force as a text"
+            raise InputError(str(key)[:40], f"{str(value)[:40]!r} is wrong", wish)
+    if options.facet is not None:
+        raise InputError("facet", "jld design has no such option", "the field left empty")
+    own = [word for key, value in settings.items() for word in (f"--{DESIGNED[key]}", str(value))]
+    return ["jld", "design", file, "-o", out, *flags(options), *own]
+
+
+def _tried(
+    path: Path, content: drawn_loads.Drawing | Solids, options: ImportOptions, notes: Notes, *, feet: bool
+) -> tuple[Imported | None, Notes, InputError | None]:
+    """Import the content of a file; return the result, what was said, and why it makes no scene."""
+    said, found = copy.deepcopy(notes), None
+    try:
+        with libraries.reading(path), libraries.without_collection():
+            if isinstance(content, drawn_loads.Drawing):
+                found = planar_scene(content, options, said, feet=feet)
+            else:
+                found = solids.spatial_scene(content, options, said, feet=feet)
+        scene_of(found, path)
+    except InputError as error:
+        if error.parameter:
+            raise
+        return found, said, error
+    return found, said, None
+
+
+def _line(error: InputError) -> str:
+    """Return an error in one line, without the folder of its file and the quotes of parameters."""
+    plain = re.sub(r'`(\w+)(?:=("?\w*"?))?`', r"\1 \2", re.sub(r"/\S*/", "", str(error)))
+    return " ".join(on_page(plain).split())
+
+
+def _advised(text: str, layers: Mapping[str, Any]) -> tuple[str, dict[str, Any] | None]:
+    """Return a sentence for the page, and the option that it advises, which then is no part of it."""
+    remedy = _remedy(text, layers)
+    return (on_page(text), None) if remedy is None else (_REMEDY.sub("", text).rstrip(" ,:"), remedy)
+
+
+def _remedy(text: str, layers: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the option that a sentence advises, as {"option", "value"}, None without one."""
+    advice = _REMEDY.search(text)
+    if advice is None:
+        return {"option": "support", "value": "lowest"} if _LACKING in text else None
+    option, value = advice[1], advice[2].split()[0].rstrip(".,;:")
+    if option == "hole":
+        return {"option": option, "value": advice[2]} if advice[2] in layers else None
+    if option != "tolerance":
+        return {"option": option, "value": value}
+    try:
+        return {"option": option, "value": float(value)}
+    except ValueError:
+        return None
+
+
+def _layers(drawn: drawn_loads.Drawing | Solids, options: ImportOptions) -> dict[str, dict[str, Any]]:
+    """Return name, role, role by its name alone, and number of shapes of each layer of a file."""
+    planar, plain = isinstance(drawn, drawn_loads.Drawing), ImportOptions()
+    shapes = (
+        [p.layer for p in drawn.paths] if isinstance(drawn, drawn_loads.Drawing) else [p.group for p in drawn.parts]
+    )
+    marks = [mark.layer for mark in drawn.marks]
+    found: dict[str, dict[str, Any]] = {}
+    for layer in [*shapes, *marks]:
+        role = _role(layer, "" if planar else layer, options, planar=planar or layer not in shapes)
+        named = _role(layer, "", plain, planar=planar or layer not in shapes)
+        one = found.setdefault(layer, {"name": layer, "role": role, "named": named, "count": 0})
+        one["count"] += 1
+    return found
+
+
+def _role(layer: str, name: str, options: ImportOptions, *, planar: bool) -> str:
+    """Return the role of a layer, "block" for an ordinary one; solids are blocks, supports or not read."""
+    if planar:
+        return options.role(layer) or "block"
+    return "support" if options.role(layer) == "support" else "block" if options.chosen(layer, name) else "skip"
+
+
+def _planar(drawn: drawn_loads.Drawing, options: ImportOptions, found: Imported | None) -> dict[str, Any]:
+    """Return "shapes" and "elements" of a drawing, in its unit."""
+    entries = [] if found is None else found.document["elements"]
+    scale, doubted = (1.0, ()) if found is None else (found.scale, found.report.doubted)
+    elements = [
+        {
+            "id": entry["id"],
+            "outline": (np.array(entry["polygon"]) / scale).tolist(),
+            "support": bool(entry.get("support")),
+            "doubtful": entry["id"] in doubted,
+        }
+        for entry in entries
+    ]
+    shapes = [
+        {
+            "points": path.points.tolist(),
+            "holes": [hole.tolist() for hole in path.holes],
+            "closed": path.closed,
+            "layer": path.layer,
+            "role": role if (role := options.role(path.layer) or "block") != "block" or used else "unused",
+        }
+        for path, used in zip(drawn.paths, _used(drawn.paths, elements), strict=True)
+    ]
+    marks = [_mark(mark, mark.at, mark.end, options) for mark in drawn.marks]
+    return {"shapes": shapes, "elements": elements, "marks": marks}
+
+
+def _mark(
+    mark: drawn_loads.Mark | drawn_loads.SolidMark, start: Any, end: Any, options: ImportOptions
+) -> dict[str, Any]:
+    """Return a point, text or arrow."""
+    ends = {name: None if at is None else [float(v) for v in at] for name, at in (("at", start), ("end", end))}
+    return {**ends, "text": mark.text or "", "layer": mark.layer, "role": options.role(mark.layer) or "block"}
+
+
+def _used(paths: Sequence[exchange_paths.Path], elements: Sequence[Mapping[str, Any]]) -> Sequence[bool]:
+    """Return for each path whether it lies on boundaries of elements."""
+    if not elements:
+        return [True] * len(paths)
+    rings = shapely.STRtree([shapely.LinearRing(one["outline"]) for one in elements])
+    straight = [path.points[:-1, 2] == 0.0 for path in paths]
+    middles = [
+        0.5 * (path.points[1:, :2] + path.points[:-1, :2])[own] for path, own in zip(paths, straight, strict=True)
+    ]
+    probes = [np.concatenate([path.points[:, :2], middle]) for path, middle in zip(paths, middles, strict=True)]
+    owner, every = np.repeat(np.arange(len(paths)), list(map(len, probes))), np.concatenate(probes)
+    reach = _REACH * float(np.ptp(np.concatenate([one["outline"] for one in elements]), axis=0).max())
+    on = np.isin(np.arange(len(every)), rings.query(shapely.points(every), predicate="dwithin", distance=reach)[0])
+    found: list[bool] = (np.bincount(owner, on, len(paths)) >= 0.5 * np.bincount(owner)).tolist()
+    return found
+
+
+def _spatial(drawn: Solids, options: ImportOptions, found: Imported | None) -> dict[str, Any]:
+    """Return "shapes" of solids, in the unit of the file with z upwards; "elements" is empty."""
+    entries, scale = ([], 1.0) if found is None else (list(found.document["elements"]), found.scale)
+    boxes = sum(len(part.faces) for part in drawn.parts) > _MOST_FACES
+    turn = np.array(_Y_UP) if options.up == "y" else np.eye(3)
+    shapes = []
+    for part in drawn.parts:
+        role = _role(part.group, part.name, options, planar=False)
+        entry = entries.pop(0) if entries and role != "skip" else None
+        role = "support" if part.support or (entry and entry.get("support")) else role
+        corners, faces = part.vertices @ turn, part.faces
+        if entry is not None:  # turned outward and merged
+            corners, faces = np.array(entry["vertices"]) / scale, entry["faces"]
+        if boxes:
+            ends = np.stack([corners.min(axis=0), corners.max(axis=0)])
+            corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+            faces = _BOX
+        shapes.append(_solid(part.name, part.group, role, corners, faces, outward=boxes or entry is not None))
+    feet = [
+        _solid(one["id"], None, "support", np.array(one["vertices"]) / scale, one["faces"], outward=True)
+        for one in entries
+    ]
+    arrows = [(mark, mark.at, None) if mark.tail is None else (mark, mark.tail, mark.at) for mark in drawn.marks]
+    marks = [_mark(mark, at @ turn, None if end is None else end @ turn, options) for mark, at, end in arrows]
+    return {"shapes": shapes + feet, "elements": [], "marks": marks}
+
+
+def _solid(name: str, layer: str | None, role: str, corners: Any, faces: Any, *, outward: bool) -> dict[str, Any]:
+    loops = [list(map(int, loop)) for loop in faces]
+    return {"name": name, "layer": layer, "role": role, "corners": corners.tolist(), "faces": loops, "outward": outward}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import secrets
 import signal
 import socket
@@ -12,14 +13,22 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core import InputError, ParameterError
+import anyio
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from jld_core import InputError, ParameterError, SolverError
 from jld_core.exchange import ImportOptions, formats
 from jld_core.scene import Scene, load_scene, parse_scene
-from jld_explore.report import read_folder
-from jld_studio.opening import read_file, require_followed, stated
+from jld_explore.report import page_data, read_folder
+from jld_studio.api import Api
+from jld_studio.evaluation import evaluate
+from jld_studio.opening import read_file, require_followed, stated, understood
 from jld_studio.page_start import first_data
 from jld_studio.session import StudioSession
-from jld_studio.understanding import understood
 
 START: dict[str, Any] = {
     "name": "a wall to begin with",
@@ -67,7 +76,6 @@ def open_studio(
         import uvicorn
 
         from jld_studio.api import Api
-        from jld_studio.app import build_app
     except ImportError as error:
         raise InputError("jld studio", f"{error.name} is not installed", "pip install 'jld[studio]'") from None
     from jld_studio.jobs import Jobs
@@ -170,3 +178,189 @@ def _listener(port: int) -> socket.socket:
         listener.close()
         raise ParameterError("port", f"{port} cannot be opened ({error})", "a free port, or none for any") from None
     return listener
+
+
+LARGEST: Final = 16_000_000
+"""Largest size of a request, bytes: files of 12 MB in base64."""
+
+HEADERS: Final = {
+    "content-security-policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+    "cache-control": "no-store",
+}
+"""Security headers of every response."""
+
+
+class Guard:
+    """ASGI middleware that admits only requests with the right host, origin and token, of at most `LARGEST` bytes.
+
+    POST requests need JSON, and an `Origin` of these hosts or none. token: first part of every path.
+    """
+
+    def __init__(self, app: ASGIApp, token: str, hosts: tuple[str, ...]) -> None:
+        self.app, self.token, self.hosts = app, token, hosts
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass an admissible HTTP request to the application, and answer any other with a refusal.
+
+        scope, receive, send: arguments of the ASGI interface. Other kinds of connections are ignored.
+        """
+        if scope["type"] != "http":
+            if scope["type"] == "lifespan":
+                await self.app(scope, receive, send)
+            return
+        refused = self._refusal(scope)
+        if refused is not None:
+            await PlainTextResponse(refused[1], status_code=refused[0])(scope, receive, _with_headers(send))
+            return
+        prefix = f"/{self.token}"
+        inside = {**scope, "path": scope["path"][len(prefix) :], "root_path": scope.get("root_path", "")}
+        body = await _body(receive) if scope["method"] == "POST" else b""
+        if body is None:
+            await PlainTextResponse("too large\n", status_code=413)(scope, receive, _with_headers(send))
+            return
+        whole: Message = {"type": "http.request", "body": body, "more_body": False}
+        waiting = [whole]
+
+        async def once() -> Message:
+            return waiting.pop() if waiting else await receive()
+
+        await self.app(inside, once, _with_headers(send))
+
+    def _refusal(self, scope: Scope) -> tuple[int, str] | None:
+        """Return status code and text of a refusal, None for an admissible request."""
+        headers: dict[str, list[str]] = {}
+        for name, value in scope["headers"]:
+            headers.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
+        if headers.get("host", []) not in [[host] for host in self.hosts]:
+            return 421, "this server answers to 127.0.0.1 only\n"
+        origins = headers.get("origin", [])
+        if any(origin not in [f"http://{host}" for host in self.hosts] for origin in origins):
+            return 403, "not from another page\n"
+        if headers.get("sec-fetch-site", ["none"])[0] not in ("none", "same-origin"):
+            return 403, "not from another page\n"
+        given, slash, _ = scope["path"].removeprefix("/").partition("/")
+        if not slash or not secrets.compare_digest(given.encode("utf-8"), self.token.encode("ascii")):
+            return 403, "the token is missing; use the whole address that jld studio printed\n"
+        if scope["method"] not in ("GET", "HEAD", "POST"):
+            return 405, "GET or POST\n"
+        if scope["method"] == "POST":
+            if headers.get("content-type", [""])[0].partition(";")[0].strip() != "application/json":
+                return 415, "JSON only\n"
+            length = headers.get("content-length", ["0"])[0]
+            if not length.isdigit() or int(length) > LARGEST:
+                return 413, "too large\n"
+        return None
+
+
+async def _body(receive: Receive) -> bytes | None:
+    """Return the body of a request, None if it is larger than `LARGEST`.
+
+    The actual size counts, whatever the request states as its length.
+    """
+    parts, size, more = [], 0, True
+    while more:
+        message = await receive()
+        parts.append(message.get("body", b""))
+        size += len(parts[-1])
+        if size > LARGEST:
+            return None
+        more = message.get("more_body", False)
+    return b"".join(parts)
+
+
+def _with_headers(send: Send) -> Send:
+    """Return a `send` that adds the security headers to every response."""
+
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            own = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+            message = {**message, "headers": [*message.get("headers", []), *own]}
+        await send(message)
+
+    return sending
+
+
+KINDS: Final = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
+"""Media type by file extension."""
+
+
+def _asked(body: bytes) -> dict[str, Any]:
+    """Return the JSON object of a request; raise InputError if there is none."""
+    try:
+        # json raises ValueError for invalid JSON, invalid UTF-8, or a number of thousands of digits.
+        asked = json.loads(body or b"{}")
+    except (ValueError, RecursionError):
+        raise InputError("request", "it is not JSON", "one JSON object") from None
+    if not isinstance(asked, dict):
+        raise InputError("request", "it is no JSON object", "an object")
+    return asked
+
+
+def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
+    """Return the web application of the studio: page, front-end files and the API."""
+
+    def calling(call: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Any]:
+        async def answer(request: Request) -> Response:
+            try:
+                asked = _asked(await request.body()) if request.method == "POST" else {}
+                return JSONResponse(await anyio.to_thread.run_sync(call, asked))
+            except InputError as error:
+                return JSONResponse({"error": str(error), "key": error.where}, status_code=400)
+            except SolverError as error:
+                return JSONResponse({"error": str(error)}, status_code=400)
+            except OSError as error:
+                words = f"{error.filename or 'a file'}: {error.strerror or error}"
+                line = f"{words}; expected a place that can be read and written"
+                return JSONResponse({"error": line}, status_code=500)
+
+        return answer
+
+    async def page(_: Request) -> Response:
+        return HTMLResponse(page_data.asset("studio.html", "studio"))
+
+    ours, shared = page_data.asset_names("studio"), page_data.asset_names()
+
+    async def file(request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in ours and name not in shared:
+            return Response("no such file\n", status_code=404, media_type="text/plain")
+        text = page_data.asset(name, "studio" if name in ours else "report")
+        return Response(text, media_type=KINDS[name.rpartition(".")[2]])
+
+    calls: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+        "solve": answers.solve,
+        "evaluate": evaluate,
+        "edit": answers.edit,
+        "open": answers.open,
+        "read": answers.read,
+        "design": answers.design,
+        "show": answers.show,
+        "support": answers.support,
+        "drawing": answers.drawing,
+        "fields": answers.fields,
+        "improve": answers.improve,
+        "start": answers.start_job,
+        "stop": answers.stop_job,
+        "resume": answers.resume_job,
+        "results": answers.results,
+        "report": answers.report,
+        "candidates": answers.keep,
+        "scene": answers.scene,
+        "export": answers.export,
+        "save": answers.save,
+    }
+    routes = [
+        Route("/", page),
+        Route("/assets/{name:path}", file),
+        Route("/api/data", calling(answers.data)),
+        Route("/api/jobs", calling(answers.list_jobs)),
+        *(Route(f"/api/{name}", calling(call), methods=["POST"]) for name, call in calls.items()),
+    ]
+    return Guard(Starlette(routes=routes), token, hosts)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,15 +16,189 @@ import numpy as np
 from jld_core import Assembly, Bits, InputError, one_thread
 from jld_core import assembly as structures
 from jld_core.build import build_assembly, build_geometry
-from jld_core.models import CaseAnalysis
-from jld_core.scene import Scene, parse_scene
+from jld_core.fields import bounds as fields_bounds
+from jld_core.fields import problem as fields_problem
+from jld_core.limit import LimitAnalysisResult, governing, number
+from jld_core.models import CaseAnalysis, by_fields
+from jld_core.scene import FillLoad, Scene, loads, parse_scene, units
 from jld_core.scene import cracks as scene_cracks
 from jld_explore.report import columns, page_data
 from jld_explore.space import LETTERS, SearchSpace, from_string, reasons_against, search_space
-from jld_geometry.moved_scene import MovedScene
-from jld_studio.collapse_loads import collapse_loads, texts_of_bounds
-from jld_studio.field_brackets import FieldBrackets
+from jld_geometry import MovedScene
 from jld_studio.joint_vertices import JointVertices
+
+METRIC: Final = ("MN", "kN", "N")
+"""Units of force among which a number chooses the largest in which it is at least 1."""
+
+
+def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult) -> list[list[str]]:
+    """State λ times every live load: for each case one text per live entry, as "11.9 kN", "" without λ.
+
+    None if moving.
+    """
+    results = result.cases or {"": result}
+    return texts_of_loads(scene, assembly, {name: one.load_factor for name, one in results.items()})
+
+
+def texts_of_loads(scene: Scene, assembly: Assembly, factors: Mapping[str, float | None]) -> list[list[str]]:
+    """State a factor times every live load of each case, by its name, as `collapse_loads`."""
+    several = scene.loads.has_cases
+    entries = {case.name: case.live for case in scene.loads.cases or []} if several else {"": scene.loads.live or []}
+    weight = float(np.linalg.norm(assembly.elements.weight[assembly.elements.free], axis=1).sum())
+    return [
+        [_text(entry, scene, weight, factor) for entry in entries.get(name if several else "", [])]
+        for name, factor in factors.items()
+    ]
+
+
+def texts_of_bounds(scene: Scene, assembly: Assembly, brackets: Sequence[Sequence[float | None]]) -> list[list[str]]:
+    """State bounds on λ times every live load of each load case, "8.2 kN to 10.6 kN"."""
+    # Where one bound is missing or not above 0, the other one is named alone.
+    names = [case.name for case in assembly.cases] or [""]
+    low, high = (
+        texts_of_loads(scene, assembly, {name: one[end] for name, one in zip(names, brackets, strict=True)})
+        for end in (0, 1)
+    )
+    found = []
+    for least, most, (bottom, top) in zip(low, high, brackets, strict=True):
+        if top is not None and top <= 0.0:
+            found.append([""] * len(most))
+        elif bottom is None or bottom <= 0.0:
+            found.append([text and f"at most {text}" for text in most])
+        elif top is None:
+            found.append([text and f"at least {text}" for text in least])
+        else:
+            found.append([one if one == two else f"{one} to {two}" for one, two in zip(least, most, strict=True)])
+    return found
+
+
+def _text(entry: loads.LoadEntry, scene: Scene, weight: float, factor: float | None) -> str:
+    """State λ times one live load. weight: of all free elements together. factor: λ, or none."""
+    if factor is None or not np.isfinite(factor):
+        return ""
+    force, length = scene.units.force, scene.units.length
+    if isinstance(entry, loads.BodyLoad | loads.TiltLoad):
+        return _size(factor * weight * float(np.linalg.norm(entry.body)), force)
+    if isinstance(entry, FillLoad):
+        return _size(factor * entry.weight, force)
+    if isinstance(entry, loads.FaceLoad):
+        ends = entry.ends[:1] if entry.ends[0] == entry.ends[1] else entry.ends
+        stress = _range([factor * end for end in ends], force, f"/{length}²")
+        if scene.dimension == 3:
+            return stress
+        return f"{_range([factor * scene.plane_thickness * end for end in ends], force, f'/{length}')} ({stress})"
+    parts = []
+    if entry.force is not None:
+        parts.append(_size(factor * float(np.linalg.norm(entry.force)), force))
+    if np.any(entry.moment):
+        parts.append(_size(factor * float(np.linalg.norm(entry.moment)), force, f"·{length}"))
+    return " and ".join(parts)
+
+
+def _range(values: Sequence[float], unit: str, behind: str) -> str:
+    """State one force, or two as a range. behind: text after the unit, such as "/m"."""
+    return " to ".join(_size(value, unit, behind) for value in values)
+
+
+def _size(value: float, unit: str, behind: str = "") -> str:
+    """State a force with four digits, metric ones in a unit that fits their size."""
+    if unit in METRIC:
+        newtons = value * units.NEWTONS[unit]
+        unit = next((name for name in METRIC if abs(newtons) >= units.NEWTONS[name]), unit)
+        value = newtons / units.NEWTONS[unit]
+    return f"{value:.4g} {unit}{behind}".replace("-", "−")
+
+
+SECONDS: Final = 2.0
+"""Time within which the bracket of a layout is refined, s of work; no mesh is begun that is expected to end later."""
+
+STEP: Final = 0.6
+"""Longest expected time of one mesh, s: a change of the page waits for the mesh that is being solved."""
+
+LARGEST: Final = 3000
+"""Triangles of the coarsest mesh above which nothing is bounded: both bounds would take longer than `SECONDS`."""
+
+KEPT_BRACKETS: Final = 8
+"""Number of layouts whose refinement is kept, so that a layout that is shown again goes on where it stopped."""
+
+
+class FieldBracket:
+    """Bounds by fields on λ of one layout under all cases, step by step to `gap`; InputError if not by hand."""
+
+    def __init__(self, assembly: Assembly, labels: Bits, gap: float) -> None:
+        self._assembly = assembly
+        fields_problem.require_planar_fields(assembly)
+        self._cases = [fields_bounds.FieldRefinement(case, labels, gap=gap) for case in assembly.by_case]
+        largest = max(case.simplices for case in self._cases)
+        if largest > LARGEST:
+            raise InputError("cracks", f"{largest} triangles are too many to follow by hand", "the command `jld solve`")
+        self._bounds: list[fields_bounds.FieldBounds | None] = [None] * len(self._cases)
+
+    def step(self) -> dict[str, Any]:
+        """Solve one more mesh in time: bracket, cases, status, triangles, seconds, and `more`."""
+        # The mesh belongs to a load case without bounds, or else to the one with the least lower bound over its
+        # required factor.
+        case = self._next()
+        if case is not None:
+            self._bounds[case] = self._cases[case].step()
+        known = [bounds for bounds in self._bounds if bounds is not None]
+        found = governing(
+            [by_fields.case_bounds_of(bounds) for bounds in known], self._assembly.required.tolist()[: len(known)]
+        )
+        ready = len(known) == len(self._bounds)
+        return {
+            "bracket": [number(found.low) if ready else None, number(found.high)],
+            "cases": [[None, None] if one is None else [number(one.lower), number(one.upper)] for one in self._bounds],
+            "status": str(found.status),
+            "triangles": sum(bounds.simplices for bounds in known),
+            "seconds": self._spent,
+            "more": self._next() is not None,
+        }
+
+    @property
+    def _spent(self) -> float:
+        """Return the processor time of all meshes, s."""
+        return sum(bounds.seconds for bounds in self._bounds if bounds is not None)
+
+    def _next(self) -> int | None:
+        """Return the load case whose next mesh is solved; None if all ended or time is too short."""
+        for case, bounds in enumerate(self._bounds):
+            if bounds is None:
+                return case
+        lower = [math.inf if one is None else one.lower for one in self._bounds]
+        for case in np.argsort(np.array(lower) / self._assembly.required, kind="stable").tolist():
+            refinement = self._cases[case]
+            wait = refinement.expected - refinement.spent
+            if not refinement.ended and wait <= STEP and self._spent + wait <= SECONDS:
+                return int(case)
+        return None
+
+
+class FieldBrackets:
+    """Store of the `FieldBracket` of each of the last layouts shown; thread-safe.
+
+    One mesh is solved at a time.
+    """
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[int, bytes], tuple[Assembly, FieldBracket]] = OrderedDict()
+        self._turn = threading.Lock()
+
+    def step(self, assembly: Assembly, labels: Bits, gap: float) -> dict[str, Any]:
+        """Solve one more mesh of a layout, as `FieldBracket.step`, or return `refused` with the reason."""
+        key = (id(assembly), labels.tobytes())
+        with self._turn:
+            try:
+                if key not in self._kept:
+                    # the assembly is kept beside its bracket, so that its id stays its own
+                    self._kept[key] = (assembly, FieldBracket(assembly, labels, gap))
+                self._kept.move_to_end(key)
+                while len(self._kept) > KEPT_BRACKETS:
+                    self._kept.popitem(last=False)
+                return self._kept[key][1].step()
+            except InputError as error:
+                return {"refused": str(error), "more": False}
+
 
 KEPT: Final = 16
 """Number of cached assemblies; the cache key contains all changes except labels."""

@@ -102,9 +102,9 @@ KNOWING = {
     "a kind of load": ("body", r"entry\.body\b|\bBodyLoad\b|[{\[ (]\"body\"(?! *:.*request)"),
 }
 """Extension point → an example that is there already, and how code that knows it mentions it."""
-NO_PLACE = {"src/jld_core/scene/__init__.py", "src/jld_core/mechanics/__init__.py", "src/jld_studio/guard.py"}
+NO_PLACE = {"src/jld_core/scene/__init__.py", "src/jld_core/mechanics/__init__.py", "src/jld_studio/server.py"}
 """Files that mention an example in passing: lists of names, and the body of a request."""
-NO_PLACE |= {"src/jld_studio/server.py", "src/jld_core/samples", "tools/try_wheel.py"}
+NO_PLACE |= {"src/jld_studio/server.py", "src/jld_samples", "tools/try_wheel.py"}
 """Scenes that use the example as anybody's would."""
 NO_PLACE |= {"src/jld_core/scene/materials.py", "src/jld_core/build/fill.py"}
 """Soil, whose cohesion is no yield criterion of a face."""

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 
 import jld_core as jc
 import jld_explore as je
-from command import ROOT, SCENES, install
+from command import ROOT, SCENES, Command, install
 from jld_core import plugins
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
@@ -37,16 +38,23 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return install(tmp_path_factory.mktemp("site"))
 
 
-@pytest.fixture
-def plugged(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+@contextmanager
+def installed(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The packages of a folder beside what is installed, in this process."""
+    known = {count.name for count in registered()}
     monkeypatch.syspath_prepend(site)
     forget()
     yield
-    for name in plugins.entry_points("jld.counts"):
-        if name in [count.name for count in registered()]:
-            unregister(name)
     monkeypatch.undo()
     forget()
+    for name in {count.name for count in registered()} - known:
+        unregister(name)
+
+
+@pytest.fixture
+def plugged(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    with installed(site, monkeypatch):
+        yield
 
 
 def run(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -116,22 +124,23 @@ def test_an_objective_is_maximised_by_its_name(tmp_path: Path) -> None:
         je.explore(scene, tmp_path / "c", objective="stiffness")
 
 
-def test_a_file_format_is_read_and_written_by_its_ending(site: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("plugged")
+def test_a_file_format_is_read_and_written_by_its_ending(jld: Command, tmp_path: Path) -> None:
     """A tower of two boxes: its scene, its blocks, what a file loses, and a line that is no box."""
     drawn = tmp_path / "tower.boxes"
     drawn.write_text("#s 0 0 0 1 1 1\na 0 0 1 1 1 1\nb 0 0 2 1 1 1\n", encoding="utf-8")
-    done = run(site, "import", str(drawn), "-o", str(tmp_path / "tower.json"))
-    assert done.returncode == 0, done.stderr
-    assert "3 boxes" in done.stdout + done.stderr
+    done = jld("import", drawn, "-o", tmp_path / "tower.json")
+    assert done.code == 0, done.err
+    assert "3 boxes" in done.out + done.err
     assert [one["id"] for one in json.loads((tmp_path / "tower.json").read_text())["elements"]] == ["#s", "a", "b"]
-    done = run(site, "export", str(tmp_path / "tower.json"), "--format", "boxes", "-o", str(tmp_path / "out.boxes"))
-    assert done.returncode == 0, done.stderr
-    assert "materials" in done.stdout + done.stderr
+    done = jld("export", tmp_path / "tower.json", "--format", "boxes", "-o", tmp_path / "out.boxes")
+    assert done.code == 0, done.err
+    assert "materials" in done.out + done.err
     assert len((tmp_path / "out.boxes").read_text().splitlines()) >= 2
     drawn.write_text("a 0 0\n", encoding="utf-8")
-    done = run(site, "import", str(drawn), "-o", str(tmp_path / "wrong.json"))
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "line 1: it is no box" in done.stderr
+    done = jld("import", drawn, "-o", tmp_path / "wrong.json")
+    assert (done.code, done.err.count("\n")) == (2, 1)
+    assert "line 1: it is no box" in done.err
 
 
 @pytest.mark.usefixtures("plugged")
@@ -168,14 +177,16 @@ def test_the_command_line_has_all_of_them(site: Path, tmp_path: Path) -> None:
         ("jld.objectives", "broken", "json:__name__", "is not an objective"),
     ],
 )
-def test_a_broken_plug_in_is_one_line(group: str, name: str, value: str, words: str, tmp_path: Path) -> None:
+def test_a_broken_plug_in_is_one_line(
+    group: str, name: str, value: str, words: str, tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     facts = tmp_path / "site" / "stranger-1.dist-info"
     facts.mkdir(parents=True)
     (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1\n")
     (facts / "entry_points.txt").write_text(f"[{group}]\n{name} = {value}\n")
     option = "--objective" if group == "jld.objectives" else "--driver"
-    done = run(facts.parent, "explore", str(SCENE), "--out", str(tmp_path / "out"), option, name)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.count("\n") == 1
-    assert words in done.stderr
-    assert "stranger" in done.stderr
+    with installed(facts.parent, monkeypatch):
+        done = jld("explore", SCENE, "--out", tmp_path / "out", option, name)
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
+    assert words in done.err
+    assert "stranger" in done.err

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from command import ROOT
-from jld_explore.cli import ending as overview
+from jld_explore.cli import overview
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, flags=re.S)

@@ -17,13 +17,13 @@ from jld_core import InputError, Model, build_assembly, load_scene, parse_scene,
 from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.models import cost_estimate, require_memory, sensitivities
 from jld_core.refinement import refine
-from jld_core.samples import Stone, arch, buttress, corner, dome, flat_arch, grid, vault, wall
 from jld_core.scene import parse_cracks
 from jld_experiment import Joints, Settings, run_experiment
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import make_driver
 from jld_explore.space import count_named, from_string, to_string
 from jld_practice.laying import assembly_order
+from jld_samples import Stone, arch, buttress, corner, dome, flat_arch, grid, vault, wall
 
 DOCUMENT = grid_document(["aa", "aa", "##"])
 

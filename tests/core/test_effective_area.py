@@ -19,8 +19,8 @@ from jld_core.mechanics.prescribed_friction import PrescribedFriction
 from jld_core.models import areas_under
 from jld_core.models.effective_area import frozen_areas, largest_area_change
 from jld_core.program import Template
-from jld_core.samples import vault
 from jld_core.solvers import ClarabelSolver
+from jld_samples import vault
 
 FRICTION, WIDTH, DEPTH = 0.7, 1.2, 0.7
 

@@ -32,6 +32,7 @@ def kernel() -> None:
         pytest.skip("no compiler, and no kernel")
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("case", [case for case in hard_cases() if not case.kind.startswith("1 640")], ids=str)
 @pytest.mark.filterwarnings("ignore")
 def test_a_hard_case_is_proven_or_left(case: HardCase) -> None:
@@ -57,6 +58,7 @@ def test_a_large_structure_is_left_to_the_solver_for_large_ones() -> None:
     assert not fits(LimitAnalysis(bricks(20, 10, *UNITS["kN, m"])).template)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", list(SCENES))
 def test_a_hard_scene_is_proven(name: str) -> None:
     hard = replace(SCENES[name], count=FEW)

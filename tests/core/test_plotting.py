@@ -44,7 +44,6 @@ from jld_core import (
 from jld_core.assembly import Interfaces
 from jld_core.build.loads import settlements_of
 from jld_core.models import solve_by_fields
-from jld_core.samples import box
 from jld_core.strengths import FaceStrengths
 from jld_core.views import figures as animation
 from jld_core.views import quantities
@@ -64,8 +63,8 @@ from jld_core.views.moved_joints import PathValue
 from jld_core.views.structure import painter_order, projection_of
 from jld_core.views.writing import write_numbers
 from jld_practice.laying import assembly_order
-from jld_practice.reactions import thrust_ranges
-from jld_practice.reactions.force_range import settle
+from jld_practice.reactions import settle, thrust_ranges
+from jld_samples import box
 
 
 def axes() -> Axes:
@@ -518,8 +517,8 @@ def made(request: pytest.FixtureRequest) -> Made:
 
 PATH = [PathValue("cart", 0.5 * k, 1.0, 1.0, 1.0) for k in range(3)]
 CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
-    "animation.save_animation": lambda draw, made, folder: draw(made.result, folder / "motion.gif"),
-    "animation.save_laying_animation": lambda draw, made, folder: draw(made.laying, folder / "laying.gif"),
+    "figures.save_animation": lambda draw, made, folder: draw(made.result, folder / "motion.gif"),
+    "strip.save_laying_animation": lambda draw, made, folder: draw(made.laying, folder / "laying.gif"),
     "figures.figure_of_assembly": lambda draw, made, _: draw(made.assembly, ids=True, values=True),
     "figures.figure_of_mechanism": lambda draw, made, _: draw(made.result)[0],
     "figures.figure_of_result": lambda draw, made, _: draw(made.result, ids=True, values=True),
@@ -534,7 +533,7 @@ CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
         made.plain, made.plain.labels, made.vertices, made.vertices
     ),
     "moved_joints.figure_of_path": lambda draw, made, _: draw(made.plain, PATH),
-    "settled_figure.figure_of_settled": lambda draw, made, _: draw(made.settled),
+    "thrust_figure.figure_of_settled": lambda draw, made, _: draw(made.settled),
     "strip.figure_of_laying": lambda draw, made, _: draw(made.laying, "laying"),
     "strip.figure_of_stage": lambda draw, made, _: draw(made.laying, 2),
     "thrust_figure.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
@@ -557,7 +556,7 @@ def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.Monk
         assert [file.stat().st_size > 1000 for file in tmp_path.iterdir()] == [True]
         return
     assert isinstance(figure, Figure)
-    figure.savefig(tmp_path / "figure.png")
+    figure.savefig(tmp_path / "figure.png", dpi=40)
     assert (tmp_path / "figure.png").stat().st_size > 1000
 
 

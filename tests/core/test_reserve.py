@@ -10,8 +10,8 @@ import pytest
 
 from cases import box
 from jld_core import LimitAnalysis, build_assembly, parse_scene
-from jld_core.samples import arch
 from jld_practice.reactions.thrust import least_share, shrunk
+from jld_samples import arch
 
 
 def share_of(document: dict[str, Any]) -> Any:

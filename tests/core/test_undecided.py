@@ -63,6 +63,7 @@ def crushed() -> Assembly:
     return spatial(materials={"dry": dry, "inner": inner})
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", [*CASES, "in space", "crushed in space"])
 def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assembly = assemblies()[name]
@@ -365,6 +366,7 @@ def case(request: pytest.FixtureRequest) -> Case:
     return case_named(request.param)
 
 
+@pytest.mark.sampled(2)
 def test_bounds_hold_for_every_segmentation(case: Case) -> None:
     rng = np.random.default_rng(2)
     most = 1e3

@@ -160,6 +160,7 @@ def test_weak_duality(name: str, bending: InnerBending) -> None:
     assert tried > 200
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "bending"), CASES)
 def test_dissipation_is_the_support_function(name: str, bending: InnerBending) -> None:
     """D(J) = sup −F·J with the set stated a second time in CVXPY; 1e-6. Beyond the margin it is unbounded."""

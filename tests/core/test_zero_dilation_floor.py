@@ -18,8 +18,7 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
 from jld_dilation import ProximalOptions
-from jld_dilation.certificate import Certifier
-from jld_dilation.matrix_blocks import BlockCertifier, solve_rlt_by_matrix_blocks
+from jld_dilation.certificate import BlockCertifier, Certifier, solve_rlt_by_matrix_blocks
 from jld_dilation.modes import BoundedModes, Statics, bound_velocities, face_loops, has_opening, modes_of
 from jld_dilation.range import LowerBoundSearch
 from jld_dilation.rlt_relaxation import LowerBoundProblem, RltOptions, solve_rlt

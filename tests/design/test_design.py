@@ -17,17 +17,25 @@ from command import Command
 from jld_core import Deadline, InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.exchange import Layout
 from jld_core.refinement import refine
-from jld_core.samples import box
 from jld_explore import ExploreSettings, Interrupted, explore
-from jld_practice.design import run, tessellations
+from jld_practice.design import (
+    Design,
+    DesignOptions,
+    Screening,
+    Tessellation,
+    Trial,
+    facts_of,
+    read_outline,
+    run,
+    tessellations,
+    with_loads,
+    write_design,
+)
 from jld_practice.design import trials as checks
-from jld_practice.design.loads import with_loads
-from jld_practice.design.options import DesignOptions
-from jld_practice.design.outline import read_outline
-from jld_practice.design.page import facts_of, gain_of, verdict, words_of, write_design
-from jld_practice.design.tessellations import Tessellation
-from jld_practice.design.trials import NONE, Design, Screening, Trial, at_low_friction, field_bounds, labelled, one_case
+from jld_practice.design.page import gain_of, verdict, words_of
+from jld_practice.design.trials import NONE, at_low_friction, field_bounds, labelled, one_case
 from jld_practice.laying.command import start_of_design
+from jld_samples import box
 
 WALL = "id,x,y\n" + "".join(f"w,{x},{y}\n" for x, y in [(0, 0), (1.2, 0), (1.2, 0.8), (0, 0.8)])
 ASKED: dict[str, Any] = {"load": "10 kN", "places": "0.3", "push": 0.1, "thickness": 0.3, "block_mass": 150.0}

@@ -257,6 +257,7 @@ def test_every_key_is_kept_or_named(name: str, kind: str, cells: bool, tmp_path:
         assert after.get(key) == values, f"{key} is lost and not named"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", ["dxf", "3dm"])
 @pytest.mark.parametrize("name", PLANAR)
 def test_the_same_load_factor_there_and_back(name: str, kind: str, tmp_path: Path) -> None:

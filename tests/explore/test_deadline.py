@@ -50,8 +50,7 @@ from jld_explore.drivers.choice import first_layout
 from jld_explore.drivers.exact.context import possible_blocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.evaluation import Evaluator, EvaluatorSettings, raise_deferred
-from jld_explore.evaluation import field_evaluator as field_pool
+from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator, raise_deferred
 from jld_explore.evaluation.field_evaluator import FieldPool
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import folder, page_of_study, write_pictures, write_report
@@ -61,8 +60,7 @@ from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 from jld_explore.steps import field_check
 from jld_explore.steps.step import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
-from jld_geometry.field_search import move_by_fields
-from jld_geometry.optimise import move_joints
+from jld_geometry import move_by_fields, move_joints
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -701,8 +699,8 @@ def test_layouts_are_refined_together_only_as_far_as_time_allows(
     rows = np.repeat(assembly.labels[None], 4, axis=0)
     pool = FieldPool(assembly, rows, Deadline(100.0))
     pool.tasks.jobs = jobs
-    monkeypatch.setattr(field_pool, "mesh_seconds", lambda *_: 30.0)  # with caution 45
-    monkeypatch.setattr(field_pool, "zip", lambda *parts, strict: [], raising=False)
+    monkeypatch.setattr(field_evaluator, "mesh_seconds", lambda *_: 30.0)  # with caution 45
+    monkeypatch.setattr(field_evaluator, "zip", lambda *parts, strict: [], raising=False)
     taken: list[int] = []
     monkeypatch.setattr(pool.tasks, "run", lambda _, tasks: taken.append(len(tasks)) or [])
     pool.refine(range(4), np.zeros(4))

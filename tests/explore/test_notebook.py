@@ -28,7 +28,7 @@ from jld_core.views import notebook
 from jld_explore import Exploration, explore
 from jld_explore.space import from_string
 from jld_studio import notebook as notebook_of_page
-from jld_studio.notebook_kernel import AssemblyStructure, LayoutSolver, structure_of
+from jld_studio.notebook import AssemblyStructure, LayoutSolver, structure_of
 
 CELLS = (
     "from pathlib import Path\n"

@@ -17,15 +17,24 @@ from cases import ROUTE, dry_and_inner, grid_document
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.scene.uncertain import uncertain_values
-from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, explore_failures, structure_of
-from jld_practice.reliability.form import Form, Limit, LimitFunction, design_point
-from jld_practice.reliability.monte_carlo import _Drawing, compare, simulate
-from jld_practice.reliability.structure import (
+from jld_practice.reliability import (
+    Form,
     GoverningBounds,
+    Limit,
+    LimitFunction,
+    ReliabilityOptions,
     SampleBounds,
     Variables,
+    analyse,
+    compare,
+    design_point,
+    estimate,
+    explore_failures,
     random_structure,
+    simulate,
+    structure_of,
 )
+from jld_practice.reliability.monte_carlo import _Drawing
 
 WEIGHT = 2000.0 * 9.81
 """Weight of the sliding block, N."""
@@ -410,6 +419,7 @@ def test_intervals_hold_the_probability_of_series_systems(seed: int) -> None:
     assert low <= -math.expm1(float(norm.logcdf(sides).sum())) <= high
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("required", [0.5, 1.25, 3.0])
 @pytest.mark.parametrize("cov", [1e-5, 1e-3, 0.5])
 def test_values_that_hardly_matter_give_an_answer(required: float, cov: float) -> None:

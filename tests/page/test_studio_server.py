@@ -29,9 +29,8 @@ from jld_explore.report.page_data import asset_names
 
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
-from jld_studio import field_brackets, guard, server  # noqa: E402
-from jld_studio.jobs import MOST, ORDERS, Jobs  # noqa: E402
-from jld_studio.session import StudioSession  # noqa: E402
+from jld_studio import Jobs, StudioSession, server, session  # noqa: E402
+from jld_studio.jobs import MOST, ORDERS  # noqa: E402
 from local_studio import TOKEN, Local  # noqa: E402
 
 
@@ -111,7 +110,7 @@ def soft() -> dict[str, Any]:
 def test_blocks_are_bracketed_at_once_and_refined(local: Local, monkeypatch: pytest.MonkeyPatch) -> None:
     """The coarsest mesh first, then narrower brackets, as `bounds_by_fields` has them, until time is up."""
     for name in ("SECONDS", "STEP"):  # a busy machine would end refinement early
-        monkeypatch.setattr(field_brackets, name, 60.0)
+        monkeypatch.setattr(session, name, 60.0)
     asked = {"page": "d", "revision": 1, "labelling": letters(local), "changes": soft()}
     answers = [local.api("fields", asked)[1] for _ in range(3)]
     assert [one["more"] for one in answers] == [True] * 3
@@ -121,7 +120,7 @@ def test_blocks_are_bracketed_at_once_and_refined(local: Local, monkeypatch: pyt
     assert answers[-1]["bracket"] == pytest.approx([alone.lower, alone.upper], rel=1e-9)
     for one, after in pairwise(answers):
         assert one["bracket"][0] < after["bracket"][0] < after["bracket"][1] < one["bracket"][1]
-    monkeypatch.setattr(field_brackets, "SECONDS", answers[-1]["seconds"])
+    monkeypatch.setattr(session, "SECONDS", answers[-1]["seconds"])
     assert local.api("fields", asked)[1] == {**answers[-1], "more": False}
 
 
@@ -213,7 +212,7 @@ def test_posts_other_than_json_of_moderate_size_are_refused(local: Local) -> Non
     path = f"/{TOKEN}/api/solve"
     assert local.ask(path, raw=b"a=1", content_type="application/x-www-form-urlencoded")[0] == 415
     assert local.ask(path, raw=b"{}", content_type="text/plain")[0] == 415
-    assert local.ask(path, raw=b"", content_length=str(guard.LARGEST + 1))[0] == 413
+    assert local.ask(path, raw=b"", content_length=str(server.LARGEST + 1))[0] == 413
     assert local.ask(path, raw=b"{")[0] == 400
     assert local.ask(path, raw=b"[1]")[0] == 400
     assert local.ask(path, {}, origin="http://evil.example")[0] == 403
@@ -223,7 +222,7 @@ def test_posts_other_than_json_of_moderate_size_are_refused(local: Local) -> Non
 def test_a_body_without_a_length_is_cut_off(local: Local) -> None:
     connection = http.client.HTTPConnection("127.0.0.1", local.port, timeout=20.0)
     piece = b" " * 100_000
-    body = (piece for _ in range(guard.LARGEST // len(piece) + 2))
+    body = (piece for _ in range(server.LARGEST // len(piece) + 2))
     sent = {"content-type": "application/json", "transfer-encoding": "chunked"}
     try:
         connection.request("POST", f"/{TOKEN}/api/solve", body, sent, encode_chunked=True)

@@ -146,12 +146,14 @@ class BatchResults:
         return self.velocity
 
     def take(self, rows: slice) -> BatchResults:
-        return BatchResults(**{name: None if one is None else one[rows] for name, one in vars(self).items()})
+        own: dict[str, Any] = {name: None if one is None else one[rows] for name, one in vars(self).items()}
+        return BatchResults(**own)
 
     @classmethod
     def joined(cls, parts: Sequence[BatchResults]) -> BatchResults:
         each = {name: [getattr(part, name) for part in parts] for name in vars(parts[0])}
-        return cls(**{name: None if values[0] is None else np.concatenate(values) for name, values in each.items()})
+        own: dict[str, Any] = {k: None if one[0] is None else np.concatenate(one) for k, one in each.items()}
+        return cls(**own)
 
 
 _UNDECIDED: Final = interface.codes("JldLabel")["UNDECIDED"]  # label of a face that may be dry or inner

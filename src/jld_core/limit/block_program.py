@@ -9,6 +9,7 @@ from typing import Final, Protocol
 import numpy as np
 import scipy.sparse as sp
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch.batch_solver import BlockColumns
 from jld_core.limit.bounds import Motion
@@ -68,6 +69,34 @@ class YieldSetFaces:
             table[faces[here]] = jumps[here]
             found[here] = measure(table, labels)[faces[here]]
         return found
+
+
+@dataclass(frozen=True)
+class CappedWedge:
+    """Wedges of one label with N ≤ caps (m,), whose dissipation is finite for all jumps where the cap is."""
+
+    wedge: CoulombWedge
+    caps: Floats
+
+    def margin(self, jumps: Floats, faces: Ints) -> Floats:
+        """Return the margins (k,) of jumps (k, 3) at faces (k,); inf where the cap is finite."""
+        return np.where(np.isfinite(self.caps[faces]), np.inf, self.wedge.margin(jumps, faces))
+
+    def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
+        """Return the dissipation (k,) of jumps (k, 3) at faces (k,), inf where it is not finite."""
+        # sup over N ≤ c of −J·F ≤ κ c + D(J + κ e_N) for any κ ≥ 0; the least κ with a finite D is taken
+        short = -self.wedge.margin(jumps, faces)
+        short = np.where(short > 0.0, short + tolerances.ROUNDING * abs(jumps).sum(axis=1), 0.0)
+        opened = jumps.copy()
+        opened[:, 0] += short
+        cost = np.zeros(len(faces))
+        np.multiply(short, self.caps[faces], out=cost, where=short > 0.0)
+        return np.asarray(self.wedge.dissipation(opened, faces) + cost)
+
+    def strength(self, faces: Ints) -> Floats:
+        """Return the largest growth (k,) of the dissipation of faces (k,) per unit of jump size."""
+        caps = self.caps[faces]
+        return np.asarray(self.wedge.strength(faces) + np.where(np.isfinite(caps), caps, 0.0))
 
 
 Q: Final = 3
@@ -257,7 +286,7 @@ class BlockProgram(AllBlocksProgram):
     equilibrium of parts, shear, bounds on each block's λ.
     """
 
-    def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> None:
+    def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, caps: Floats | None = None) -> None:
         self._parts, self._entries = parts, SparseEntries()
         self.cohesive = np.flatnonzero(dry.shear[parts.side_face] > 0.0)
         p, n = np.arange(parts.blocks), parts.elements
@@ -276,6 +305,8 @@ class BlockProgram(AllBlocksProgram):
         shear = rows.of(np.repeat(of_joint, 2)).reshape(-1, 2)
         cohesive_shear = rows.of(np.repeat(of_cohesive, 2)).reshape(-1, 2)
         most, least = rows.of(p), rows.of(p)
+        if caps is not None:
+            self._cap(dry, inner, caps, rays, bends, rows)
         positive = np.concatenate([self.x, rays.ravel(), bends[:, :2].ravel(), own])
         above_zero = rows.of(columns.owner[positive])
 
@@ -302,6 +333,21 @@ class BlockProgram(AllBlocksProgram):
         self._rhs[self.cover] = 1.0
         self._table = self._entries.arrays()
         self._row_block, self._column_block = rows.owner, columns.owner
+
+    def _cap(
+        self, dry: CoulombWedge, inner: CoulombWedge, caps: Floats, rays: Ints, bends: Ints, rows: OwnedIndices
+    ) -> None:
+        """Add the rows N ≤ c x of sides and joints whose cap c is finite, divided by c."""
+        parts, add = self._parts, self._entries.add
+        for face, block, presses, size, drawn in (
+            (parts.side_face, parts.side_block, rays, np.maximum(1.0, dry.friction), np.zeros(len(caps))),
+            (parts.joint_face, parts.joint_block, bends[:, :2], np.ones(len(caps)), inner.tension),
+        ):
+            held = np.flatnonzero(np.isfinite(caps[face]))
+            row, most = rows.of(block[held]), np.maximum(caps + drawn, 1e-9)[face[held]]
+            for column in presses[held].T:
+                add(row, column, 1.0 / (size[face[held]] * most))
+            add(row, block[held], -1.0)
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
         """Add the forces on the dry faces around the blocks."""

@@ -38,6 +38,7 @@ from jld_core.limit.block_program import (
     BlockFaces,
     BlockParts,
     BlockProgram,
+    CappedWedge,
     ConeProgram,
     Q,
     YieldSetFaces,
@@ -184,8 +185,9 @@ class _Mechanism:
 class BlockRelaxation:
     """Upper bounds on scaled λ over the segmentations into selectable blocks.
 
-    seconds: time limit of one program, after which the solver's last values give the bound. Raises TypeError where
-    `applies_to` is False, ArithmeticError if the opening motion does not open every face.
+    seconds: time limit of one program, after which the solver's last values give the bound. caps: (m,) scaled normal
+    forces that no layout exceeds, planar wedges only (`NormalCaps`). Raises TypeError where `applies_to` is False,
+    ArithmeticError if the opening motion does not open every face.
     """
 
     def __init__(
@@ -194,6 +196,7 @@ class BlockRelaxation:
         members: Sequence[Sequence[int]],
         inside: Sequence[Sequence[int]],
         seconds: float = math.inf,
+        caps: Floats | None = None,
     ) -> None:
         if not applies_to(analysis):
             raise TypeError("the block relaxation does not apply to this assembly")
@@ -208,8 +211,10 @@ class BlockRelaxation:
             self._dry, self._inner = (YieldSetFaces.of(analysis.template, dry=label) for label in (True, False))
             self._states = ConeProgram(analysis.template, self._parts)
         else:
-            self._dry, self._inner = dry, inner
-            self._states = BlockProgram(self._parts, dry, inner)
+            self._dry, self._inner = (
+                (dry, inner) if caps is None else (CappedWedge(dry, caps), CappedWedge(inner, caps))
+            )
+            self._states = BlockProgram(self._parts, dry, inner, caps)
         strong = self._dry.strength(self._parts.side_face)
         self._strong = np.flatnonzero(strong > 0.0)
         opening = analysis.repair.opening()

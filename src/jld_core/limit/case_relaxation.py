@@ -514,8 +514,13 @@ def block_relaxation_of(
     inside: Sequence[Sequence[int]],
     analyses: Sequence[LimitAnalysis] = (),
     seconds: float = math.inf,
+    caps: Sequence[Floats | None] = (),
 ) -> AnyBlockRelaxation:
-    """Create the block relaxation with all load cases; TypeError where `applies_to` is False."""
+    """Create the block relaxation with all load cases; TypeError where `applies_to` is False.
+
+    caps: (m,) normal forces of each case that no layout exceeds, see `BlockRelaxation`.
+    """
     known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
-    each = [BlockRelaxation(analysis, members, inside, seconds) for analysis in known]
+    held = caps or [None] * len(known)
+    each = [BlockRelaxation(one, members, inside, seconds, most) for one, most in zip(known, held, strict=True)]
     return CaseBlockRelaxation(each, assembly.required.tolist()) if assembly.cases else each[0]

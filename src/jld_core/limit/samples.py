@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -115,7 +116,8 @@ class SampleAnalysis:
             return None
         arrays = {one: getattr(rows, one) for one in ("rows", "keep", "parabolas")}
         size = SAMPLES_OF_A_CALL
-        return replace(rows, **{k: None if one is None else np.repeat(one, size, axis=0) for k, one in arrays.items()})
+        many: dict[str, Any] = {k: None if one is None else np.repeat(one, size, axis=0) for k, one in arrays.items()}
+        return replace(rows, **many)
 
     def bounds(self, found: BatchResults) -> BatchBounds:
         """Judge bounds as those of a labelling are judged.
@@ -132,4 +134,4 @@ class SampleAnalysis:
         """
         batch = BatchAnalysis.of(self.analysis)
         assert batch is not None
-        return batch.judged(found.low.copy(), found.high.copy(), found.verdict)
+        return batch.judged(found.low.copy(), found.high.copy(), found.verdict.astype(np.int64))

@@ -8,7 +8,9 @@
 - `Parameter`: parameter of a yield criterion
 - `Scaling`: factors between scene values and scaled values
 - `YieldSet`: interface of a yield set, as proofs use it
+- `enclosing_rows`: rows of the closed hull of vertices and rays
 - `equilibrium_matrix`: assemble A_eq
+- `exact_sets`: yield sets of criteria of plug-ins in integers
 - `load_vectors`: return b and b_λ
 - `maps_criteria`: tell whether a symmetry maps the yield criteria of plug-ins
 - `prescribed_friction`: yield sets with friction from prescribed normal forces, and constant effective areas
@@ -25,9 +27,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.mechanics.compiled_rows import maps_criteria, yield_set
+from jld_core.mechanics.compiled_rows import exact_sets, maps_criteria, yield_set
 from jld_core.mechanics.criteria import FaceGeometry, FaceRows, Gauge
 from jld_core.mechanics.equilibrium import Scaling, equilibrium_matrix, load_vectors, scaling_of
+from jld_core.mechanics.polytopes import enclosing_rows
 from jld_core.mechanics.standard import InnerBending
 from jld_core.mechanics.yield_set import YieldSet, require_materials
 from jld_core.strengths import Parameter
@@ -47,7 +50,9 @@ __all__ = [
     "Parameter",
     "Scaling",
     "YieldSet",
+    "enclosing_rows",
     "equilibrium_matrix",
+    "exact_sets",
     "load_vectors",
     "maps_criteria",
     "prescribed_friction",

@@ -2,6 +2,7 @@
 
 - `Refined`: refined scene, with the original element of each piece and notes
 - `arrangement`: cutting of planar elements by cells in one arrangement of lines
+- `bonds`: masonry bonds: head joints course by course, bonded corners, walls with openings
 - `crack_cells`: split the elements of a scene into cells along which blocks may crack
 - `prism_of`: return a solid as a prism without holes; None if it is none
 - `refine`: split every free element of a scene into cells
@@ -16,13 +17,14 @@ from jld_core.lazy_exports import export_lazily
 from jld_core.refinement.refine import Refined, refine
 
 if TYPE_CHECKING:
-    from jld_core.refinement import arrangement, voussoirs
+    from jld_core.refinement import arrangement, bonds, voussoirs
     from jld_core.refinement.refine import crack_cells
     from jld_core.refinement.walls import prism_of
 
 __all__ = [
     "Refined",
     "arrangement",
+    "bonds",
     "crack_cells",
     "prism_of",
     "refine",
@@ -35,5 +37,5 @@ export_lazily(
         "refine": ["crack_cells"],
         "walls": ["prism_of"],
     },
-    submodules=["arrangement", "voussoirs"],
+    submodules=["arrangement", "bonds", "voussoirs"],
 )

@@ -16,7 +16,7 @@ import shapely
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import Faces, facets_of, merge_points
-from jld_core.samples.bonds import course
+from jld_core.refinement.bonds import course
 
 _GRID: Final = 1e-13  # grid width for cutting lines, relative to the structure: near the rounding of its coordinates
 

@@ -28,6 +28,7 @@ from jld_core.refinement.arrangement import (
     squares,
     voronoi,
 )
+from jld_core.refinement.bonds import Lintel
 from jld_core.refinement.transfer import (
     CellOptions,
     Piece,
@@ -40,7 +41,6 @@ from jld_core.refinement.transfer import (
 )
 from jld_core.refinement.voussoirs import voussoir_cells
 from jld_core.refinement.walls import bed_joints, split_prism, split_walls
-from jld_core.samples.wall_openings import Lintel
 from jld_core.scene import Scene, parse_scene
 from jld_core.scene.uncertain import Uncertain
 

@@ -17,9 +17,8 @@ from jld_core.geometry.outlines import corners
 from jld_core.geometry.polyhedra import Facets
 from jld_core.geometry.unions import region_of
 from jld_core.refinement.arrangement import MOST, join_small, split_by_cells
+from jld_core.refinement.bonds import FACES, Lintel, bonded_walls, levels_of, snapped
 from jld_core.refinement.voussoirs import voussoir_cells
-from jld_core.samples.bonds import levels_of, snapped
-from jld_core.samples.wall_openings import FACES, Lintel, bonded_walls
 
 # Sine of the angle up to which a face is level or upright, and relative distance of nearly equal heights
 _FLAT: Final = 1e-6

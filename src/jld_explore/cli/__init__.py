@@ -4,7 +4,6 @@
 - `ending`: end commands on errors and signals with one line on stderr and an exit code
 - `layout`: find the layout that a command refers to: a scene's own, or a rank of a results folder
 - `options`: define arguments and options shared by the commands
-- `samples`: provide `jld new KIND`: the sample scenes of jld_core with their parameters as options
 - `streams`: write safely to closed, full or unread streams and limited encodings, by the standard library alone
 """
 
@@ -15,15 +14,14 @@ from typing import TYPE_CHECKING
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
-    from jld_explore.cli import check, ending, layout, options, samples, streams
+    from jld_explore.cli import check, ending, layout, options, streams
 
 __all__ = [
     "check",
     "ending",
     "layout",
     "options",
-    "samples",
     "streams",
 ]
 
-export_lazily(__name__, {}, submodules=["check", "ending", "layout", "options", "samples", "streams"])
+export_lazily(__name__, {}, submodules=["check", "ending", "layout", "options", "streams"])

@@ -12,7 +12,7 @@ from typer.core import TyperGroup
 
 from jld_core import plugins
 from jld_core._version import __version__
-from jld_explore.cli import ending as overview
+from jld_explore.cli import overview
 from jld_explore.cli.ending import run
 from jld_explore.cli.streams import say
 
@@ -31,15 +31,13 @@ _FUNCTIONS: Final = {
 
 def _imported(name: str) -> Any:
     """Import a command; return None if there is none of that name."""
-    if name == "new":
-        from jld_explore.cli.samples import commands
-
-        return typer.main.get_command(commands())
     if name in _FUNCTIONS:
         module, function = _FUNCTIONS[name]
         command = getattr(import_module(f"jld_explore.cli.{module}"), function)
     elif name in plugins.entry_points("jld.commands"):
         command = plugins.load("jld.commands", name)
+        if isinstance(command, typer.Typer):  # a group of commands
+            return typer.main.get_command(command)
         if not callable(command):
             raise plugins.refuse_type("jld.commands", name, "a function whose parameters are annotated for typer")
     else:

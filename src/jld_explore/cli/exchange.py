@@ -19,8 +19,8 @@ from jld_core.exchange.formats import formats
 from jld_core.files import write_text
 from jld_core.models import solve_rigid
 from jld_core.refinement import refine
+from jld_core.refinement.bonds import BONDS
 from jld_core.refinement.transfer import KINDS
-from jld_core.samples.bonds import BONDS
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import (
@@ -31,6 +31,7 @@ from jld_explore.cli.options import (
     InnerLayers,
     LoadLayers,
     OnlyLayers,
+    Out,
     Rank,
     SceneFile,
     SkippedLayers,
@@ -41,8 +42,8 @@ from jld_explore.cli.options import (
     Up,
     layer_options,
     refuse_itself,
+    write_scene,
 )
-from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say
 
 

@@ -43,7 +43,7 @@ from jld_explore.drivers.registry import driver_kinds, owners
 from jld_explore.report import words
 from jld_explore.report.folder import check_folder
 from jld_explore.report.words import speed
-from jld_explore.search import study as state
+from jld_explore.search import state
 from jld_explore.search.settings import (
     BudgetSettings,
     ExploreSettings,
@@ -52,7 +52,7 @@ from jld_explore.search.settings import (
     ParallelSettings,
     SearchMethod,
 )
-from jld_explore.search.study import Interrupted
+from jld_explore.search.state import Interrupted
 
 OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for tables and pictures.", show_default=False)]
 DriverName = Annotated[

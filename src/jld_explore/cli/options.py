@@ -8,11 +8,13 @@ from typing import Annotated, Any, Literal
 import typer
 
 from jld_core.errors import InputError
+from jld_core.files import write_text
 from jld_core.limit.options import Condense, Contacts
 from jld_core.mechanics import InnerBending
 from jld_core.scene import Scene, parse_cracks
 from jld_core.solvers import SOLVERS
 
+Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 Source = Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)]
 Rank = Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")]
@@ -104,3 +106,12 @@ CaseSeconds = Annotated[
 
 def with_cracks(scene: Scene, text: str | None) -> Scene:
     return scene if text is None else scene.model_copy(update={"cracks": parse_cracks(text)})
+
+
+def write_scene(scene: Scene, out: Path) -> None:
+    """Write a scene file, completely or not at all; keys with default values are left out."""
+    if out.is_dir():
+        raise InputError(str(out), "it is a folder", "the name of a scene file")
+    if not out.absolute().parent.is_dir():
+        raise InputError(str(out), "its folder does not exist", "a file in a folder that is there")
+    write_text(out, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")

@@ -46,6 +46,8 @@ from jld_explore.cli.options import (
 from jld_explore.cli.streams import say, warn
 
 if TYPE_CHECKING:
+    from jld_core.arrays import Bits
+    from jld_core.assembly import Assembly
     from jld_explore.cli.layout import LaidOut
 
 
@@ -178,18 +180,14 @@ def solve(
         require_cracks(assembly, model)
         by_fields = isinstance(assembly.cracks, FieldCracks)
         if robust and by_fields:
-            problem = "cracks by fields take one value of each strength"
-            raise ParameterError("robust", problem, "cracks by faces or cells")
+            raise ParameterError("robust", "by fields, strengths have one value", "cracks by faces or cells")
         elements, labels = rigid(assembly, laid.labels)
         if own and not as_json:
             warn_of(scene, assembly)
         if not by_fields and (long := cost_estimate(elements).long) is not None and not as_json:
             warn(f"jld: {long}")
         if history is not None:
-            if model.friction != "zero-dilation" or by_fields:
-                problem = "only friction without dilation of whole faces iterates"
-                raise ParameterError("history", problem, '`friction="zero-dilation"` with it')
-            plugins.part("dilation_history")(elements, labels, model, history)
+            _write_history(elements, labels, model, history, by_fields)
         begun = time.process_time()
         result: Result
         if by_fields:
@@ -201,17 +199,26 @@ def solve(
         spent = {"start": begun, **result.seconds, "total": begun + result.seconds["total"]}
         result = replace(result, seconds=spent)
         result = with_rates(result, asked=sensitivities, vertices=as_json or out is not None)
-    told = {}
-    if geometric:
-        with error_context(scene):
-            safety = plugins.part("geometric_safety")(laid.scene, laid.labels)
-        result.facts["geometric"] = safety.to_json()
-        told = {"geometric safety": str(safety)}
+    told = _geometric(scene, laid, result) if geometric else {}
     if out is not None:
         _write_result(result, out)
     say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result) | told))
     if result.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
+
+
+def _write_history(elements: Assembly, labels: Bits, model: Model, history: Path, by_fields: bool) -> None:
+    if model.friction != "zero-dilation" or by_fields:
+        problem = "only friction without dilation of whole faces iterates"
+        raise ParameterError("history", problem, '`friction="zero-dilation"` with it')
+    plugins.part("dilation_history")(elements, labels, model, history)
+
+
+def _geometric(scene: Path, laid: LaidOut, result: Result) -> dict[str, str]:
+    with error_context(scene):
+        safety = plugins.part("geometric_safety")(laid.scene, laid.labels)
+    result.facts["geometric"] = safety.to_json()
+    return {"geometric safety": str(safety)}
 
 
 def _laid_out(path: Path, rank: int | None, strict: bool, own: bool) -> LaidOut:

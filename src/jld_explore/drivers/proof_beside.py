@@ -6,7 +6,6 @@ import math
 import os
 import pickle
 import threading
-import time
 from concurrent.futures import Future, wait
 from contextlib import suppress
 from typing import Final, NamedTuple
@@ -14,16 +13,17 @@ from typing import Final, NamedTuple
 import cloudpickle
 import numpy as np
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import LimitAnalysis, SolveOptions, Status
 from jld_core.limit.block_relaxation import applies_to
-from jld_core.limit.case_relaxation import relaxation_of
+from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
+from jld_core.limit.normal_caps import NormalCaps
 from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.context import listed_blocks
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.evaluation import Evaluator, EvaluatorSettings, Pool
+from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings, Pool
 from jld_explore.evaluation.cases import Standing
 from jld_explore.evaluation.pool import is_lost
 from jld_explore.space import SearchSpace
@@ -120,19 +120,34 @@ class _Proof:
         self.given: Bits | None = None
         self._thread: threading.Thread | None = None
 
-    def at_root(self, seconds: float) -> Found:
-        """Solve the block relaxation of all possible blocks."""
-        start = time.perf_counter()
+    def at_root(self, deadline: Deadline) -> Found:
+        """Solve the block relaxation of all possible blocks; below normal forces that no stronger layout exceeds."""
         whole = relaxation_of(self.space.assembly)
-        if self.blocks is not None and whole is not None:
-            most = whole.bound(self.space.fixed, self.space.candidates)
-            relaxation = self.blocks.relaxation(seconds=seconds - (time.perf_counter() - start))
+        if self.blocks is None or whole is None:
+            return self.found
+        most = min(whole.bound(self.space.fixed, self.space.candidates), self.found.bound / whole.unit)
+        least = max(self.found.low / whole.unit, 0.0)
+        caps = self._caps(whole, least, most, deadline) if least > 0.0 else []
+        if caps is not None:
+            relaxation = self.blocks.relaxation((), deadline.remaining(), caps)
             every = np.ones(len(self.blocks.blocks), dtype=bool)
-            bound = relaxation.choose(every, 0.0, most).bound * whole.unit
-            if np.isfinite(bound):
-                self.found = Found(float(bound), "block by block")
-        self.blocks = None  # its memory goes to the driver
+            bound = float(relaxation.choose(every, 0.0, most).bound * whole.unit)
+            if math.isfinite(bound) and bound < self.found.bound:
+                self.found = self.found._replace(bound=max(bound, self.found.low), by="block by block")
         return self.found
+
+    def _caps(self, whole: AnyRelaxation, least: float, most: float, deadline: Deadline) -> list[Floats] | None:
+        """Bound the normal forces (m,) of layouts from `least` to `most`, for each case; None where that gives none."""
+        found = []
+        for case, required in zip(self.space.assembly.by_case, self.space.assembly.required, strict=True):
+            try:
+                caps = NormalCaps(LimitAnalysis(case), self.space.fixed, self.space.candidates)
+            except TypeError:
+                return None
+            unit = caps.unit / (float(required) if self.space.assembly.cases else 1.0)
+            caps.tighten(least * whole.unit / unit * (1.0 - 1e-12), most * whole.unit / unit * (1.0 + 1e-12), deadline)
+            found.append(caps.caps)
+        return found
 
     def prove(self, deadline: Deadline) -> None:
         """Run the exact driver until it ends or the deadline passes, in a thread that `_go_on` looks at."""
@@ -140,6 +155,13 @@ class _Proof:
         evaluator = Evaluator(self.space.assembly, EvaluatorSettings(self.model))
         standing = Standing(self.space.assembly, self.model)
         with suppress(DeadlinePassed), deadline.enforced():
+            best, self.given = self.given, None
+            if best is not None:
+                self._learn(
+                    best[None], standing.told(best[None], evaluator.evaluate_all(best[None], deadline=deadline))
+                )
+                self.at_root(deadline)
+            self.blocks = None  # its memory goes to the driver
             driver.start(deadline, lambda: None)
             while len(asked := driver.ask()):
                 given, self.given = self.given, None
@@ -147,9 +169,13 @@ class _Proof:
                     evaluations = evaluator.evaluate_all(labellings, deadline=deadline)
                     told = standing.told(labellings[: len(evaluations)], evaluations)
                     (driver.tell if own else driver.restore)(labellings[: len(told)], told)
-                    for labels, one in zip(labellings, told, strict=False):
-                        if one.status is Status.COLLAPSE and one.low > self.found.low:
-                            self.found = self.found._replace(labels=labels.copy(), low=one.low)
+                    self._learn(labellings, told)
+
+    def _learn(self, labellings: Bits, told: list[Evaluation]) -> None:
+        """Keep the strongest layout."""
+        for labels, one in zip(labellings, told, strict=False):
+            if one.status is Status.COLLAPSE and one.low > self.found.low:
+                self.found = self.found._replace(labels=labels.copy(), low=one.low)
 
     def now(self, best: Bits | None, seconds: float) -> Found:
         """Return what is known after some seconds, or once the exact driver has ended; best (m,): of the search."""
@@ -159,10 +185,11 @@ class _Proof:
             self._thread = threading.Thread(target=self.prove, args=(deadline,), daemon=True)
             self._thread.start()
         self._thread.join(min(_TURN, seconds))
+        found, done = self.found, not self._thread.is_alive()
         bound = None if self.driver is None else self.driver.bound
-        if self.driver is not None and bound is not None and bound < self.found.bound:
-            self.found = self.found._replace(bound=bound, by=self.driver.name)
-        return self.found._replace(done=not self._thread.is_alive())
+        if self.driver is not None and bound is not None and bound < found.bound:
+            found = found._replace(bound=bound, by=self.driver.name)
+        return found._replace(done=done)
 
 
 @one_thread()
@@ -170,7 +197,7 @@ def _begin(work: bytes, seconds: float) -> Found:
     """Bound all layouts in at most some seconds."""
     os.nice(_NICE)
     _Proof.current = _Proof(*pickle.loads(work))
-    return _Proof.current.at_root(seconds)
+    return _Proof.current.at_root(Deadline(seconds))
 
 
 @one_thread()

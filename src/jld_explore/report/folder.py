@@ -24,11 +24,11 @@ from jld_explore.drivers.choice import what_would_prove
 from jld_explore.drivers.field_exact import CONFLICTS_FILE
 from jld_explore.evaluation.records import RECORDS_FILE, REFINED_FILE
 from jld_explore.report import tables
-from jld_explore.report import tables as required
 from jld_explore.report.columns import columns, csv_of, front_rows, values_on, with_evidence
 from jld_explore.report.reading import FIELD_PICTURE, Exploration, history_of
 from jld_explore.report.tables import Summary, without_parquet, write_results
-from jld_explore.search.study import StopReason, Study, name_of
+from jld_explore.search.state import StopReason, name_of
+from jld_explore.search.study import Study
 from jld_explore.space import registered
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     found["proven"] &= tables.is_ahead(results, found["bound"], max(GAP, model.gap), load_scale(study.assembly))
     sure = complete and bool(found["proven"])
     finished = study.driver.finished and not found.get("open_layouts")
-    asked = required.facts(results, study.scene.search, complete=complete, finished=finished)
+    asked = tables.facts(results, study.scene.search, complete=complete, finished=finished)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
     every = front_rows(front, known, axes, complete=sure, aimed=study.driver.settings.get("aim") == "front")

@@ -26,7 +26,7 @@ from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.columns import with_evidence
 from jld_explore.report.tables import Summary, read_results, results_path
-from jld_explore.search.study import StopReason
+from jld_explore.search.state import StopReason
 from jld_explore.space import cut
 from jld_explore.space.labelling import is_labelling
 

@@ -27,7 +27,8 @@ from jld_explore.evaluation.cases import Standing
 from jld_explore.evaluation.protocol import BOUND, ORDER, load_factors, settled, statuses
 from jld_explore.evaluation.records import RefinedRecords
 from jld_explore.report.columns import csv_of
-from jld_explore.search.study import StopReason, Study, versions
+from jld_explore.search.state import StopReason, versions
+from jld_explore.search.study import Study
 from jld_explore.space import Count, SearchSpace, count_named, registered, unpack
 from jld_explore.space.counts import counts, values_until
 from jld_explore.space.labelling import letters_of

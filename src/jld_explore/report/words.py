@@ -9,12 +9,13 @@ import numpy as np
 from jld_core.assembly import Assembly
 from jld_core.build import weight_facts
 from jld_core.limit import Status
+from jld_core.models.tilting import tilt_in_words
 from jld_core.scene import Scene
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.views import facts_of_assembly
 from jld_core.views.notebook import aligned
 from jld_explore.evaluation.protocol import BOUND
-from jld_explore.report import tables as required
+from jld_explore.report import tables
 from jld_explore.report.columns import COLUMN, ranked_by
 from jld_explore.report.languages import stronger_cut
 from jld_explore.report.reading import Exploration
@@ -104,11 +105,12 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         **({"pruned": f"{facts['pruned']} by a bound, without a solve of their own"} if facts["pruned"] else {}),
         "stopped": f"{ended} after {facts['seconds']:.1f} s{speed(facts['rate'])}",
         **(
-            {"required": required.words(facts["require"])}
+            {"required": tables.words(facts["require"])}
             if facts.get("require")
             else {f"best {ranked_by(done.results)}": f"{best} ({proof})"}
         ),
         **({"ranked last": f"{falls} that fall under their own weight without live load"} if falls else {}),
+        **tilt_in_words(done.summary.facts),
         **_anywhere(done),
         **nominal,
         **({"cuts": stronger_cut(facts["uncut_at_most"])} if "uncut_at_most" in facts else {}),

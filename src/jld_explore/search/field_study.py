@@ -28,7 +28,8 @@ from jld_explore.evaluation.field_evaluator import (
 )
 from jld_explore.evaluation.protocol import front_counts, keys_of, statuses
 from jld_explore.evaluation.records import RefinedRecords
-from jld_explore.search.study import Progress, StopReason, Study
+from jld_explore.search.state import Progress, StopReason
+from jld_explore.search.study import Study
 from jld_explore.space import keys, unpack
 from jld_explore.space.labelling import orbit_sizes
 

@@ -21,12 +21,11 @@ from jld_explore import ExploreSettings, Interrupted, busy_factor, explore
 from jld_explore.evaluation import Pool
 from jld_explore.report import Exploration
 from jld_explore.space import feasible, from_string, search_space
-from jld_geometry.optimise import move_joints
-from jld_practice.design.crushing import with_crushing, with_materials_of
+from jld_geometry import move_joints
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import read_outline
 from jld_practice.design.page import write_design
-from jld_practice.design.tessellations import Tessellation, tessellations
+from jld_practice.design.tessellations import Tessellation, tessellations, with_crushing, with_materials_of
 from jld_practice.design.trials import (
     NONE,
     Bounds,

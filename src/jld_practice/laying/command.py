@@ -18,10 +18,8 @@ from jld_core.scene import units
 from jld_explore.cli import layout, options, streams
 from jld_explore.report import csv_of
 from jld_practice.laying import Laying, assembly_order
-from jld_practice.laying.freedom import Bodies
-from jld_practice.laying.order import LAID, LayingStart, words_of_fall
-from jld_practice.laying.quick import order_without_stages
-from jld_practice.laying.solids import Stations, stations_below
+from jld_practice.laying.freedom import Bodies, Stations, stations_below
+from jld_practice.laying.order import LAID, LayingStart, order_without_stages, words_of_fall
 from jld_practice.laying.standing import Parts
 
 if TYPE_CHECKING:
@@ -119,8 +117,7 @@ def assembly(
 def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, deadline: Deadline) -> list[str]:
     """Draw an assembly sequence into a folder; return pictures left out for lack of time."""
     from jld_core.views import figures
-    from jld_practice.laying.animation import save_laying_animation
-    from jld_practice.laying.strip import figure_of_laying
+    from jld_practice.laying.strip import figure_of_laying, save_laying_animation
 
     makes: dict[str, Callable[[Path], None]] = {
         "assembly.png": lambda path: figures.save_figure(figure_of_laying(laying, title), path)

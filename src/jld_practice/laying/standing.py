@@ -14,8 +14,7 @@ from jld_core import Assembly, Bits, Bools, Floats, Ints, checkpoint
 from jld_core.geometry import moment_about
 from jld_core.program import ConicProgram, Template, beginnings, pack
 from jld_core.solvers import solve_auxiliary
-from jld_practice.laying.freedom import Blocks
-from jld_practice.laying.solids import Stations
+from jld_practice.laying.freedom import Blocks, Stations
 
 # Prop force, relative to the laid weight, below which a prop is zero; also the accepted solver error. A stage stands up
 # to ten times this force.

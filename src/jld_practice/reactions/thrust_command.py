@@ -162,7 +162,7 @@ def settlement(
 
 def _settlement_words(found: Settled) -> str:
     """Describe the reactions under one settlement."""
-    from jld_practice.reactions.settled_figure import words_of
+    from jld_practice.reactions.thrust_figure import words_of
 
     if found.stands is False:
         return f"{found.settlement.name}: it falls under its dead load alone"
@@ -176,7 +176,7 @@ def _settlement_words(found: Settled) -> str:
 
 def _write_settlement(found: list[Settled], told: str, out: Path) -> None:
     from jld_core.views import figures
-    from jld_practice.reactions.settled_figure import figure_of_settled
+    from jld_practice.reactions.thrust_figure import figure_of_settled
 
     out.mkdir(parents=True, exist_ok=True)
     files.write_text(out / "settlement.json", told)

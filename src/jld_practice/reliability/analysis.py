@@ -11,11 +11,13 @@ from scipy.special import ndtr, ndtri
 from jld_core import Assembly, Bits, Floats, InputError, ParameterError
 from jld_core.batch import batch_solver
 from jld_core.scene import Scene
-from jld_practice.reliability.form import Form, LimitFunction, design_point
 from jld_practice.reliability.monte_carlo import (
     CONFIDENCE,
+    Form,
+    LimitFunction,
     MonteCarlo,
     decided,
+    design_point,
     exact_interval,
     in_threads,
     is_rare,

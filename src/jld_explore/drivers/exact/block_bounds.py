@@ -14,7 +14,7 @@ import cloudpickle
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, Choice, applies_to
 from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_of
@@ -39,10 +39,15 @@ class BlockSpace:
     space: SearchSpace
     blocks: PossibleBlocks
 
-    def relaxation(self, analyses: Sequence[LimitAnalysis] = (), seconds: float = math.inf) -> AnyBlockRelaxation:
-        """Make the block relaxation of the space, which bounds λ over choices of blocks."""
+    def relaxation(
+        self,
+        analyses: Sequence[LimitAnalysis] = (),
+        seconds: float = math.inf,
+        caps: Sequence[Floats | None] = (),
+    ) -> AnyBlockRelaxation:
+        """Make the block relaxation of the space, which bounds λ over choices of blocks; caps (m,) of each case."""
         members, inside = self.blocks.members, self.blocks.inside
-        return block_relaxation_of(self.space.assembly, members, inside, analyses, seconds)
+        return block_relaxation_of(self.space.assembly, members, inside, analyses, seconds, caps)
 
 
 @one_thread()

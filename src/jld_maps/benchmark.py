@@ -1,0 +1,125 @@
+"""Provide `jld benchmark`: problems with proven answers, and the check of layouts that others found for them."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import typer
+
+from jld_core import InputError, ParameterError, Status, build_assembly, load_scene, solve
+from jld_explore.cli import ending, options, streams
+from jld_explore.space import from_string, reasons_against, search_space
+
+PROBLEMS: Final = Path(__file__).parents[2] / "benchmarks" / "problems"  # of a checkout
+RECORDS: Final = "records.json"
+_EQUAL: Final = 1e-6  # relative difference up to which two load factors are one
+
+Entry = dict[str, Any]
+
+
+def records_of(folder: Path) -> dict[str, Entry]:
+    """Return the record of each problem of a folder, by name; raise InputError without any."""
+    try:
+        found: dict[str, Entry] = json.loads((folder / RECORDS).read_text(encoding="utf-8"))
+    except OSError:
+        remedy = "`--problems FOLDER` with benchmarks/problems of the repository"
+        raise InputError(str(folder), f"there is no {RECORDS} in it", remedy) from None
+    except ValueError as error:
+        raise InputError(str(folder / RECORDS), f"it is no JSON: {error}", "the file of the repository") from None
+    return found
+
+
+def entries_of(path: Path, known: dict[str, Entry]) -> list[Entry]:
+    """Return the layouts of a submission; raise InputError for a file that is none."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), f"it cannot be read: {error}", "a JSON file") from None
+    layouts = document.get("layouts") if isinstance(document, dict) else None
+    if not isinstance(layouts, list) or not layouts:
+        remedy = '{"method": …, "layouts": [{"problem", "labels", "load_factor"}]}'
+        raise InputError(str(path), "it has no layouts", remedy)
+    for k, one in enumerate(layouts):
+        where = f"{path}: layouts[{k}]"
+        if not isinstance(one, dict) or sorted(one) != ["labels", "load_factor", "problem"]:
+            raise InputError(where, "its keys are wrong", "problem, labels and load_factor")
+        if one["problem"] not in known:
+            raise InputError(f"{where}.problem", f"there is no {one['problem']!r}", "a name of jld benchmark list")
+        claim = one["load_factor"]
+        if isinstance(claim, bool) or not isinstance(claim, int | float) or not math.isfinite(claim):
+            raise InputError(f"{where}.load_factor", f"{claim!r} is wrong", "a finite number")
+        if not isinstance(one["labels"], str) or set(one["labels"]) - set("di"):
+            raise InputError(f"{where}.labels", "they are wrong", "a text of the letters d and i, one for each face")
+    return layouts
+
+
+def checked(entry: Entry, record: Entry, folder: Path) -> Entry:
+    """Check one layout of a submission: whether it is admitted, carries what is claimed, and beats the record."""
+    scene = load_scene(folder / f"{entry['problem']}.json")
+    assembly = build_assembly(scene)
+    told = {"problem": entry["problem"], "claimed": entry["load_factor"], "bracket": None, "best_known": record["best"]}
+    if len(entry["labels"]) != assembly.faces:
+        return told | {"verdict": "refused", "why": f"{len(entry['labels'])} labels; there are {assembly.faces} faces"}
+    labels = from_string(entry["labels"] + "i" * (len(assembly.interfaces) - assembly.faces))
+    space = search_space(scene, assembly)
+    if reasons := reasons_against(space, labels):
+        return told | {"verdict": "refused", "why": reasons[0]}
+    found = solve(assembly, labels)
+    low, high = found.bracket
+    told["bracket"] = [None if math.isnan(end) else end for end in (low, high)]
+    claim, best, bound = entry["load_factor"], record["best"], record["bound"]
+    if found.status is Status.LOCKED:
+        low = high = math.inf
+    if high < claim - _EQUAL * abs(claim):
+        return told | {"verdict": "not carried", "why": f"it carries at most {high:.9g}"}
+    if not low >= claim - _EQUAL * abs(claim):
+        return told | {"verdict": "undecided", "why": "λ is not proven to reach what is claimed"}
+    size = max(abs(best), 1e-300)
+    if low > best + _EQUAL * size:
+        above = bound is not None and low > bound + _EQUAL * size
+        why = f"{low / best - 1.0:+.2%} over the best known" + (", above its proven bound: tell us" if above else "")
+        return told | {"verdict": "beats the record", "why": why}
+    if low >= best - _EQUAL * size:
+        return told | {"verdict": "equals the record", "why": "optimal, proven" if record["proven"] else "best known"}
+    return told | {"verdict": "verified", "why": f"{low / best - 1.0:+.2%} of the best known"}
+
+
+def benchmark(
+    action: Annotated[Literal["list", "check"], typer.Argument(help="list the problems, or check a submission.")],
+    file: Annotated[Path | None, typer.Argument(help="check: JSON file with layouts and claimed load factors.")] = None,
+    problems: Annotated[Path, typer.Option(help="Folder of the problems.", show_default=False)] = PROBLEMS,
+    as_json: options.AsJson = False,
+) -> None:
+    """List forty problems with their best layouts known, or check layouts found by another method.
+
+    A submission is {"method": …, "layouts": [{"problem": NAME, "labels": "ddi…", "load_factor": λ}]}, a letter for
+    each face in the order of faces.csv. Each is solved anew. The exit code is 4 if a claim is not verified.
+    """
+    known = records_of(problems)
+    if action == "list":
+        if file is not None:
+            raise ParameterError("file", "a list takes none", "jld benchmark check FILE")
+        streams.say(json.dumps(known, indent=1) if as_json else "\n".join(_lines(known)))
+        return
+    if file is None:
+        raise ParameterError("file", "none is given", "jld benchmark check FILE")
+    done = [checked(one, known[one["problem"]], problems) for one in entries_of(file, known)]
+    beaten = sorted({one["problem"] for one in done if one["verdict"] == "beats the record"})
+    lines = [f"{one['problem']:<24} {one['verdict']:<18} {one['why']}" for one in done]
+    lines.append(f"{len(beaten)} records beaten" + (f": {', '.join(beaten)}" if beaten else ""))
+    streams.say(json.dumps({"layouts": done, "beaten": beaten}, indent=1) if as_json else "\n".join(lines))
+    if any(one["verdict"] in ("refused", "not carried", "undecided") for one in done):
+        raise typer.Exit(ending.UNCERTIFIED)
+
+
+def _lines(known: dict[str, Entry]) -> list[str]:
+    """Return the table of all problems."""
+    head = f"{'problem':<24} {'faces':>5} {'candidates':>10} {'cases':>5}  {'best known':>12} {'bound':>12}  proven"
+    return [head] + [
+        f"{name:<24} {one['faces']:>5} {one['candidates']:>10} {one['cases']:>5}  {one['best']:>12.7g} "
+        f"{'' if one['bound'] is None else format(one['bound'], '.7g'):>12}  {'yes' if one['proven'] else 'no'}"
+        for name, one in known.items()
+    ]
