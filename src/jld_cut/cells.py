@@ -27,6 +27,7 @@ class Limits:
 
     fit: Floats  # (3,) sides of the box, ascending
     volume: float
+    aim: int = 24  # cells, where nothing else decides
     cells: int = 60
     faces: int = 100
 
@@ -197,13 +198,12 @@ def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
         boxes[other], volume[other] = box, volume[other] + volume[small]
         alive.remove(small)
         group = [other if name == small else name for name in group]
-        for table in (area, pieces):
-            for old in [one for one in table if small in one]:
-                third = old[0] if old[1] == small else old[1]
-                value = table.pop(old)
-                if third != other:
-                    new = min(third, other), max(third, other)
-                    table[new] = table.get(new, 0) + value  # type: ignore[assignment]
+        for old in [one for one in area if small in one]:
+            third = old[0] if old[1] == small else old[1]
+            size, number = area.pop(old), pieces.pop(old)
+            if third != other:
+                new = min(third, other), max(third, other)
+                area[new], pieces[new] = area.get(new, 0.0) + size, pieces.get(new, 0) + number
     return group
 
 
@@ -224,7 +224,7 @@ def sides_of(cell: Any, plane: Floats, size: float) -> tuple[Any, Any]:
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     below, above = turn > 1e-14 * size**2, turn < -1e-14 * size**2
-    return tuple(shapely.union_all(shapely.polygons(corners[side])) for side in (below, above))  # type: ignore[return-value]
+    return tuple(shapely.union_all(shapely.polygons(corners[side])) for side in (below, above))
 
 
 def _sections(cells: list[Any], plane: Floats, size: float) -> list[tuple[int, int, Any]]:

@@ -55,6 +55,8 @@ class Options:
         Gap of joints, in the unit of the file.
     families : tuple of str
         Ways to cut that are tried.
+    cells : int
+        Cells that a way to cut aims at.
     unit : str
         Unit of the file: mm, cm, m, in or ft.
     seconds : float
@@ -72,6 +74,7 @@ class Options:
     matter: Matter = field(default_factory=Matter)
     clearance: float = 0.0
     families: tuple[str, ...] = tuple(FAMILIES)
+    cells: int = 24
     unit: str = "m"
     seconds: float = 60.0
     seed: int = 0
@@ -81,7 +84,13 @@ class Options:
         if self.unit not in UNITS:
             raise ParameterError("unit", f"{self.unit!r} is no unit", ", ".join(UNITS))
         scale = UNITS[self.unit]
-        positive = {"require": self.require, "seconds": self.seconds, "mass": self.mass, "parts": self.parts}
+        positive = {
+            "require": self.require,
+            "seconds": self.seconds,
+            "mass": self.mass,
+            "parts": self.parts,
+            "cells": self.cells,
+        }
         for name, value in [*positive.items(), *(("fit", side) for side in self.fit)]:
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise ParameterError(name, f"{value:g} is too small", "a number above 0")
@@ -95,7 +104,7 @@ class Options:
         loads = [parse_load(text, scale) for text in self.loads]
         patches = [parse_region("support", text, scale) for text in self.support]
         volume = np.inf if self.mass is None else self.mass / self.matter.density
-        limits = Limits(scale * np.sort(np.array(self.fit, dtype=float)), volume)
+        limits = Limits(scale * np.sort(np.array(self.fit, dtype=float)), volume, self.cells)
         setting = Setting(self.matter, loads, patches)
         return Wish(setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, self.seed)
 
@@ -219,10 +228,10 @@ def _choose(families: list[Family], wish: Wish, clearance: float, say: Callable[
         laying = plugins.part("assembly_order")(run.assembly, layout.labels)
         parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
         fits = sum(lay(part, wish.limits.fit) for part in parts) == len(parts)
-        one = Chosen(family, truth, run, coarse, bracket, uncut, block, layout, laying, parts, fits)
-        if fits and one.can_be_laid:
-            return one
-        made = made or one
+        tried = Chosen(family, truth, run, coarse, bracket, uncut, block, layout, laying, parts, fits)
+        if fits and tried.can_be_laid:
+            return tried
+        made = made or tried
     assert made is not None
     return made
 

@@ -13,9 +13,6 @@ from jld_cut.cells import Cutting, Limits, concave_edges
 from jld_cut.elastic import compressed
 from jld_cut.meshes import surface_of
 
-AIM: Final = 24  # cells of a family, where limits leave the choice
-POINTS: Final = 20  # cuts across compression
-
 
 @dataclass(frozen=True)
 class Body:
@@ -47,9 +44,9 @@ def grid(body: Body) -> Cutting | None:
                 near = np.unique(np.round(places[:, axis], 12))
                 near = near[np.abs(near - at) < 0.25 * step]
                 cutting.through(np.eye(3)[axis], float(near[np.argmin(abs(near - at))]) if len(near) else at)
-        if best is None or len(cutting.cells) <= 1.5 * AIM:
+        if best is None or len(cutting.cells) <= 1.5 * body.limits.aim:
             best = cutting
-        if len(cutting.cells) >= AIM:
+        if len(cutting.cells) >= body.limits.aim:
             return best
         numbers[np.argmax(sides / numbers)] += 1
 
@@ -72,7 +69,9 @@ def radial(body: Body) -> Cutting | None:
     along = points @ axis
     radius = float(np.linalg.norm(points - np.outer(along, axis), axis=1).max())
     levels = max(1, int(np.ceil(np.ptp(along) / body.limits.extent - 1e-9)), 4 if whole else 1)
-    sectors = max(int(np.ceil(span * radius / body.limits.extent)), 8 if whole else 15 // levels)
+    sectors = max(
+        int(np.ceil(span * radius / body.limits.extent)), 8 if whole else max(4, 5 * body.limits.aim // 8) // levels
+    )
     sectors += sectors % 2 if whole else 0
     cutting = Cutting(body.solid)
     for k in range(1, levels):
@@ -145,7 +144,7 @@ def stress(body: Body) -> Cutting | None:
     away = np.linalg.norm(middles[strong] - middles[chosen[0]], axis=1)
     cutting = Cutting(body.solid)
     reach = float((body.box[3:] - body.box[:3]).max())
-    for _ in range(POINTS):
+    for _ in range(max(1, body.limits.aim - 4)):
         at = chosen[-1]
         cutting.locally(middles[at] + 1e-6 * reach * direction[at], direction[at])
         chosen.append(int(strong[np.argmax(away)]))

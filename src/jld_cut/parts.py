@@ -121,8 +121,8 @@ def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
         part.error = abs(again.volume() / part.solid.volume() - 1.0)
         (folder / "parts" / f"{part.name}.stl").write_bytes(stl_bytes(points, triangles))
         files.write_text(folder / "parts" / f"{part.name}.obj", obj_text(points, triangles, part.name))
-        lying = points @ part.bed.T
-        lying = as_single(lying - lying.min(axis=0), triangles)
+        turned = points @ part.bed.T
+        lying = as_single(turned - turned.min(axis=0), triangles)
         (folder / "bed" / f"{part.name}.stl").write_bytes(stl_bytes(*lying))
         surfaces.append((part.name, points * (1e3 * unit), triangles))
     write_3mf(folder / "parts.3mf", surfaces)

@@ -19,6 +19,7 @@ from jld_cut.scene import Setting, grounds_of, scene_of
 from jld_explore import Exploration, ExploreSettings, explore
 
 BEST: Final = 10  # layouts that are judged on convex cells
+SMALL: Final = 12  # joints up to which every layout is looked at
 PIECES: Final = 150  # most convex cells
 
 
@@ -199,7 +200,8 @@ def cut_ways(solid: Any, title: str, wish: Wish, say: Callable[[str], None]) -> 
 def anneal(families: list[Family], out: Path, wish: Wish, seconds: float, say: Callable[[str], None]) -> None:
     """Search all families for the fewest parts that carry, and put the best first; InputError where none stands."""
     for family in families:
-        run(family, out / family.name, "anneal", max(2.0, seconds / len(families)), wish.seed)
+        driver = "anneal" if len(family.joints) > SMALL else "enumeration"
+        run(family, out / family.name, driver, max(2.0, seconds / len(families)), wish.seed)
         say(f"{family.name:<8} {_told(family)}")
     families.sort(key=lambda one: one.key)
     if not len(families[0].rows()):
