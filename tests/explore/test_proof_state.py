@@ -17,8 +17,8 @@ from benchmarks.claims import proofs
 
 from cases import dry_and_inner, grid_document
 from jld_core import build_assembly, parse_scene
-from jld_core.batch import ConflictRequest, chosen
-from jld_core.batch.batch_solver import MinimizationOptions
+from jld_core.batch import chosen
+from jld_core.batch.batch_solver import ConflictRequest, MinimizationOptions
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
 from jld_explore import Driver, Exploration, ExploreSettings, StopReason, explore, search_space
 from jld_explore.drivers.exact.driver import Exact

@@ -11,7 +11,7 @@ import numpy as np
 from cases import box
 from command import Command
 from jld_core import build_assembly, parse_scene
-from jld_core.limit import Status
+from jld_core.limit.options import Status
 from jld_core.models import solve_by_fields
 
 SCENE: dict[str, Any] = {

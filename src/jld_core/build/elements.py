@@ -41,8 +41,7 @@ from jld_core.geometry.stated_fit import (
     refuse_repeated,
     words_of,
 )
-from jld_core.scene import Scene
-from jld_core.scene.schema import Contact, Element, Grid
+from jld_core.scene.schema import Contact, Element, Grid, Scene
 
 
 def collect_elements(
