@@ -21,9 +21,8 @@ from matplotlib.figure import Figure
 from PIL import Image, ImageChops
 
 from benchmarks.common import ROOT, about, table, write
-from jld_practice.design.options import DesignOptions
-from jld_practice.design.outline import read_outline
-from jld_practice.printed import pages_of
+from jld_practice import pages_of
+from jld_practice.design import DesignOptions, read_outline
 from jld_practice.printing import content_of
 
 STONE: Final = "--friction 0.6 --density 2000 --tension 3e5 --shear 5e5"

@@ -16,9 +16,8 @@ import numpy as np
 from benchmarks.common import table, write
 from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.threads import one_thread
-from jld_geometry.box_bound import check_proof, prove_box
-from jld_geometry.optimise import MovedJoints, move_joints
-from jld_geometry.search import GeometrySearch
+from jld_geometry import GeometrySearch, check_proof, move_joints, prove_box
+from jld_geometry.optimise import MovedJoints
 
 Document = dict[str, Any]
 

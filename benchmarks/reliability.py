@@ -19,8 +19,7 @@ from jld_core.batch.library import described
 from jld_core.limit.analysis import LimitAnalysis
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
-from jld_practice.reliability.analysis import ReliabilityOptions, analyse
-from jld_practice.reliability.structure import random_structure
+from jld_practice.reliability import ReliabilityOptions, analyse, random_structure
 
 SAMPLES: Final = 100_000
 """Samples of every row."""

@@ -20,9 +20,16 @@ from scipy.stats import norm
 from benchmarks.common import about, table, write
 from jld_core import parse_scene
 from jld_core.arrays import Floats
-from jld_practice.reliability.analysis import Reliability, ReliabilityOptions, analyse, estimate
-from jld_practice.reliability.monte_carlo import Limit
-from jld_practice.reliability.structure import GoverningBounds, Variables, random_structure
+from jld_practice.reliability import (
+    GoverningBounds,
+    Limit,
+    ReliabilityOptions,
+    Variables,
+    analyse,
+    estimate,
+    random_structure,
+)
+from jld_practice.reliability.analysis import Reliability
 
 SAMPLES: Final = 20_000
 """Samples of every system."""

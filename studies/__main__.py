@@ -38,6 +38,7 @@ STUDIES: Final = (
     "laid",
     "joints_that_move",
     "published_wall",
+    "grooves_and_tables",
 )
 
 

@@ -16,11 +16,7 @@ import uvicorn
 
 from command import ROOT
 from jld_core import parse_scene
-from jld_studio import server
-from jld_studio.api import Api
-from jld_studio.jobs import Jobs
-from jld_studio.server import build_app
-from jld_studio.session import StudioSession
+from jld_studio import Api, Jobs, StudioSession, build_app, server
 
 TOKEN = "t0ken-of-this-test"
 

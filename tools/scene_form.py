@@ -12,7 +12,7 @@ from jld_core.scene import FillLoad, PointLoad, cracks, design, loads, materials
 from jld_core.scene import materials as fill
 from jld_core.scene import part as members
 from jld_core.scene import schema as structure
-from jld_core.scene.loads import BodyLoad, FaceLoad
+from jld_core.scene.loads import BodyLoad, FaceLoad, TiltLoad
 from jld_core.scene.schema import Scene
 from jld_core.scene.units import QUANTITIES
 from tools.scene_meanings import MEANINGS, Meaning
@@ -82,7 +82,7 @@ def key_tables() -> str:
             kind = _kind(value).replace("|", "\\|")
             lines.append(f"| `{key}` | {kind} | {meaning.unit} | {default} | {meaning.text} |")
         title = f"## `{path}`" if path else "## The scene"
-        if model in (PointLoad, BodyLoad, FaceLoad, FillLoad):
+        if model in (PointLoad, BodyLoad, FaceLoad, FillLoad, TiltLoad):
             title += f" with `{node['required'][0]}`"
         pages.append("\n".join([title, "", *lines]))
     return "\n\n".join(pages) + "\n"

@@ -29,6 +29,7 @@ _SHEAR: Final = Meaning("stress", "τ of the inner face.")
 _CRITERION: Final = {
     "criterion": Meaning("", "Name of a criterion that an installed package adds, in place of the standard strengths."),
     "parameters": Meaning("", "Parameters of the criterion, scene units."),
+    "surface": Meaning("", "Yield surface in place of the standard strengths, see docs/guide/yield_surfaces.md."),
 }
 _CRUSHING: Final = Meaning("stress", "σc of the face; without it nothing is crushed.")
 _COHESION: Final = Meaning("stress", "Shear strength of a dry face where nothing presses it: c + μ N/A.")
@@ -263,6 +264,15 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     },
     loads.BodyLoad: {
         "body": Meaning("", "On every free element its weight, as a positive number, times this vector."),
+    },
+    loads.TiltLoad: {
+        "tilt": Meaning(
+            "", "A table on which the structure is tilted: weights turn, and λ is the tangent of an angle."
+        ),
+    },
+    loads.Tilt: {
+        "towards": Meaning("", "Horizontal direction in which it leans more and more."),
+        "pivot": Meaning("length", "A point, in space two points, of the line it turns about; it changes no force."),
     },
     loads.Settling: {
         "name": Meaning("", "What it is called."),

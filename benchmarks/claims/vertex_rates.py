@@ -22,8 +22,7 @@ from benchmarks.claims.tally import Tally, run_cases
 from jld_core import Assembly, Status, build_assembly, geometry_sensitivities, parse_scene, samples, solve
 from jld_core.arrays import Floats
 from jld_core.strengths import Route
-from jld_geometry.convex_cells import vertex_mesh
-from jld_geometry.moved_scene import MovedScene
+from jld_geometry import MovedScene, vertex_mesh
 
 ROUTE = Route("a benchmark")
 

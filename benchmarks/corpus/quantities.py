@@ -15,9 +15,9 @@ from studies.scenes import ring_arch, stacked_cubes
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, load_scene, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_core.geometry.outlines import rectangle_torsion_length
-from jld_practice.reactions import thrust_ranges
+from jld_practice.reactions import reactions_of_supports, resultant_of_joint, thrust_ranges
 from jld_practice.reactions.force_range import ForceFunction
-from jld_practice.reactions.thrust import Resultant, reactions_of_supports, resultant_of_joint
+from jld_practice.reactions.thrust import Resultant
 
 Interval = tuple[float, float]
 ROOT: Final = Path(__file__).parents[2]
@@ -36,8 +36,9 @@ def load_factor(scene: str) -> Interval:
 
 
 def tilt_angle(scene: str) -> Interval:
-    """Angle of a tilting table at which a scene falls, degrees: the arc tangent of λ under a horizontal body load."""
-    return (math.degrees(math.atan(load_factor(scene)[0])),) * 2
+    """Bracket of the angle of a tilting table at which a scene falls, degrees."""
+    low, high = solve(build_assembly(_scene(scene))).facts["tilt_bracket"]
+    return low, high
 
 
 def published_wall(layout_name: str) -> Interval:

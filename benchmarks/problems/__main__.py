@@ -11,13 +11,14 @@ import json
 import math
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.common import RESULTS, machine
+from benchmarks.common import RESULTS, load_of_machine, machine, table, versions
 from benchmarks.problems import FOLDER, PROBLEMS
 from benchmarks.problems.milp import METHODS, plain
 from jld_core import InputError, Scene, build_assembly, files, load_scene, solve, solve_many
@@ -34,6 +35,12 @@ DRIVERS: Final = ("enumeration", "random", "hillclimb", "anneal", "genetic", "op
 DRAWN: Final = ("wall-4x4", "wall-5x4", "wall-6x5", "wall-8x6", "wall-6x4-corner", "bridge-7x3", "bridge-8x6",
                 "arch-2-rings", "cubes-3", "corner-4")  # fmt: skip
 IDLE: Final = 20  # draws without a new layout after which a problem has no more
+TITLE: Final = """# What drivers reach
+
+λ over the best known, each driver and method in the same time; "not stated": a plain program of planar problems.
+`python -m benchmarks.problems --drivers`, see docs/guide/benchmark.md.
+
+"""
 EACH: Final = 10_000  # layouts drawn of each
 
 
@@ -94,13 +101,16 @@ def better(new: dict[str, Any], old: dict[str, Any] | None) -> dict[str, Any]:
     return best | {"bound": min(bounds, default=None), "proven": new["proven"] or old["proven"]}
 
 
-def drivers(seconds: float) -> pd.DataFrame:
-    """λ that each driver, and a plain mixed-integer program, reaches in the same time, over the best known."""
+def drivers(names: Sequence[str], seconds: float) -> None:
+    """Write λ that drivers and plain programs reach in the same time, over the best known; rows of others stay."""
     records = json.loads(RECORDS.read_text("utf-8"))
-    rows = []
-    for name in (one for one in COMPARED if one in PROBLEMS):
+    path = RESULTS / "problems.csv"
+    rows: dict[str, Any] = {}
+    if path.exists():
+        rows = {one["problem"]: one for one in pd.read_csv(path).to_dict("records")}
+    for name in names:
         scene = load_scene(FOLDER / f"{name}.json")
-        row: dict[str, Any] = {"problem": name, "faces": records[name]["faces"], "best_known": records[name]["best"]}
+        row: dict[str, Any] = {"problem": name, "seconds": seconds, "best_known": records[name]["best"]}
         for driver in DRIVERS:
             start = time.perf_counter()
             with tempfile.TemporaryDirectory() as folder:
@@ -122,8 +132,13 @@ def drivers(seconds: float) -> pd.DataFrame:
             reached = reached if math.isnan(value) else f"{value / records[name]['best']:.4f}"
             row[method] = reached + (f", optimal in {took:.1f} s" if optimal else "")
             print(name, method, row[method], f"{took:.1f} s", flush=True)
-        rows.append(row)
-    return pd.DataFrame(rows)
+        rows[name] = row
+        found = pd.DataFrame([rows[one] for one in COMPARED if one in rows])
+        found.to_csv(path, index=False)
+        lines = [[f"{one:.7g}" if isinstance(one, float) else str(one) for one in row] for row in found.to_numpy()]
+        text = table(list(found.columns), lines)
+        head = f"{TITLE}{machine()}. {load_of_machine()} {versions(['highspy', 'ortools', 'pymoo'])}\n\n"
+        files.write_text(RESULTS / "problems.md", head + text + "\n")
 
 
 def layouts(path: Path, each: int) -> pd.DataFrame:
@@ -147,9 +162,9 @@ def layouts(path: Path, each: int) -> pd.DataFrame:
         part |= {"bracket_lo": found.low, "bracket_hi": found.high, "status": [str(one) for one in found.status]}
         parts.append(pd.DataFrame(part | {one: counted[one] for one in ("dry_faces", "blocks")}))
         print(f"{name}: {len(labels)} layouts in {time.perf_counter() - start:.1f} s", flush=True)
-    table = pd.concat(parts, ignore_index=True)
-    table.to_parquet(path, index=False)
-    return table
+    done = pd.concat(parts, ignore_index=True)
+    done.to_parquet(path, index=False)
+    return done
 
 
 def main() -> None:
@@ -166,9 +181,7 @@ def main() -> None:
         layouts(given.layouts, given.each)
         return
     if given.drivers:
-        text = _markdown(drivers(given.seconds))
-        head = f"# What drivers reach in {given.seconds:g} s\n\nλ over the best known. {machine()}\n\n"
-        files.write_text(RESULTS / "problems.md", head + text + "\n")
+        drivers(given.names or COMPARED, given.seconds)
         return
     records = json.loads(RECORDS.read_text("utf-8")) if RECORDS.exists() else {}
     for name in given.names or PROBLEMS:
@@ -178,12 +191,6 @@ def main() -> None:
             print(name, {key: value for key, value in records[name].items() if key != "labels"}, flush=True)
             ordered = {one: records[one] for one in PROBLEMS if one in records}
             RECORDS.write_text(json.dumps(ordered, indent=1) + "\n", "utf-8")
-
-
-def _markdown(table: pd.DataFrame) -> str:
-    rows = [list(table.columns), ["---"] * len(table.columns), *table.itertuples(index=False)]
-    texts = [[f"{one:.7g}" if isinstance(one, float) else str(one) for one in row] for row in rows]
-    return "\n".join(f"| {' | '.join(row)} |" for row in texts)
 
 
 if __name__ == "__main__":

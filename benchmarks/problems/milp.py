@@ -131,7 +131,7 @@ def milp(problem: Plain, seconds: float) -> Answer:
     while (left := seconds - (time.perf_counter() - start)) > 0.0:
         rows = LinearConstraint(sp.csr_array(np.vstack([table, *cuts])), np.array(ends), np.inf)
         held = LinearConstraint(sp.csr_array(balance), -problem.dead, -problem.dead)
-        found = solve_milp(goal, integrality=whole, bounds=Bounds(low, high), constraints=[held, rows],
+        found = solve_milp(goal, integrality=whole.astype(int), bounds=Bounds(low, high), constraints=[held, rows],
                            options={"time_limit": left})  # fmt: skip
         if found.x is None:
             break

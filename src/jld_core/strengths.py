@@ -13,12 +13,14 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from jld_core import plugins
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.errors import InputError
 from jld_core.parameters import near
-from jld_core.scene.standard import ENDS, PARAMETERS
+from jld_core.scene.complaints import first_complaint, shown
+from jld_core.scene.standard import ENDS, PARAMETERS, SURFACE
 
 FACTS: Final[Mapping[str, tuple[str, str]]] = {
     **{one.fact: (one.where, one.words) for one in PARAMETERS},
@@ -152,8 +154,12 @@ class StatedCriterion:
 
     label: str
     name: str  # name of its entry point
-    values: tuple[tuple[str, float], ...]  # parameters, scene units
+    values: Any  # parameters, scene units: numbers by name, or an instance of the model of the criterion
     faces: Bools  # (m,) interfaces that have this criterion
+
+    @property
+    def key(self) -> str:
+        return f"materials.{self.label}.{SURFACE if self.name == SURFACE else 'criterion'}"
 
     def take(self, rows: Ints) -> StatedCriterion:
         return replace(self, faces=self.faces[rows])
@@ -204,8 +210,8 @@ class FaceStrengths:
         """Return the error of an unknown fact of the interfaces `taken` (m,)."""
         key, words = FACTS[fact]
         if fact in CRITERIA:
-            names = [one.name for one in self.criteria if fact.startswith(one.label) and (one.faces & taken).any()]
-            return InputError(key, f'"{names[0]}" is unknown to {route.name}', "standard strengths in place of it")
+            own = next(one for one in self.criteria if fact.startswith(one.label) and (one.faces & taken).any())
+            return InputError(own.key, f'"{own.name}" is unknown to {route.name}', "standard strengths in place of it")
         return InputError(key, f"the {words} (face {face}) is unknown to {route.name}", "faces without it")
 
     def with_numbers(self, numbers: Strengths) -> FaceStrengths:
@@ -275,29 +281,39 @@ class Parameter:
     default: float | None = None
 
 
-def stated(label: str, name: str, parameters: Mapping[str, float], key: str) -> tuple[tuple[str, float], ...]:
+def stated(label: str, name: str, parameters: Mapping[str, Any], key: str) -> Any:
     """Return the parameters of a criterion that a scene states, with defaults; raise InputError for wrong ones."""
-    criterion = criterion_of(name, key)
-    if criterion.label != label:
+    criterion = criterion_of(name, f"{key}.criterion")
+    if criterion.label not in (label, "either"):
         expected = f'"materials.{criterion.label}" for it'
         raise InputError(f"{key}.criterion", f'"{name}" is for {criterion.label} faces', expected)
+    if isinstance(criterion.parameters, type):
+        model: Any = criterion.parameters
+        where = f"{key}.{SURFACE if name == SURFACE else 'parameters'}"
+        try:
+            return model.model_validate(parameters)
+        except ValidationError as error:
+            found = first_complaint(error, model)
+        raise InputError(f"{where}.{found.where}".rstrip("."), found.problem, found.expected)
     known = {one.name: one for one in criterion.parameters}
     for given in parameters:
         if given not in known:
             near = difflib.get_close_matches(given, known, n=1) or known
             names = ", ".join(f'"{one}"' for one in near) or "no parameters"
             raise InputError(f"{key}.parameters.{given}", f'"{name}" has no such parameter', names)
-    values = []
+    values = {}
     for one in criterion.parameters:
         value = parameters.get(one.name, one.default)
         unit = f", {one.unit}" if one.unit else ""
         bounds = f"a number from {one.least:g} to {one.most:g}{unit}"
         if value is None:
             raise InputError(f"{key}.parameters.{one.name}", f'missing, and "{name}" needs it', bounds)
-        if not one.least <= value <= one.most:
-            raise InputError(f"{key}.parameters.{one.name}", f"it is {value:g}", bounds)
-        values.append((one.name, float(value)))
-    return tuple(values)
+        number = type(value) in (int, float)
+        if not number or not one.least <= value <= one.most:
+            shape = f"{value:g}" if number else shown(value)
+            raise InputError(f"{key}.parameters.{one.name}", f"it is {shape}", bounds)
+        values[one.name] = float(value)
+    return values
 
 
 def criterion_of(name: str, key: str) -> Any:
@@ -305,7 +321,7 @@ def criterion_of(name: str, key: str) -> Any:
     known = list(plugins.entry_points(GROUP))
     if name not in known:
         expected = near(name, known) if known else f"an installed package with an entry point in {GROUP}"
-        raise InputError(f"{key}.criterion", f'no installed package adds "{name}"', expected)
+        raise InputError(key, f'no installed package adds "{name}"', expected)
     found = plugins.load(GROUP, name)
     found = found() if isinstance(found, type) else found
     lacking = [one for one in ("label", "parameters", "rows") if not hasattr(found, one)]

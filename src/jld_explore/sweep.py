@@ -31,7 +31,8 @@ def sweep(
     Parameters
     ----------
     scene : str, Path, dict, Scene or callable
-        Scene, or a function that makes the scene of one point: it takes the keys of the grid as keywords.
+        Scene, or a function that makes the scene of one point: it takes the keys of the grid as keywords, or, with one
+        parameter of another name, all of them as a dict.
     grid : dict
         Values of each key of the scene, such as ``{"materials.dry.friction_coefficient": [0.2, 0.4]}``; entries of
         lists as in ``loads.live[0].force[1]``. Numbers are in scene units, texts have a unit. `loads.angle` turns all

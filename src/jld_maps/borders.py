@@ -12,6 +12,7 @@ from jld_maps.grid import Grid, points_of
 from jld_maps.sweep import Swept
 
 _HALVINGS: Final = 6  # halvings of the distance of two points of a grid before λ is extrapolated
+_NEAR: Final = 1e-3  # share of that distance to the second point of a side at the edge of the map
 
 
 def borders(structure: Any, grid: Any, table: pd.DataFrame, labels: Any = None) -> pd.DataFrame:
@@ -83,13 +84,19 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
         same = at(middle)["mechanism"] == name  # type: ignore[index]
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     step = high - low
-    ends: Any = [at(x) for x in (low - step, low, high, high + step)]
-    far, near, other, beyond = (one["load_factor"] for one in ends)
-    slopes = (near - far) / step, (beyond - other) / step
+    # the second point of each side stays within the map, where values are known to make sense
+    before = np.where(low - step < values.min(), low + _NEAR * step, low - step)
+    after = np.where(high + step > values.max(), high - _NEAR * step, high + step)
+    ends: Any = [at(x) for x in (before, low, high, after)]
+    far, near, other, beyond = (one["load_factor"].copy() for one in ends)
+    far[(before > low) & (ends[0]["mechanism"] != name)] = np.nan
+    beyond[(after < high) & (ends[3]["mechanism"] != ends[2]["mechanism"])] = np.nan
+    slopes = (near - far) / (low - before), (beyond - other) / (after - high)
     with np.errstate(divide="ignore", invalid="ignore"):
         x = low + (other - near - slopes[1] * step) / (slopes[0] - slopes[1])
     fits = np.isfinite(x) & (x >= low - step) & (x <= high + step)
     x = np.where(fits, x, 0.5 * (low + high))
     table = {one: np.array(axes[one], dtype=object)[places[:, k]] for k, one in enumerate(axes)}
     table |= {key: x, "along": key, "one": ends[1]["mechanism"], "other": ends[2]["mechanism"]}
-    return pd.DataFrame(table | {"load_factor": near + slopes[0] * (x - low)})
+    between = 0.5 * (ends[1]["load_factor"] + ends[2]["load_factor"])
+    return pd.DataFrame(table | {"load_factor": np.where(fits, near + slopes[0] * (x - low), between)})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import shutil
 import tempfile
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,7 +67,11 @@ def sweep(
     table = pd.DataFrame({key: [values[k] for k in column] for (key, values), column in columns})
     one_by_one = delayed(_best if explore else _solved)
     if points is None:
-        made = [structure(**{str(key): value for key, value in row.items()}) for row in table.to_dict("records")]
+        points_in = [{str(key): value for key, value in row.items()} for row in table.to_dict("records")]
+        # a function of one parameter with another name than the keys takes a point as a dict
+        named = list(signature(structure).parameters.values())
+        whole = len(named) == 1 and named[0].name not in axes and named[0].kind is not Parameter.VAR_KEYWORD
+        made = [structure(row) if whole else structure(**row) for row in points_in]
         rows = Parallel(n_jobs=jobs)(one_by_one(one, labels, fields, seconds) for one in made)
         return table.assign(**pd.DataFrame(rows))
     states = None if explore else points.states()

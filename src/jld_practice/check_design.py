@@ -36,8 +36,7 @@ def check_design(
     favourable
     and as unfavourable. The exit code is 4 if neither result is proven.
     """
-    from jld_practice.design_check.check import design_check
-    from jld_practice.design_check.tables import in_words, to_json
+    from jld_practice.design_check import design_check, in_words, to_json
 
     if out is not None:
         files.require_folder(out)

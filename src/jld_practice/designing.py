@@ -74,8 +74,8 @@ def design(
     The folder holds a page in plain words, a picture, the table of blocks and the scene of the best layout. After a
     signal it holds the best so far.
     """
-    from jld_practice.design.options import DesignOptions
-    from jld_practice.design.page import facts_of, words_of
+    from jld_practice.design import DesignOptions, facts_of
+    from jld_practice.design.page import words_of
     from jld_practice.design.run import design_outline
 
     forces = [text for text in load or () if exchange_forces.is_force(text)]

@@ -11,9 +11,9 @@ import typer
 from jld_core import ParameterError, error_context
 from jld_explore.cli import ending, layout, streams
 from jld_explore.cli import options as cli_options
-from jld_practice.reliability.analysis import SAMPLES, Reliability, ReliabilityOptions, analyse, structure_of
-from jld_practice.reliability.monte_carlo import CONFIDENCE, Comparison, compare
-from jld_practice.reliability.structure import SampleBounds
+from jld_practice.reliability import ReliabilityOptions, SampleBounds, analyse, compare, structure_of
+from jld_practice.reliability.analysis import SAMPLES, Reliability
+from jld_practice.reliability.monte_carlo import CONFIDENCE, Comparison
 
 _SHOWN = 12  # number of variables of the printed table, those of largest importance first
 

@@ -45,7 +45,7 @@ class ReliabilityStep(Step):
             if asked:
                 problem = "reliability supports rigid faces and associative friction only"
                 raise ParameterError(name, problem, "its default")
-        from jld_practice.reliability.structure import random_structure  # loads scipy.special, as below
+        from jld_practice.reliability import random_structure
 
         random_structure(scene)
 
@@ -75,8 +75,7 @@ class ReliabilityStep(Step):
 
 def _ranked(done: Exploration, settings: ExploreSettings, deadline: Deadline) -> tuple[list[dict[str, Any]], int]:
     """Return rows of the best layouts, most reliable first, and how many were to be ranked."""
-    from jld_practice.reliability.analysis import ReliabilityOptions, analyse
-    from jld_practice.reliability.structure import random_structure
+    from jld_practice.reliability import ReliabilityOptions, analyse, random_structure
 
     structure = random_structure(done.scene)
     options = ReliabilityOptions(samples=SAMPLES, seed=settings.seed, jobs=settings.jobs)

@@ -11,10 +11,8 @@ from scipy.spatial import cKDTree
 from jld_core import Assembly, Bits, Floats, InputError, Scene
 from jld_core.limit import number
 from jld_core.scene import move as scene_move
-from jld_geometry.convex_cells import VertexMesh, vertex_mesh
-from jld_geometry.moved_scene import MovedScene
-from jld_geometry.optimise import move_joints
-from jld_geometry.search import TrustRegion
+from jld_geometry import MovedScene, TrustRegion, move_joints, vertex_mesh
+from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.variables import SAME, Variables, mirrored, variables_of, vertex_at
 
 SECONDS: Final = 3.0

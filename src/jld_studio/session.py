@@ -25,7 +25,7 @@ from jld_core.scene import cracks as scene_cracks
 from jld_explore import SearchSpace, search_space
 from jld_explore.report import columns, page_data
 from jld_explore.space import LETTERS, from_string, reasons_against
-from jld_geometry.moved_scene import MovedScene
+from jld_geometry import MovedScene
 from jld_studio.joint_vertices import JointVertices
 
 METRIC: Final = ("MN", "kN", "N")
@@ -78,7 +78,7 @@ def _text(entry: loads.LoadEntry, scene: Scene, weight: float, factor: float | N
     if factor is None or not np.isfinite(factor):
         return ""
     force, length = scene.units.force, scene.units.length
-    if isinstance(entry, loads.BodyLoad):
+    if isinstance(entry, loads.BodyLoad | loads.TiltLoad):
         return _size(factor * weight * float(np.linalg.norm(entry.body)), force)
     if isinstance(entry, FillLoad):
         return _size(factor * entry.weight, force)

@@ -28,11 +28,17 @@ from jld_core import (
     samples,
 )
 from jld_core.scene.units import force_in_words
-from jld_practice.laying import Laying, assembly_order
+from jld_practice.laying import (
+    Freedom,
+    Laying,
+    Parts,
+    assembly_order,
+    blocks_of_labelling,
+    locked_blocks,
+    order_without_stages,
+)
 from jld_practice.laying.command import words_of
-from jld_practice.laying.freedom import Freedom, blocks_of_labelling, stations_below
-from jld_practice.laying.order import locked_blocks, order_without_stages
-from jld_practice.laying.standing import Parts
+from jld_practice.laying.freedom import stations_below
 
 
 def names(assembly: Assembly, elements: tuple[int, ...]) -> list[str]:

@@ -25,11 +25,10 @@ from jld_core import Result
 from jld_core.models import rigid
 from jld_core.scene.design import partial_factors
 from jld_explore import ExploreSettings, explore
-from jld_practice.design_check.check import design_check
+from jld_practice.design_check import design_check
 from jld_practice.reactions import thrust_ranges
-from jld_practice.reliability.analysis import ReliabilityOptions, analyse, structure_of
-from jld_studio.evaluation import evaluate
-from jld_studio.notebook import make_page
+from jld_practice.reliability import ReliabilityOptions, analyse, structure_of
+from jld_studio import evaluate, make_page
 
 Document = dict[str, Any]
 
@@ -243,6 +242,12 @@ OF_A_LOAD = {
 """Keys of an entry of a live load."""
 
 
+TILT = {"tilt": {"towards": [1, 0]}}
+LEANING_BACK = changed(STACK, elements__2=box("b", 1, 1.5, 1.6, 2.5), materials__dry__friction_coefficient=2.0)
+OF_LIVE = {"<TiltLoad>.tilt.towards": live(LEANING_BACK, TILT, {"tilt": {"towards": [-1, 0]}})}
+"""Keys of an entry that is no dead load."""
+
+
 def as_dead(document: Document) -> Document:
     """The same entries as dead load, a part of them, under another live load."""
     first = next(one["id"] for one in document["elements"] if one["id"] == "b")
@@ -448,6 +453,9 @@ ROWS: dict[str, Row] = {
         changed(STACK, elements__1__block="X", elements__2__block="X", labels__dry=[["a", "b"]]),
     ),
 }
+for ending, one in OF_LIVE.items():
+    ROWS[f"loads.live{ending}"] = one
+    ROWS[f"loads.cases.live{ending}"] = Row(in_case(one.before), in_case(one.after))
 for ending, one in OF_A_LOAD.items():
     ROWS[f"loads.live{ending}"] = one
     ROWS[f"loads.cases.live{ending}"] = Row(in_case(one.before), in_case(one.after))
@@ -483,8 +491,25 @@ ROWS["materials.faces.between"] = Row(
     )
 )
 
+
+def surface(within: str, coefficient: float, tension: float, cohesion: float) -> Document:
+    """The standard criterion as a yield surface."""
+    bending = {"within": within, "tensile_strength": tension}
+    return {"surface": {"friction": {"coefficients": coefficient, "cohesion": cohesion}, "bending": bending}}
+
+
+SURFACES = {
+    "dry": (STACK, [surface("edges", mu, 0.0, 0.0) for mu in (0.3, 0.2)], ["a", "b"]),
+    "inner": (CANTILEVER, [surface("kern", 0.0, tension, 1e5) for tension in (9e4, 8e4)], ["s", "a"]),
+}
+for part, (scene, both, pair) in SURFACES.items():
+    ROWS[f"materials.{part}.surface"] = of(scene, **{f"materials__{part}": tuple(both)})
+    entries = tuple([{"between": pair, part: one}] for one in both)
+    ROWS[f"materials.faces.{part}.surface"] = of(scene, materials__faces=entries)
+
 NAMES = {
     "name", "units.length", "units.force", "source", "notes", "expected", "elements.id", "elements.faces",
+    "loads.live<TiltLoad>.tilt.pivot", "loads.cases.live<TiltLoad>.tilt.pivot",
     "loads.cases.name", "loads.moving.name", "loads.pushes.name", "members.name",
 }  # fmt: skip
 """Keys that name things, or order what other keys state."""

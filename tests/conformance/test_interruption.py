@@ -30,7 +30,7 @@ from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation.records import RECORDS_FILE
 
 EXPLORE = ("explore", "--check-fields", "0")
-"""What blocks that crack anywhere carry, test_field_check.py tests."""
+"""What blocks that crack anywhere carry, test_field_searches.py tests."""
 CLASSES = 599  # 4×3 cells on a support row, blocks of 2 to 4 cells, counted by enumeration
 KILLS = int(os.environ.get("JLD_KILLS", "4"))
 """Number of kills at random moments; each costs the start of three processes. `make bench` asks for twenty."""

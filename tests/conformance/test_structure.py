@@ -28,6 +28,8 @@ ORDER = [
     ["jld_formats"],
     ["jld_samples"],
     ["jld_dilation"],
+    ["jld_surfaces"],
+    ["jld_tilting"],
     ["jld_explore.cli"],
     ["jld_explore"],
     ["jld_explore.explore", "jld_explore.sweep"],
@@ -81,6 +83,8 @@ FLAT = [
     "jld_formats",
     "jld_samples",
     "jld_maps",
+    "jld_surfaces",
+    "jld_tilting",
 ]
 
 # modules that load what is slow are imported by name, also where their package exports the name

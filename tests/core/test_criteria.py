@@ -365,7 +365,6 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "3dec": ("export", "{scene}", "--format", "3dec", "-o", "{out}"),
     "compas_dem": ("export", "{scene}", "--format", "compas_dem", "-o", "{out}"),
     "design check": ("check-design", "{scene}"),
-    "certificate": ("explore", "{scene}", "--out", "{out}", "--driver", "exact", "--certificate", "{out}.c"),
 }
 
 

@@ -63,8 +63,7 @@ from jld_core.views.moved_joints import PathValue
 from jld_core.views.structure import painter_order, projection_of
 from jld_core.views.writing import write_numbers
 from jld_practice.laying import assembly_order
-from jld_practice.reactions import thrust_ranges
-from jld_practice.reactions.force_range import settle
+from jld_practice.reactions import settle, thrust_ranges
 from jld_samples import box
 
 

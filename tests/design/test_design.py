@@ -18,13 +18,22 @@ from jld_core import Deadline, InputError, Scene, build_assembly, load_scene, pa
 from jld_core.exchange import Layout
 from jld_core.refinement import refine
 from jld_explore import ExploreSettings, Interrupted, explore
-from jld_practice.design import run, tessellations
+from jld_practice.design import (
+    Design,
+    DesignOptions,
+    Screening,
+    Tessellation,
+    Trial,
+    facts_of,
+    read_outline,
+    run,
+    tessellations,
+    with_loads,
+    write_design,
+)
 from jld_practice.design import trials as checks
-from jld_practice.design.options import DesignOptions, with_loads
-from jld_practice.design.outline import read_outline
-from jld_practice.design.page import facts_of, gain_of, verdict, words_of, write_design
-from jld_practice.design.tessellations import Tessellation
-from jld_practice.design.trials import NONE, Design, Screening, Trial, at_low_friction, field_bounds, labelled, one_case
+from jld_practice.design.page import gain_of, verdict, words_of
+from jld_practice.design.trials import NONE, at_low_friction, field_bounds, labelled, one_case
 from jld_practice.laying.command import start_of_design
 from jld_samples import box
 

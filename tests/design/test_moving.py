@@ -11,11 +11,19 @@ import pytest
 from cases import ROUTE, grid_document
 from jld_core import Deadline, Scene, build_assembly, parse_scene, solve
 from jld_core.fields import governing_bounds
-from jld_practice.design.options import DesignOptions
-from jld_practice.design.outline import Outline
-from jld_practice.design.run import Task, move_in_rounds, moved_trial
-from jld_practice.design.tessellations import Tessellation, uniaxial_strength, with_crushing, with_materials_of
-from jld_practice.design.trials import NONE, Design, Trial
+from jld_practice.design import (
+    Design,
+    DesignOptions,
+    Outline,
+    Task,
+    Tessellation,
+    Trial,
+    uniaxial_strength,
+    with_crushing,
+)
+from jld_practice.design.run import move_in_rounds, moved_trial
+from jld_practice.design.tessellations import with_materials_of
+from jld_practice.design.trials import NONE
 
 FRICTION = 0.9
 

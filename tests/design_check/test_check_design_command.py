@@ -18,9 +18,8 @@ from jld_core.views.moved_joints import figure_of_path, path_values
 from jld_explore.report.languages import LANGUAGES
 from jld_explore.report.page_data import solution_of
 from jld_explore.report.page_of_study import path_pictures
-from jld_practice.design_check.check import design_check
-from jld_practice.design_check.page import html_of, path_of, sheet_of
-from jld_practice.design_check.tables import WORDS, content_of, in_words, to_json
+from jld_practice.design_check import content_of, design_check, html_of, in_words, path_of, sheet_of, to_json
+from jld_practice.design_check.tables import WORDS
 
 WALL = {
     "name": "wall <1>",

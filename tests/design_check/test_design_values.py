@@ -12,9 +12,7 @@ import pytest
 from cases import box, dry_and_inner
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.scene.design import PartialFactors, partial_factors
-from jld_practice.design_check.check import at_design_loads, combinations_of, design_check
-from jld_practice.design_check.design_values import at_design_values
-from jld_practice.design_check.tables import to_json
+from jld_practice.design_check import at_design_loads, at_design_values, combinations_of, design_check, to_json
 
 FACTORS = {"self_weight": [0.9, 1.2], "live": 1.4, "strength": 1.6, "friction": 1.25}
 

@@ -402,8 +402,7 @@ def test_a_wall_around_its_support_is_no_frame(ground: tuple[float, float, float
 
 
 def test_an_outline_around_a_wall_is_asked_about_by_design_too(tmp_path: Path) -> None:
-    from jld_practice.design.options import DesignOptions
-    from jld_practice.design.outline import read_outline
+    from jld_practice.design import DesignOptions, read_outline
 
     document = ezdxf.new(units=6)
     square(document.modelspace(), -1, -1, 7, 4.3)

@@ -24,7 +24,7 @@ from jld_explore.report.pictures import front_picture
 from jld_explore.space import Count, Layouts, Terms, feasible, register, registered, unregister
 from jld_explore.space.counts import BlockShapes, counts, values_until
 from jld_explore.space.limits import MEASURES, SHAPED
-from jld_practice.printed import making_of, stones_of
+from jld_practice import making_of, stones_of
 from jld_samples import vault
 
 SOURCES = Path(__file__).parents[2] / "src"
@@ -226,6 +226,7 @@ def test_counts_are_those_of_the_cutting_list(name: str) -> None:
         assert found["saw_set_ups"][k] == made_of.set_ups
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_limit_on_sawing_is_kept_and_the_front_is_that_of_all_layouts() -> None:
     document = grid_document(ROWS, front={"counts": ["sawn_length", "shapes"], "sense": "min"})
     every = explore(parse_scene(document), driver="enumeration").results

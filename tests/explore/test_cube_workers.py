@@ -30,7 +30,7 @@ from jld_explore.drivers.exact.formula import EVERYTHING, Formula, split_cube
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.verification import verify
 
-# what blocks that crack anywhere carry, test_field_check.py tests
+# what blocks that crack anywhere carry, test_field_searches.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")
 
 WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}

@@ -62,8 +62,7 @@ from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 from jld_explore.steps import field_check
 from jld_explore.steps.step import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
-from jld_geometry.field_search import move_by_fields
-from jld_geometry.optimise import move_joints
+from jld_geometry import move_by_fields, move_joints
 
 
 def test_a_deadline_counts_from_its_start() -> None:

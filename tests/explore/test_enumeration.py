@@ -3,18 +3,36 @@
 from __future__ import annotations
 
 import itertools
+import json
+import os
+import pwd
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import optuna
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend
+from optuna.trial import TrialState
+from pydantic import Field
 
-from cases import grid_document
-from jld_core import InputError, build_assembly, load_scene, parse_scene
-from jld_explore import SearchSpace, search_space
+from cases import dry_and_inner, every_layout, grid_document
+from command import Command
+from jld_core import InputError, Scene, Status, build_assembly, load_scene, parse_scene
+from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
+from jld_explore.drivers import DRIVERS, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
+from jld_explore.drivers.optuna import FILE, Optuna
 from jld_explore.evaluation.protocol import FAILED
 from jld_explore.space import feasible, to_string
 from jld_explore.space.labelling import canonical
@@ -290,3 +308,288 @@ def test_a_space_with_one_labelling() -> None:
     assert driver.count() == Tally(1, 1)
     assert np.array_equal(driver.ask(), space.fixed[None])
     assert len(driver.ask()) == 0
+
+
+# A driver of one's own: handed in or by name, with options, facts and a record to go on with.
+
+
+class BackwardsOptions(DriverOptions):
+    step: int = Field(5, ge=1, description="labellings asked at a time")
+
+
+class Backwards(Driver):
+    """Enumeration from its far end, some at a time."""
+
+    name = "backwards"
+    Options = BackwardsOptions
+
+    def __init__(self, space: SearchSpace, seed: int = 0, step: int = 5) -> None:
+        super().__init__(space, seed)
+        self.left = every_layout(space)[::-1]
+        self.step, self.told = step, 0
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return {"step": self.step}
+
+    def ask(self, limit: int | None = None) -> np.ndarray:
+        count = self.step if limit is None else min(limit, self.step)
+        rows, self.left = self.left[:count], self.left[count:]
+        return rows
+
+    def tell(self, labellings: np.ndarray, evaluations: Sequence[Evaluation]) -> None:
+        self.told += len(evaluations)
+
+    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
+        return {"told": self.told, "rows": len(results), "complete": complete}
+
+
+def scene() -> Scene:
+    return parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 3]))
+
+
+def own_space(found: Scene) -> SearchSpace:
+    return search_space(found, build_assembly(found))
+
+
+def run(folder: Path, driver: Any, **settings: Any) -> Any:
+    return explore(scene(), folder, ExploreSettings(pictures=False, **settings), driver=driver)
+
+
+def plain(table: pd.DataFrame) -> pd.DataFrame:
+    return table.drop(columns=["seconds", "driver"])
+
+
+@pytest.fixture
+def named() -> Iterator[None]:
+    DRIVERS[Backwards.name] = Backwards
+    yield
+    del DRIVERS[Backwards.name]
+
+
+def test_a_driver_object_can_be_given_to_explore(tmp_path: Path) -> None:
+    every = run(tmp_path / "every", "enumeration")
+    done = run(tmp_path / "own", Backwards(own_space(scene())))
+    pd.testing.assert_frame_equal(plain(done.results), plain(every.results))
+    assert set(done.results["driver"]) == {"backwards"}
+    facts = done.summary.facts
+    assert (facts["driver"], facts["told"], facts["rows"]) == ("backwards", *[len(every.results)] * 2)
+    # it has never said that it goes through everything, so nothing is proven by its end
+    assert (facts["stop_reason"], facts["proven"], facts["complete"]) == ("exhausted", False, False)
+
+
+def test_a_search_with_an_own_driver_is_resumed(tmp_path: Path) -> None:
+    whole = run(tmp_path / "whole", Backwards(own_space(scene())), budget=40)
+    run(tmp_path / "part", Backwards(own_space(scene())), budget=15)
+    rest = run(tmp_path / "part", Backwards(own_space(scene())), budget=40, resume=True)
+    assert rest.summary.solved == 25
+    pd.testing.assert_frame_equal(plain(rest.results), plain(whole.results))
+    with pytest.raises(InputError, match="driver's step 5, not 6"):
+        run(tmp_path / "part", Backwards(own_space(scene()), step=6), resume=True)
+
+
+def test_a_driver_of_another_scene_is_refused(tmp_path: Path) -> None:
+    other = parse_scene(grid_document(["aaaa", "####"], block_cells=[1, 3]))
+    with pytest.raises(InputError, match="made for the space of another scene"):
+        run(tmp_path / "out", Backwards(own_space(other)))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_registered_driver_is_used_by_its_name(named: None, tmp_path: Path) -> None:
+    done = run(tmp_path / "out", "backwards", options={"step": 7})
+    assert done.summary.driver == "backwards"
+    for options, words in (
+        ({"step": 0}, "step: 0 is wrong; expected a whole number greater than or equal to 1"),
+        ({"step": "many"}, "step: 'many' is wrong; expected a whole number"),
+        (
+            {"aim": "best"},
+            'aim: the driver backwards has no such option; expected `driver="genetic"` or `driver="exact"`',
+        ),
+        ({"stride": 2}, "stride: the driver backwards has no such option"),
+    ):
+        with pytest.raises(InputError) as error:
+            run(tmp_path / "bad", "backwards", options=options)
+        assert words in str(error.value)
+    assert not (tmp_path / "bad").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--driver", "genetic", "--population", "2"], ("--population: '2' is wrong", "greater than or equal to 4")),
+        (["--driver", "genetic", "--population", "few"], ("--population: 'few' is wrong", "a whole number")),
+        (["--driver", "exact", "--aim", "both"], ("--aim: 'both' is wrong", "one of best or front")),
+        (["--driver", "random", "--sampler", "TPE"], ("--sampler", "no such option", "--driver optuna")),
+        (["--driver", "optuna", "--sampler", "dice"], ("--sampler: no sampler is named 'dice'",)),
+        (["--driver", "hillclimb", "--start", "dd"], ("letters d or i",)),
+    ],
+)
+def test_errors_of_options_follow_from_the_driver(
+    options: list[str], words: tuple[str, ...], tmp_path: Path, jld: Command
+) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(scene().model_dump_json(exclude_defaults=True))
+    outcome = jld("explore", file, "--out", tmp_path / "out", *options)
+    assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    for word in words:
+        assert word in outcome.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_follows_from_the_drivers(tmp_path: Path, jld: Command) -> None:
+    said = " ".join(jld("explore", "--help").out.split())
+    for kind in DRIVERS.values():
+        for name, field in kind.Options.model_fields.items():
+            assert f"--{name}" in said
+            assert str(field.description) in said
+
+
+# The optuna driver: its journal survives a kill, and processes share a server.
+
+
+SCENE = {
+    "grid": {"cell": [1, 1], "thickness": 1, "rows": ["aab", "ccb", "###"]},
+    "materials": dry_and_inner(2000, 0.6, 1e5, 1e5),
+    "loads": {"live": [{"body": [1, 0]}]},
+}
+
+
+def searched(folder: Path, budget: int) -> None:
+    settings = ExploreSettings(driver="optuna", jobs=1, budget=budget, resume=folder.exists(), pictures=False)
+    explore(parse_scene(SCENE), folder, settings)
+
+
+def trials(folder: Path) -> list[tuple[int, str | None, dict[str, float]]]:
+    study = optuna.load_study(study_name=None, storage=JournalStorage(JournalFileBackend(str(folder / FILE))))
+    return [(trial.number, trial.user_attrs.get("labelling"), trial.params) for trial in study.trials]
+
+
+@pytest.mark.long
+def test_a_torn_line_and_a_lock_left_behind_are_made_good(tmp_path: Path) -> None:
+    searched(tmp_path / "whole", 40)
+    torn = tmp_path / "torn"
+    searched(torn, 20)
+    journal = torn / FILE
+    journal.write_bytes(journal.read_bytes()[:-40])
+    journal.with_name(f"{FILE}.lock").write_text("")
+    searched(torn, 40)
+    assert not journal.with_name(f"{FILE}.lock").exists()
+    assert trials(torn) == trials(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("content", [b"\x00\xffnot json\n{}\n", pytest.param(b"{}\n", marks=pytest.mark.long)])
+def test_a_damaged_journal_is_written_again(content: bytes, tmp_path: Path) -> None:
+    """It is a copy of what is on record, and does not stand in the way of going on."""
+    searched(tmp_path / "whole", 20)
+    searched(tmp_path / "a", 10)
+    (tmp_path / "a" / FILE).write_bytes(content)
+    searched(tmp_path / "a", 20)
+    assert trials(tmp_path / "a") == trials(tmp_path / "whole")
+
+
+def test_every_trial_of_a_class_is_finished() -> None:
+    """Trials of a class that were asked for while another of it was evaluated stayed running for ever."""
+    scene = parse_scene(SCENE)
+    space = search_space(scene, build_assembly(scene))
+    driver = Optuna(space, 0, size=16)  # few classes: many trials propose one that is waiting
+    rows = driver.propose()
+    waiting = driver._study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+    assert len(waiting) > len(driver._waiting)
+    driver.tell(rows, [Evaluation(Status.COLLAPSE, 1.0, 1.0, 1.0)] * len(rows))
+    assert driver._study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)) == []
+
+
+# Optuna's storage on a PostgreSQL server that several processes share: a real server, started here.
+
+
+def _program(name: str) -> str | None:
+    places = sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"))
+    return shutil.which(name) or (str(places[-1]) if places else None)
+
+
+@pytest.fixture
+def server() -> Iterator[str]:
+    """The URL of a database on a server of its own, which is stopped afterwards."""
+    pytest.importorskip("psycopg")
+    initdb, postgres = _program("initdb"), _program("postgres")
+    if initdb is None or postgres is None:
+        pytest.skip("no PostgreSQL server is installed")
+    owner: dict[str, Any] = {}
+    folder = Path(tempfile.mkdtemp(prefix="jld-"))
+    if os.geteuid() == 0:  # the server refuses to run as root
+        if "postgres" not in {one.pw_name for one in pwd.getpwall()}:
+            pytest.skip("a server does not run as root, and there is no user postgres")
+        owner = {"user": "postgres", "group": pwd.getpwnam("postgres").pw_gid, "extra_groups": []}
+        shutil.chown(folder, "postgres")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    data = folder / "data"
+    subprocess.run(
+        [initdb, "-D", data, "-A", "trust", "-U", "jld", "--no-sync"],
+        check=True,
+        capture_output=True,
+        cwd=folder,
+        **owner,
+    )
+    running = subprocess.Popen(
+        [postgres, "-D", data, "-p", str(port), "-k", folder, "-c", "listen_addresses=127.0.0.1", "-c", "fsync=off"],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        **owner,
+    )
+    try:
+        _wait(port)
+        yield f"postgresql+psycopg://jld@127.0.0.1:{port}/postgres"
+    finally:
+        running.terminate()
+        running.wait(20)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _wait(port: int) -> None:
+    import time
+
+    import psycopg
+
+    for _ in range(200):
+        try:
+            psycopg.connect(f"host=127.0.0.1 port={port} user=jld dbname=postgres", connect_timeout=2).close()
+        except psycopg.OperationalError:
+            time.sleep(0.05)
+        else:
+            return
+    raise TimeoutError("the server does not answer")
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.long
+def test_two_processes_share_a_server(server: str, tmp_path: Path) -> None:
+    """Two searches at once, each its own study there; what both found is read by whoever asks the server."""
+    import optuna
+
+    scene = tmp_path / "scene.json"
+    scene.write_text(json.dumps(grid_document(["aaa", "aaa", "###"], block_cells=[1, 3])), encoding="utf-8")
+    command = [sys.executable, "-m", "jld_explore", "explore", scene, "--driver", "optuna", "--storage", server]
+    command += ["--sampler", "Random", "--budget", "6", "--jobs", "1", "--json"]
+    both = [
+        subprocess.Popen([*command, "--seed", str(seed), "--out", tmp_path / str(seed)], stdout=subprocess.PIPE)
+        for seed in (1, 2)
+    ]
+    found = []
+    for one in both:
+        text, _ = one.communicate(timeout=120)
+        assert one.returncode == 0
+        found.append(json.loads(text))
+    storage = optuna.storages.RDBStorage(server)
+    names = optuna.get_all_study_names(storage)
+    assert len(names) == 2
+    best = []
+    for name in names:
+        trials = optuna.load_study(study_name=name, storage=storage).trials
+        assert len(trials) >= 6
+        best.append(max(-trial.values[0] for trial in trials if trial.values))  # what is minimised
+    storage.remove_session()
+    storage.engine.dispose()
+    assert sorted(best) == pytest.approx(sorted(one["best"] for one in found), rel=1e-9)

@@ -14,9 +14,8 @@ import pytest
 from cases import box
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.scene.design import partial_factors
-from jld_practice.design_check.check import design_check
-from jld_practice.reliability.analysis import ReliabilityOptions, analyse
-from jld_practice.reliability.structure import random_structure
+from jld_practice.design_check import design_check
+from jld_practice.reliability import ReliabilityOptions, analyse, random_structure
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,9 @@ from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import from_string
-from jld_practice.laying import SequenceConstraint, assembly_order
-from jld_practice.laying.order import locked_blocks
+from jld_practice.laying import SequenceConstraint, assembly_order, locked_blocks
 
-# what blocks that crack anywhere carry, test_field_check.py tests
+# what blocks that crack anywhere carry, test_field_searches.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")
 
 # a neck that what is wider cannot pass; two that lean over one another; a lid over one end

@@ -184,6 +184,7 @@ def test_the_driver_reaches_the_proven_best(tmp_path: Path) -> None:
     assert found["best"] == pytest.approx(proven["best"], rel=2e-3)
 
 
+@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("chains", [1, 8])
 def test_a_small_space_is_left_completely_known(chains: int, tmp_path: Path) -> None:
     """What waits in the population when changes run out is asked as well."""
@@ -325,6 +326,7 @@ def test_a_step_that_takes_too_long_is_halved_and_has_more_patience() -> None:
 # A slice of the trials of brute force against proof; `python -m benchmarks.claims trials` runs two thousand.
 
 
+@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("seed", [1, 4, 6, 10])
 def test_proven_results_equal_brute_force(seed: int) -> None:
     assert not trials.case(seed, Tally(""))

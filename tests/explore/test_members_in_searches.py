@@ -26,7 +26,7 @@ from jld_explore.report.page_contract import PageData
 from jld_explore.space import from_string
 from jld_explore.verification import verify
 
-# what blocks that crack anywhere carry, test_field_check.py tests
+# what blocks that crack anywhere carry, test_field_searches.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")
 
 
@@ -192,7 +192,7 @@ def _void() -> None:
 
 def _settlement() -> None:
     from jld_core.build.loads import settlements_of
-    from jld_practice.reactions.force_range import settle
+    from jld_practice.reactions import settle
 
     down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]
     scene = parse_scene(wall([STRAP], settlements=down))
@@ -207,7 +207,7 @@ def _thrust() -> None:
 
 
 def _move() -> None:
-    from jld_geometry.search import GeometrySearch
+    from jld_geometry import GeometrySearch
 
     scene = parse_scene(wall([STRAP]))
     assembly = build_assembly(scene)
@@ -326,7 +326,7 @@ def test_spatial_scenes_and_cells_left_out_refuse_fill(tmp_path: Path) -> None:
 # Searches under several load cases: every driver, every row, and proofs by whichever case refutes.
 
 
-# what blocks that crack anywhere carry, test_field_check.py tests
+# what blocks that crack anywhere carry, test_field_searches.py tests
 
 RIGHT, LEFT, DOWN = [{"body": [1, 0]}], [{"body": [-1, 0]}], [{"body": [0, -1]}]
 WINDS = [{"name": "left", "live": RIGHT}, {"name": "right", "live": LEFT}]

@@ -35,7 +35,7 @@ from jld_explore.evaluation.protocol import BOUND, comparison_value, sort_key, s
 from jld_explore.report.folder import write_pictures
 from jld_explore.space import from_string
 
-# what blocks that crack anywhere carry, test_field_check.py tests
+# what blocks that crack anywhere carry, test_field_searches.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")
 
 SPATIAL = [
@@ -98,6 +98,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
     return explore(table(), tmp_path_factory.mktemp("plain") / "out", ExploreSettings(pictures=False, check_fields=0))
 
 
+@pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize(
     "model",
     [SPATIAL[0], *(pytest.param(one, marks=pytest.mark.long) for one in SPATIAL[1:3]), SPATIAL[3]],

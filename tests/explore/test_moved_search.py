@@ -15,7 +15,7 @@ from command import Command
 from jld_core import InputError, parse_scene, solve
 from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings, Interrupted
-from jld_geometry.moved_search import explore_and_move, write_moved
+from jld_geometry import explore_and_move, write_moved
 
 FRICTION = 0.9
 

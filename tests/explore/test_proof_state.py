@@ -30,7 +30,7 @@ from jld_explore.search.study import Study
 from jld_explore.space.counts import BlockShapes
 from jld_explore.space.labelling import blocks_of
 
-# what blocks that crack anywhere carry, test_field_check.py tests
+# what blocks that crack anywhere carry, test_field_searches.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")
 
 QUIET = ExploreSettings(pictures=False, small=0)

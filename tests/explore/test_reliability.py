@@ -17,14 +17,24 @@ from cases import ROUTE, dry_and_inner, grid_document
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.scene.uncertain import uncertain_values
-from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, explore_failures, structure_of
-from jld_practice.reliability.monte_carlo import Form, Limit, LimitFunction, _Drawing, compare, design_point, simulate
-from jld_practice.reliability.structure import (
+from jld_practice.reliability import (
+    Form,
     GoverningBounds,
+    Limit,
+    LimitFunction,
+    ReliabilityOptions,
     SampleBounds,
     Variables,
+    analyse,
+    compare,
+    design_point,
+    estimate,
+    explore_failures,
     random_structure,
+    simulate,
+    structure_of,
 )
+from jld_practice.reliability.monte_carlo import _Drawing
 
 WEIGHT = 2000.0 * 9.81
 """Weight of the sliding block, N."""

@@ -18,7 +18,7 @@ from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.space.counts import BlockShapes
 from jld_explore.space.labelling import blocks_of, connectivity
 
-# what blocks that crack anywhere carry, test_field_check.py tests
+# what blocks that crack anywhere carry, test_field_searches.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")
 
 

@@ -7,23 +7,33 @@ import json
 import math
 import subprocess
 import sys
+import warnings
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from joblib.externals.loky import process_executor
 from typer.main import get_command
 
-from cases import grid_document, scene_of_cases, small_scene
-from command import ROOT, Command
+import jld_core as jc
+import jld_explore as je
+from cases import CASES, grid_assembly, grid_document, scene_of_cases, small_scene
+from command import ROOT, SCENES, Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
 from jld_explore import Exploration, ExploreSettings, Progress, explore, read_folder, search_space
 from jld_explore.cli import explore as progress
 from jld_explore.cli import overview
 from jld_explore.cli.explore import ProgressBar
-from jld_explore.drivers import DRIVERS
+from jld_explore.drivers import DRIVERS, make_driver
+from jld_explore.evaluation import EvaluatorSettings, Pool
+from jld_explore.evaluation.pool import LOST, WorkerPool, ignored_warning, switch_interval
+from jld_explore.evaluation.workers import Workers, WorkerSpec
 from jld_explore.report import words
 from jld_explore.report.languages import stronger_cut
+from jld_explore.report.words import facts_of_exploration
 from jld_explore.space import from_string
 from jld_practice.printing import content_of
 
@@ -153,6 +163,7 @@ def test_a_folder_of_a_killed_search_names_the_way_to_resume(tmp_path: Path) -> 
         read_folder(out)
 
 
+@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.usefixtures("without_pictures")
 def test_terminal_tables_shorten_long_labellings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     monkeypatch.chdir(tmp_path)
@@ -176,17 +187,16 @@ def test_progress_shows_incumbent_bound_and_gap(tmp_path: Path) -> None:
     assert 0.0 <= seen[-1].gap <= seen[0].gap or np.isnan(seen[0].gap)
 
 
-def test_a_matplotlibrc_in_the_current_folder_does_not_matter(tmp_path: Path) -> None:
+def test_a_matplotlibrc_in_the_current_folder_does_not_matter(tmp_path: Path, jld: Command) -> None:
     """Pictures are the same bytes, whatever the file says."""
-    pictures = set()
-    for number, content in enumerate(
-        (b"", b"\xff\xfe no text", b"axes.facecolor: red\nfigure.dpi: none\nbogus line\n")
-    ):
+    drawn = ("plot", str(ROOT / "scenes" / "flat_beam_arch.json"))
+    assert jld(*drawn, "-o", tmp_path / "a.png").code == 0
+    pictures = {(tmp_path / "a.png").read_bytes()}
+    for number, content in enumerate((b"\xff\xfe no text", b"axes.facecolor: red\nfigure.dpi: none\nbogus line\n")):
         folder = tmp_path / str(number)
         folder.mkdir()
-        if content:
-            (folder / "matplotlibrc").write_bytes(content)
-        command = [sys.executable, "-m", "jld_explore", "plot", str(ROOT / "scenes" / "flat_beam_arch.json")]
+        (folder / "matplotlibrc").write_bytes(content)
+        command = [sys.executable, "-m", "jld_explore", *drawn]
         done = subprocess.run([*command, "-o", "a.png"], cwd=folder, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         pictures.add((folder / "a.png").read_bytes())
@@ -285,3 +295,189 @@ def test_the_bar_shows_time_left_bound_and_gap(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(bar._bar, "update", lambda _, **fields: shown.update(fields))
     bar(Progress(9, None, 9, 1.5, 10.0, 2.0, 0.25, "", 40.0))
     assert (shown["best"], shown["left"]) == ("best λ 1.5 ≤ 2, gap 25.00%", "40 s left")
+
+
+# Settings of the whole process are as they were once the pools that need them are closed.
+
+
+def settings() -> tuple[float, list[Any]]:
+    return sys.getswitchinterval(), list(warnings.filters)
+
+
+def test_overlapping_switch_intervals_end_at_the_first_value() -> None:
+    before = sys.getswitchinterval()
+    one, two = switch_interval(before / 4), switch_interval(before / 2)
+    with one:
+        two.__enter__()
+        assert sys.getswitchinterval() == pytest.approx(before / 4, rel=1e-2)
+    assert sys.getswitchinterval() == pytest.approx(before / 2, rel=1e-2)
+    two.__exit__(None, None, None)
+    assert sys.getswitchinterval() == before
+
+
+def test_overlapping_filters_end_without_a_filter() -> None:
+    before = list(warnings.filters)
+    one, two = (ignored_warning("some words", UserWarning) for _ in range(2))
+    with one:
+        two.__enter__()
+    warnings.warn("some words", UserWarning, stacklevel=1)  # an error in these tests, were it not ignored
+    two.__exit__(None, None, None)
+    assert list(warnings.filters) == before
+    with pytest.raises(UserWarning, match="some words"):
+        warnings.warn("some words", UserWarning, stacklevel=1)
+
+
+def test_a_filter_that_was_removed_before_is_accepted() -> None:
+    with warnings.catch_warnings():
+        context = ignored_warning("some words")
+        context.__enter__()
+    context.__exit__(None, None, None)
+
+
+def test_a_pool_in_threads_and_a_pool_of_processes_leave_nothing_behind() -> None:
+    rows, options = CASES["wall"]
+    assembly = grid_assembly(rows, **options)
+    spec, m = WorkerSpec.of(assembly, EvaluatorSettings()), len(assembly.interfaces)
+    before = settings()
+    threads = Workers(spec, 2, m, batch=True)
+    assert sys.getswitchinterval() < before[0]
+    threads.close()
+    processes, pool = Pool(1), WorkerPool(1)
+    assert processes.submit(abs, -1).result() == 1
+    assert settings() != before
+    processes.close()
+    pool.close()
+    assert settings() == before
+
+
+def test_the_limit_of_memory_that_workers_lift_is_one_of_loky() -> None:
+    """A private constant: where a version of loky renames it, workers are restarted while their state grows."""
+    assert process_executor._MAX_MEMORY_LEAK_SIZE > 0
+
+
+def test_an_error_of_a_task_is_not_taken_for_a_lost_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was hidden: the program was solved again in this process, for ever."""
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
+    pool = WorkerPool(1)
+    worker = pool.first()
+    assert worker is not None
+    for error in (ValueError("a defect"), OSError("a defect: no file")):
+        wrong: Future[Any] = Future()
+        wrong.set_exception(error)
+        with pytest.raises(type(error), match="a defect"):
+            pool.result(worker, wrong)
+    assert len(pool) == 1
+    for loss in (BrokenExecutor("a process was killed"), CancelledError()):
+        lost: Future[Any] = Future()
+        lost.set_exception(loss)
+        assert pool.result(worker, lost) is LOST
+    assert len(pool) == 0
+    pool.close()
+
+
+# Wrong values of parameters are one line that names them; what a guide promises of parameters works.
+
+
+ARCH = SCENES / "flat_beam_arch.json"
+FLAT_BEAM = jc.load_scene(ARCH)
+ASSEMBLY = jc.build_assembly(FLAT_BEAM)
+SPACE = je.search_space(FLAT_BEAM, ASSEMBLY)
+SOLVE = {"gap": ["small", None, -1], "floor_seconds": ["x"], "effective_area": ["yes"], "condense": [1], "solver": [3]}
+EXPLORE = {
+    "jobs": [1.5, "two", 0, True],
+    "budget": [2.5, "x"],
+    "seconds": ["x"],
+    "seed": ["x", 1.5, -1],
+    "driver": ["exat", 3],
+    "options": [[1]],
+    "model": [{"gap": 1}],
+    "settings": [{"gap": 1}],
+    "report": [3],
+    "certificate": [3],
+    "experiment": ["x"],
+    "popultion": [10],
+    "population": ["x"],
+    "out": [3, "exact"],
+}
+CALLS: dict[str, Callable[[], Any]] = {
+    **{f"{key}={v!r}": lambda key=key, v=v: jc.solve(ASSEMBLY, **{key: v}) for key in SOLVE for v in SOLVE[key]},
+    **{
+        f"{key}={v!r} of a search": lambda key=key, v=v: je.explore(
+            FLAT_BEAM, **{"budget": 2, "driver": "genetic", "pictures": False, key: v}
+        )
+        for key in EXPLORE
+        for v in EXPLORE[key]
+    },
+    "driver=exat": lambda: make_driver("exat", SPACE, 0),
+    "seed=x": lambda: make_driver("random", SPACE, "x"),
+    "space=3": lambda: make_driver("random", 3, 0),
+    "assembly=3": lambda: je.search_space(FLAT_BEAM, 3),
+    "result=3": lambda: jc.geometry_sensitivities(3),
+    "number=9": lambda: jc.solve_many(ASSEMBLY, [ASSEMBLY.labels]).result(9),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_one_line_that_names_the_parameter(name: str) -> None:
+    with pytest.raises(jc.InputError) as caught:
+        CALLS[name]()
+    text = str(caught.value)
+    assert text.startswith(name.partition("=")[0] + ": ")
+    assert "\n" not in text
+    assert "object" not in text
+
+
+def test_the_name_that_was_meant_is_offered() -> None:
+    with pytest.raises(jc.InputError, match='expected "exact", one of enumeration'):
+        make_driver("exat", SPACE, 0)
+    with pytest.raises(jc.InputError, match='expected "population"'):
+        je.explore(FLAT_BEAM, driver="genetic", popultion=3)
+
+
+@pytest.mark.parametrize("name", ["random", "hillclimb", "anneal", "genetic", "optuna", "exact", "enumeration"])
+def test_a_driver_is_told_what_solve_many_returns(name: str) -> None:
+    """Five rounds of a program's own loop give the proposals that evaluations of a search would."""
+    driver, other = (make_driver(name, SPACE, 3) for _ in range(2))
+    for _ in range(3):
+        labels = driver.ask(6)
+        assert labels.tolist() == other.ask(6).tolist()
+        found = jc.solve_many(ASSEMBLY, labels)
+        driver.tell(labels, found)
+        rows = zip(found.status, found.low, found.high, found.load_factor, strict=True)
+        other.tell(labels, [je.Evaluation(*row) for row in rows])
+
+
+@pytest.mark.usefixtures("without_field_check")
+@pytest.mark.usefixtures("without_pictures")
+def test_options_of_a_driver_are_keywords() -> None:
+    same = {"driver": "genetic", "budget": 40, "seed": 2}
+    one = je.explore(FLAT_BEAM, **same, population=10).results.drop(columns="seconds")
+    assert one.equals(je.explore(FLAT_BEAM, **same, options={"population": 10}).results.drop(columns="seconds"))
+
+
+def test_arrays_and_tuples_are_lists_of_a_scene() -> None:
+    document: dict[str, Any] = {
+        "name": "block",
+        "elements": [
+            {"id": "s", "support": True, "polygon": [[0, 0], [1, 0], [1, 1], [0, 1]]},
+            {"id": "b", "polygon": [[0, 1], [1, 1], [1, 2], [0, 2]]},
+        ],
+        "materials": {"density": 1.0, "dry": {"friction_coefficient": 0.5}},
+        "loads": {"live": [{"body": [1, 0]}]},
+    }
+    other = json.loads(json.dumps(document))
+    other["elements"][0]["polygon"] = np.array(other["elements"][0]["polygon"])
+    other["elements"][1]["polygon"] = tuple(map(tuple, other["elements"][1]["polygon"]))
+    other["loads"]["live"][0]["body"] = np.array([1.0, 0.0])
+    other["materials"]["density"] = np.int64(1)
+    assert jc.parse_scene(other).fingerprint == jc.parse_scene(document).fingerprint
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_a_resumed_search_without_solves_names_no_speed(tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"driver": "random", "budget": 5}
+    first = je.explore(FLAT_BEAM, tmp_path / "a", **settings)
+    again = je.explore(FLAT_BEAM, tmp_path / "a", **settings, resume=True)
+    said = [facts_of_exploration(one)["stopped"] for one in (first, again)]
+    assert "solves/s" in said[0]
+    assert "solves/s" not in said[1]

@@ -49,6 +49,7 @@ def every(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return explore(scene, tmp_path_factory.mktemp("void") / "every", ExploreSettings(driver="enumeration"))
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_all_layouts_of_all_structures(every: Any) -> None:
     """Brute force over what may be left out: every structure that is drawn without, with all of its own layouts."""
     cells = [f"c{x}r{y}" for y in range(2) for x in range(3) if (x, y) != (1, 0)]

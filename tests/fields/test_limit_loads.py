@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,14 @@ import pytest
 from benchmarks.claims.fields import random_scenes
 from benchmarks.claims.geometry import Move, random_move
 
-from cases import all_inner
-from jld_core import Assembly, build_assembly, parse_scene
-from jld_core.fields import bounds_by_fields
-from jld_core.fields.bounds import FieldStatus
+from cases import all_inner, grid_document
+from jld_core import Assembly, Floats, build_assembly, load_scene, parse_scene
+from jld_core.fields import ConeProgram, bounds_by_fields, governing_bounds
+from jld_core.fields.bounds import FieldRefinement, FieldSetting, FieldStatus
+from jld_core.fields.cones import Answer
+from jld_core.fields.lower import LowerBound
+from jld_core.fields.problem import Problem
+from jld_core.fields.upper import Settling, UpperBound
 from jld_core.models import solve_by_fields
 
 
@@ -259,3 +264,220 @@ def test_a_structure_that_its_live_load_holds_up_does_not_stand_at_zero() -> Non
     document["loads"]["live"][0]["at"] = [1.4, 0.5]
     standing = solve_by_fields(build_assembly(parse_scene(document)), gap=0.5)
     assert standing.stands_at_zero is True
+
+
+# Flagship layouts: bounds by an independent trial that used a modelling language.
+
+
+SCENE = Path(__file__).parents[2] / "scenes" / "flat_beam_arch.json"
+UNCUT = "i" * 24
+# rank by faces → labels, lower at 60 and 240 triangles, upper at 60, 240 and 960
+LAYOUTS = {
+    "uncut": (UNCUT, (7.28, 7.81, 8.12), (9.18, 8.80, 8.59)),
+    "1": ("iiidididddddiididdidiiid", (5.06, 5.73, None), (7.16, 6.80, 6.63)),
+    "2": ("iiidididddddiididiidiidd", (4.32, 5.33, None), (7.16, 6.65, None)),
+    "9": ("iiidididddddiidddiididid", (4.40, 5.49, None), (7.16, 6.74, 6.52)),
+}
+
+
+# the second and the ninth layout have what the first has
+@pytest.mark.parametrize("name", ["uncut", "1", *(pytest.param(name, marks=pytest.mark.long) for name in ("2", "9"))])
+def test_values_of_the_trial(name: str) -> None:
+    """60, 240 and 960 triangles within 0.2 %."""
+    word, lower, upper = LAYOUTS[name]
+    assembly = build_assembly(load_scene(SCENE))
+    labels = np.array([letter == "d" for letter in word])
+    labels |= (~assembly.free_faces) & (name == "uncut")
+    found = bounds_by_fields(assembly, labels, gap=1e-9, adaptive=False, most=960)
+    assert [step.simplices for step in found.history] == [60, 240, 960]
+    for step, low, high in zip(found.history, lower, upper, strict=True):
+        if low is not None:
+            assert step.lower == pytest.approx(low, rel=2e-3)
+        if high is not None:
+            assert step.upper == pytest.approx(high, rel=2e-3)
+    assert found.lower == max(step.lower for step in found.history)
+    assert found.upper == min(step.upper for step in found.history)
+
+
+def test_order_by_faces_is_not_that_of_the_blocks() -> None:
+    """The uncut beam carries more than the layout that is strongest by its own faces."""
+    assembly = build_assembly(load_scene(SCENE))
+    best = np.array([letter == "d" for letter in LAYOUTS["1"][0]])
+    cut = bounds_by_fields(assembly, best, gap=0.25)
+    whole = bounds_by_fields(assembly, ~assembly.free_faces, gap=0.25)
+    assert whole.lower > cut.upper
+
+
+# Bounds by fields on the governing case: those of the cases, with the lower bound raised first.
+
+
+@pytest.fixture(scope="module")
+def blocks() -> Assembly:
+    """Two blocks side by side on a support: a push slides them, a force on one overturns it."""
+    elements = [{"id": f"b{k}", "polygon": [[k, 0.0], [k + 1.0, 0.0], [k + 1.0, 1.0], [k, 1.0]]} for k in (0, 1)]
+    ground = {"id": "s", "polygon": [[-1.0, -0.5], [3.0, -0.5], [3.0, 0.0], [-1.0, 0.0]], "support": True}
+    cases = [
+        {"name": "push", "live": [{"body": [0.1, 0.0]}]},
+        {"name": "pull", "live": [{"body": [0.5, 0.0]}], "required": 1.0},
+    ]
+    materials = {
+        "density": 2000.0,
+        "dry": {"friction_coefficient": 0.4},
+        "inner": {"tensile_strength": 1e6, "shear_strength": 1e6},
+    }
+    document = {"elements": [*elements, ground], "thickness": 0.5, "materials": materials, "loads": {"cases": cases}}
+    return build_assembly(parse_scene(document))
+
+
+def test_the_governing_bracket_holds_the_closed_form(blocks: Assembly) -> None:
+    """Blocks slide at μ over the push: 0.4/0.5 governs, whatever comes first; both routes agree."""
+    for lower_first in (True, False):
+        low, high = governing_bounds(blocks, blocks.labels, 20.0, gap=0.02, lower_first=lower_first)
+        assert low <= 0.8 * (1.0 + 1e-6)
+        assert high >= 0.8 * (1.0 - 1e-6)
+        assert low == pytest.approx(0.8, rel=0.05)
+    single = [bounds_by_fields(case, blocks.labels, gap=0.05) for case in blocks.by_case]
+    assert min(one.lower for one in single) <= high * (1.0 + 1e-9)
+    assert low <= min(one.upper for one in single) * (1.0 + 1e-9)
+
+
+def test_the_upper_bound_is_left_out_of_two_meshes_in_three(blocks: Assembly) -> None:
+    """Meshes 1, 4, ... have both bounds; a caller may leave more of them out, and the best bound stays."""
+    refinement = FieldRefinement(blocks.by_case[1], gap=1e-9, lower_first=True)
+    steps = [refinement.step() for _ in range(4)]
+    uppers = [step.upper for step in steps[-1].history]
+    assert [math.isfinite(upper) for upper in uppers] == [True, False, False, True]
+    assert steps[-1].upper == min(uppers)
+    assert refinement.step(upper=True).history[-1].upper < np.inf
+    assert refinement.step(upper=False).history[-1].upper == np.inf
+    assert refinement.expected_with(upper=True) > refinement.expected_with(upper=False) > refinement.spent
+
+
+def test_no_time_leaves_the_first_meshes(blocks: Assembly) -> None:
+    """With no time the bounds are those of the coarsest meshes, and still hold."""
+    low, high = governing_bounds(blocks, blocks.labels, 0.0)
+    assert low <= 0.8 * (1.0 + 1e-6) <= high * (1.0 + 2e-6)
+
+
+# Velocity fields of results are in scene units: the virtual work of the live load as the scene states it.
+
+
+def works(assembly: Assembly, corners: Floats, velocity: Floats, cell: Floats) -> tuple[float, float]:
+    """Work of the live and of the dead load of a scene whose loads are body forces through the centroids.
+
+    corners, velocity: (t, d + 1, d) of triangles of the scene's thickness, or of tetrahedra; cell: (t,) their elements.
+    """
+    sides = corners[:, 1:] - corners[:, :1]
+    dimension = corners.shape[2]
+    size = abs(np.linalg.det(sides)) / (2.0 if dimension == 2 else 6.0)
+    share = size / np.bincount(cell, size, minlength=len(assembly.elements))[cell]
+    mean = velocity.mean(axis=1)
+    live, dead = (
+        float((share[:, None] * load[cell, :dimension] * mean).sum()) for load in (assembly.live, assembly.dead)
+    )
+    return live, dead
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_planar_velocities_have_scene_units(unit: float) -> None:
+    """b_λ·u = 1, and the dissipation less the work of the dead load is λ; unit: of lengths, over m."""
+    live: list[dict[str, Any]] = [{"body": [1.0, 0.0]}]
+    document = grid_document(["aab", "aab", "###"], live=live, tension=2e5 / unit, shear=2e5 / unit)
+    document["grid"] |= {"cell": [0.3 / unit, 0.2 / unit], "thickness": 1.7}
+    assembly = build_assembly(parse_scene(document))
+    found = bounds_by_fields(assembly, gap=0.3)
+    field = found.velocities
+    assert field is not None
+    work, dead = works(assembly, field.mesh.corners, field.velocity, field.mesh.cell)
+    assert work == pytest.approx(1.0, rel=1e-9)
+    assert float(field.dissipation.sum()) - dead == pytest.approx(found.upper, rel=1e-9)
+
+
+def test_spatial_velocities_have_scene_units() -> None:
+    """The same in tetrahedra, for a stone that is glued to its support."""
+    boxes = [("base", -1.0, 0.0, True), ("stone", 0.0, 0.5, False)]
+    elements = []
+    for name, low, high, support in boxes:
+        corners = [[x, y, z] for z in (low, high) for y in (0.0, 1.0) for x in (0.0, 1.0)]
+        faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+        elements.append({"id": name, "vertices": corners, "faces": faces, "support": support})
+    inner = {"tensile_strength": 5e4, "shear_strength": 1e4}
+    scene = {
+        "elements": elements,
+        "materials": {"density": 2000.0, "dry": {"friction_coefficient": 0.6}, "inner": inner},
+        "loads": {"live": [{"body": [1, 0, -0.5]}]},
+    }
+    assembly = build_assembly(parse_scene(all_inner(scene)))
+    found = bounds_by_fields(assembly, gap=0.9, most=30)
+    field = found.velocities
+    assert field is not None
+    work, dead = works(assembly, field.mesh.corners, field.velocity, field.mesh.cell)
+    assert work == pytest.approx(1.0, rel=1e-9)
+    assert float(field.dissipation.sum()) - dead == pytest.approx(found.upper, rel=1e-9)
+
+
+# Shortcuts of solves: linear systems without refinement and fields that are not settled, where nothing is lost.
+
+
+LABELS = np.array([letter == "d" for letter in "iiidididddddiididdidiiid"])
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    setting = FieldSetting.of(build_assembly(load_scene(SCENE)))
+    return setting.problem(setting.coarse)
+
+
+def test_bounds_do_not_depend_on_refined_linear_systems(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both bounds with and without iterative refinement, to a tenth of what scenes may differ by (1e-6)."""
+
+    def careful(self: ConeProgram, off: object = None, objective: object = None) -> Answer:
+        return self._solve(off, objective, careful=True)  # type: ignore[arg-type]
+
+    quick = LowerBound(problem).bound(LABELS), UpperBound(problem).bound(LABELS)
+    monkeypatch.setattr(ConeProgram, "solve", careful)
+    slow = LowerBound(problem).bound(LABELS), UpperBound(problem).bound(LABELS)
+    for one, other in zip(quick, slow, strict=True):
+        assert one is not None
+        assert other is not None
+        assert one.factor == pytest.approx(other.factor, rel=1e-7)
+
+
+def test_an_answer_that_is_not_solved_is_asked_for_again(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What fails without refinement is solved with it, and that answer counts."""
+    original, asked = ConeProgram._solve, []
+
+    def failing(self: ConeProgram, off: object, objective: object, careful: bool) -> Answer:
+        asked.append(careful)
+        found = original(self, off, objective, careful)  # type: ignore[arg-type]
+        return found if careful else Answer(0.0 * found.point, found.dual, 0.0, False, "NumericalError")
+
+    monkeypatch.setattr(ConeProgram, "_solve", failing)
+    found = LowerBound(problem).bound(LABELS)
+    assert asked == [False, True]
+    assert found is not None
+    assert found.factor > 0.0
+
+
+def test_a_field_is_settled_where_opening_costs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Velocities with slips of 1e-6 where nothing moves are settled, those of the solver are not; λ is the same."""
+    upper, settled = UpperBound(problem), []
+    original = Settling.settled
+
+    def watched(self: Settling, velocity: np.ndarray, dry: np.ndarray) -> np.ndarray:
+        settled.append(True)
+        return original(self, velocity, dry)
+
+    monkeypatch.setattr(Settling, "settled", watched)
+    answer = upper.propose(LABELS)
+    velocity = answer.point[: 6 * len(problem.mesh)].reshape(-1, 3, 2)
+    found = upper.certify(velocity, LABELS, answer.objective)
+    assert not settled
+    noise = 1e-6 * abs(velocity).max() * np.random.default_rng(1).uniform(-1.0, 1.0, velocity.shape)
+    shaken = upper.certify(velocity + noise, LABELS, answer.objective)
+    assert settled
+    assert found is not None
+    assert shaken is not None
+    assert found.factor == pytest.approx(answer.objective, rel=1e-7)
+    assert shaken.factor == pytest.approx(found.factor, rel=1e-2)
+    assert shaken.factor >= answer.objective * (1.0 - 1e-9)

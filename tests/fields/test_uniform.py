@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
-from jld_core import Floats
-from jld_core.fields.forms import Material
+from cases import box
+from jld_core import Floats, build_assembly, parse_scene
+from jld_core.fields.forms import Material, normal_map, tensors
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.mesh import Mesh, subdivide
-from jld_core.fields.problem import Joints, Problem, Units
+from jld_core.fields.mesh import Mesh, bisect, split_at_centroids, subdivide
+from jld_core.fields.problem import Joints, Problem, Units, material_of, problem_of, units_of
+from jld_core.fields.solids import loaded_solids
 from jld_core.fields.upper import UpperBound
 
 SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [0.1, -0.05]])
@@ -104,3 +108,119 @@ def test_slack_is_the_distance_to_yield() -> None:
     assert material.slack(points) == pytest.approx([0.0, 0.2, 0.0, -1.3])
     assert material.sine == pytest.approx(0.6)
     assert material.intercept == pytest.approx(0.8)
+
+
+# Uniform stresses in a free cube, and the support function in space: closed forms and a second route.
+
+
+INNER = {"tensile_strength": TENSION, "shear_strength": COHESION}
+
+
+@cache
+def cube(times: int) -> Problem:
+    """A cube of side 1 without any interface: bisected as often as stated."""
+    parts = [box("ground", [0, 0, -1], [1, 1, 0], support=True), box("cube", [0, 0, 0], [1, 1, 1])]
+    document = {
+        "elements": parts,
+        "materials": {"density": 0.0, "dry": {"friction_coefficient": 0.5}, "inner": INNER},
+        "loads": {"live": [{"element": "cube", "force": [1, 0, 0]}]},
+    }
+    assembly = build_assembly(parse_scene(document))
+    mesh, loads = loaded_solids(assembly)
+    mesh = replace(mesh, tagged=mesh.tagged[:0], tag=mesh.tag[:0])
+    for _ in range(times):
+        mesh = bisect(mesh, np.ones(len(mesh), dtype=bool))
+    material = material_of(assembly)
+    found = problem_of(assembly, material, units_of(assembly, material), mesh, loads)
+    return replace(found, live=np.zeros_like(found.live))
+
+
+def tensor(xx: float, yy: float, zz: float, xy: float = 0.0, yz: float = 0.0) -> Floats:
+    return np.array([[xx, xy, 0.0], [xy, yy, yz], [0.0, yz, zz]])
+
+
+CASES_IN_SPACE = [
+    # (friction, crushing, stress, λ)
+    (0.0, np.inf, tensor(1, 0, 0), TENSION),
+    (0.0, np.inf, tensor(0, 0, -1), 2.0 * COHESION),
+    (0.0, 1.5, tensor(0, -1, 0), 1.5),
+    (0.0, np.inf, tensor(0, 0, 0, xy=1), TENSION),
+    (0.0, np.inf, tensor(-2, -2, -2, yz=1), COHESION),
+    # σ1 − σ3 = 2τ is half of |σx − σz| here: the middle stress plays no part
+    (0.0, np.inf, tensor(-1, -2, -3), COHESION),
+    (0.0, 1.5, tensor(-1, -1, -1), 1.5),
+    # Mohr–Coulomb in uniaxial compression: 2 c cos φ / (1 − sin φ), with tan φ = 3/4: 2 · 0.8 / 0.4
+    (0.75, np.inf, tensor(0, 0, -1), 4.0),
+    (0.75, 3.0, tensor(0, 0, -1), 3.0),
+    # triaxial compression: 1.6 σ1 − 0.4 σ3 = 1.6
+    (0.75, np.inf, tensor(-0.5, -0.5, -3), 4.0),
+]
+
+
+@pytest.mark.parametrize(("friction", "crushing", "stress", "factor"), CASES_IN_SPACE)
+def test_uniform_stress_in_space(friction: float, crushing: float, stress: Floats, factor: float) -> None:
+    """Both bounds are the factor at which the uniform stress reaches yield."""
+    given = replace(cube(0), material=Material(TENSION, COHESION, friction, crushing))
+    outside, labels = given.sides.b < 0, np.zeros(1, dtype=bool)
+    pull = np.where(outside[:, None, None], (given.sides.normal @ stress)[:, None], 0.0).repeat(3, axis=1)
+    given = replace(given, pull=pull)
+    lower, upper = LowerBound(given).bound(labels), UpperBound(given).bound(labels)
+    assert lower is not None
+    assert upper is not None
+    assert lower.room >= 0.0
+    assert lower.factor == pytest.approx(factor, rel=1e-4)
+    assert upper.factor == pytest.approx(factor, rel=1e-4)
+    assert lower.factor <= factor * (1.0 + 1e-12)
+    assert upper.factor >= factor * (1.0 - 1e-12)
+
+
+@pytest.mark.parametrize(("friction", "crushing"), [(0.0, np.inf), (0.3, np.inf), (0.75, 2.0)])
+def test_support_function_is_the_largest_power_over_the_set_in_space(friction: float, crushing: float) -> None:
+    """D(tr ε, Σ|ε_i|) is the largest Σ σ_i ε_i, found here by a linear program over the principal stresses."""
+    material = Material(TENSION, COHESION, friction, crushing)
+    rows, right = [*np.eye(3)], [TENSION] * 3
+    if np.isfinite(crushing):
+        rows, right = [*rows, *(-np.eye(3))], right + [crushing] * 3
+    for i in range(3):
+        for j in range(3):
+            if i != j:
+                row = np.zeros(3)
+                row[i], row[j] = 1.0 + material.sine, material.sine - 1.0
+                rows.append(row)
+                right.append(2.0 * material.intercept)
+    for rate in np.random.default_rng(2).normal(size=(12, 3)):
+        found = linprog(-rate, A_ub=np.array(rows), b_ub=right, bounds=(None, None))
+        power = float(material.dissipation(np.array([rate.sum()]), np.array([abs(rate).sum()]))[0])
+        if found.status == 3:
+            assert power == np.inf
+        else:
+            assert found.fun is not None
+            assert power == pytest.approx(-found.fun, rel=1e-9, abs=1e-9)
+
+
+def test_tensors_and_tractions() -> None:
+    """Vectors of tensors keep products, and σ n is the same by both routes."""
+    rng = np.random.default_rng(3)
+    vectors, normals = rng.normal(size=(5, 6)), rng.normal(size=(5, 3))
+    full = tensors(vectors)
+    assert np.allclose((full * full).sum(axis=(1, 2)), (vectors**2).sum(axis=1))
+    assert np.allclose(np.einsum("kij,kj->ki", full, normals), np.einsum("kij,kj->ki", normal_map(normals), vectors))
+
+
+@pytest.mark.parametrize("times", [0, 1, 4])
+def test_meshes_fill_the_cube(times: int) -> None:
+    """Volumes add up, every triangle inside has two sides, gradients are exact, and no tetrahedron degenerates."""
+    mesh: Mesh = cube(times).mesh
+    for one in (mesh, split_at_centroids(mesh)):
+        sides = one.sides
+        assert one.volume.min() > 0.02 * one.volume.max()
+        assert one.volume.sum() == pytest.approx(1.0)
+        assert sides.area[sides.b < 0].sum() == pytest.approx(6.0)
+        assert 4 * len(one) == 2 * int((sides.b >= 0).sum()) + int((sides.b < 0).sum())
+        two = sides.b >= 0
+        places = one.corners[sides.a[two][:, None], sides.corner_a[two]]
+        assert np.array_equal(places, one.corners[sides.b[two][:, None], sides.corner_b[two]])
+        slope = np.einsum("tki,tkj->tij", one.corners, one.gradient)
+        assert np.allclose(slope, np.eye(3))
+        away = one.corners[sides.a].mean(axis=1) - one.corners[sides.a[:, None], sides.corner_a].mean(axis=1)
+        assert (np.einsum("fi,fi->f", away, sides.normal) < 0.0).all()

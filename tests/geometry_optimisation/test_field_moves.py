@@ -18,8 +18,7 @@ from jld_core.fields import WeakEquilibrium, bounds_by_fields
 from jld_core.fields.bounds import FieldSetting
 from jld_core.fields.mesh import subdivide
 from jld_core.fields.upper import UpperBound
-from jld_geometry.field_search import FieldMesh, FieldSearch, move_by_fields
-from jld_geometry.search import GeometrySearch, TrustRegion
+from jld_geometry import FieldMesh, FieldSearch, GeometrySearch, TrustRegion, move_by_fields
 
 FRICTION = 0.9
 

@@ -62,6 +62,28 @@ def test_a_block_in_space_is_scaled_across_its_thin_side(jld: Command, tmp_path:
     assert "geometric safety         2.5" in jld("solve", path, "--geometric").out
 
 
+def test_a_wall_of_single_blocks_needs_the_thickness_of_overturning(jld: Command, tmp_path: Path) -> None:
+    document = {
+        "name": "column",
+        "elements": [
+            *({"id": f"b{k}", "polygon": [[0, k], [1.2, k], [1.2, k + 1], [0, k + 1]]} for k in range(4)),
+            {"id": "g", "polygon": [[-1, -1], [2, -1], [2, 0], [-1, 0]], "support": True},
+        ],
+        "materials": {"density": 2.0, "gravity": [1.0, -10.0], "dry": {"friction_coefficient": 0.8}},
+        "loads": {"live": [{"body": [1, 0]}]},
+    }
+    path = tmp_path / "scene.json"
+    for lean, factor in ((1.0, 1.2 / 0.4), (0.0, None)):
+        document["materials"]["gravity"] = [lean, -10.0]  # type: ignore[index]
+        path.write_text(json.dumps(document), "utf-8")
+        told = json.loads(jld("solve", path, "--geometric", "--json", "--no-sensitivities").out)["geometric"]
+        assert told["thickness"] == pytest.approx([1.2, 1.2])
+        if factor is None:
+            assert told["factor"] == [1024.0, None]  # it stands at any thickness
+        else:
+            assert told["factor"] == pytest.approx([factor, factor], rel=3e-6)
+
+
 @pytest.mark.parametrize(
     ("scene", "words"),
     [

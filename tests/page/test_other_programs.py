@@ -32,11 +32,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A studio as `jld studio` starts it, in a thread."""
     import uvicorn
 
-    from jld_studio import server
-    from jld_studio.api import Api
-    from jld_studio.jobs import Jobs
-    from jld_studio.server import build_app
-    from jld_studio.session import StudioSession
+    from jld_studio import Api, Jobs, StudioSession, build_app, server
 
     desk = StudioSession(parse_scene(small_scene()))
     root = tmp_path_factory.mktemp("studio")

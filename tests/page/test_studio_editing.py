@@ -19,8 +19,9 @@ from jld_core.exchange import import_file
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
+from jld_studio import collapse_loads
 from jld_studio.scene_store import with_support
-from jld_studio.session import collapse_loads, texts_of_bounds
+from jld_studio.session import texts_of_bounds
 from local_studio import Local, fits
 
 

@@ -29,9 +29,8 @@ from jld_explore.report.page_data import asset_names
 
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
-from jld_studio import server, session  # noqa: E402
-from jld_studio.jobs import MOST, ORDERS, Jobs  # noqa: E402
-from jld_studio.session import StudioSession  # noqa: E402
+from jld_studio import Jobs, StudioSession, server, session  # noqa: E402
+from jld_studio.jobs import MOST, ORDERS  # noqa: E402
 from local_studio import TOKEN, Local  # noqa: E402
 
 

@@ -15,12 +15,14 @@ from cases import ROUTE, as_elements, box, rotated
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.build.loads import settlements_of
-from jld_practice.reactions import Settled, thrust_ranges
-from jld_practice.reactions.force_range import reactions, settle
-from jld_practice.reactions.thrust import (
+from jld_practice.reactions import (
+    Settled,
+    reactions,
     reactions_of_supports,
     resultant_of_joint,
     resultant_of_section,
+    settle,
+    thrust_ranges,
 )
 from jld_samples import arch
 

@@ -18,7 +18,7 @@ from jld_core.errors import InputError
 from jld_core.geometry import across, area_vector, spun
 from jld_core.loads import Loads, Traction, edge_traction, points_of
 from jld_core.scene import FillLoad, PointLoad
-from jld_core.scene.loads import OUTSIDE, BodyLoad, Case, FaceLoad, LoadEntry, MovingLoad, Pushes
+from jld_core.scene.loads import OUTSIDE, BodyLoad, Case, FaceLoad, LoadEntry, MovingLoad, Pushes, TiltLoad
 from jld_core.scene.materials import Strip
 from jld_core.scene.schema import Scene
 
@@ -216,10 +216,13 @@ def _tractions(
     return found
 
 
-def body_forces(entry: BodyLoad, elements: Elements, where: str) -> Floats:
+def body_forces(entry: BodyLoad | TiltLoad, elements: Elements, where: str) -> Floats:
     """Return the forces (n, d) of a body load: magnitudes of weights times its vector, zero on supports."""
-    body = _vector(entry.body, elements.centroid.shape[1], f"{where}.body")
+    tilts = isinstance(entry, TiltLoad)
+    body = _vector(entry.body, elements.centroid.shape[1], f"{where}.{'tilt.towards' if tilts else 'body'}")
     magnitude = np.linalg.norm(elements.weight, axis=1)
+    if tilts and abs(elements.weight @ body).max(initial=0.0) > 1e-9 * magnitude.max(initial=0.0):
+        raise InputError(f"{where}.tilt.towards", "it is not horizontal", "a direction across gravity")
     return np.asarray(np.where(elements.support, 0.0, magnitude)[:, None] * body)
 
 
@@ -397,7 +400,7 @@ class Boundary:
         points, tractions = [], list[Traction]()
         for position, entry in enumerate(entries):
             where = f"{key}[{position}]"
-            if isinstance(entry, BodyLoad):
+            if isinstance(entry, BodyLoad | TiltLoad):
                 body += body_forces(entry, self.elements, where)
             elif isinstance(entry, PointLoad):
                 index, couple = couple_of(entry, self.elements, where)

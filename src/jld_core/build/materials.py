@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
@@ -86,7 +87,7 @@ def criteria(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None]
 ) -> tuple[StatedCriterion, ...]:
     """Return the criteria of plug-ins that a scene states, each with its interfaces (m,)."""
-    found: dict[tuple[str, str, tuple[tuple[str, float], ...]], list[int]] = {}
+    found: dict[str, tuple[StatedCriterion, list[int]]] = {}
     for label in ("dry", "inner"):
         usual, keys = getattr(materials, label), _OF_CONTACTS[label]
         for number, (contact, face) in enumerate(zip(contacts, faces, strict=True)):
@@ -94,16 +95,21 @@ def criteria(
             own = getattr(face, label) if face is not None else None
             if face is not None and own is not None and own.model_fields_set:
                 source, key = own, f"materials.faces of {'–'.join(face.between)}: {label}"
-            if source is None or source.criterion is None:
+            named = None if source is None else source.named
+            if named is None:
                 continue
+            name, parameters = named
             given = [one for one in keys if contact is not None and getattr(contact, one) is not None]
             if contact is not None and given:
                 where = f"interface {'–'.join(contact.elements)}: {given[0]}"
-                raise InputError(where, f'{key} has the criterion "{source.criterion}"', "no strength of its own")
-            values = stated(label, source.criterion, source.parameters, key)
-            found.setdefault((label, source.criterion, values), []).append(number)
+                raise InputError(where, f'{key} has the criterion "{name}"', "no strength of its own")
+            text = json.dumps([label, name, parameters], sort_keys=True)
+            if text not in found:
+                values = stated(label, name, parameters, key)
+                found[text] = StatedCriterion(label, name, values, np.zeros(0, dtype=bool)), []
+            found[text][1].append(number)
     mask = np.arange(len(contacts))
-    return tuple(StatedCriterion(*key, np.isin(mask, places)) for key, places in found.items())
+    return tuple(replace(one, faces=np.isin(mask, places)) for one, places in found.values())
 
 
 # Prefix of the keys of friction of a label in "interfaces", and the keys there that state strengths of one label
@@ -128,7 +134,7 @@ def strengths(
     for contact, face in zip(contacts, faces or [None] * len(contacts), strict=True):
         own = dict(usual)
         if face is not None:
-            stating = [label for label in _PREFIX if getattr(getattr(face, label), "criterion", None) is not None]
+            stating = [label for label in _PREFIX if getattr(getattr(face, label), "named", None) is not None]
             own |= {one.field: None for one in PARAMETERS if one.label in stating}
             own |= _of_face(face)
             _check_apex(own, f"materials.faces of {'–'.join(face.between)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -12,7 +13,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.mechanics.criteria import FaceRows, Gauge, geometry_of, rows_of
 from jld_core.mechanics.equilibrium import Scaling
-from jld_core.mechanics.polytopes import corners, enclosing_rows
+from jld_core.mechanics.polytopes import Vector, corners, enclosing_rows, exact_corners
 from jld_core.mechanics.row_yield import LabelRows, RowYield
 from jld_core.mechanics.standard import (
     ROUTE_OF_ROWS,
@@ -27,6 +28,8 @@ from jld_core.mechanics.yield_set import YieldSet
 from jld_core.strengths import Strengths
 
 _ROUNDED: Final = 1e-12  # share of a strength by which N may pass the apex of friction in rounding
+
+_MOST: Final = 600_000  # largest number of groups of rows that are tried for vertices and rays
 
 _TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strengths, below which the row touches it
 
@@ -48,7 +51,9 @@ def _of_stresses(assembly: Assembly, inner_bending: InnerBending) -> tuple[Label
     if assembly.dimension == 3:
         none = np.zeros(len(assembly.interfaces), dtype=bool)
         bending = bending_of(assembly.interfaces, none, inner_bending, np.isfinite(numbers.side(dry=False).crush))
-    dry, inner = (_compiled(assembly, _rows(assembly, numbers, bending, label), label) for label in (True, False))
+    groups = [_rows(assembly, numbers, bending, label) for label in (True, False)]
+    width = max(rows.C.shape[2] for one in groups for _, rows in one)
+    dry, inner = (_compiled(assembly, one, width, label) for one, label in zip(groups, (True, False), strict=True))
     return dry, inner
 
 
@@ -77,8 +82,8 @@ def maps_criteria(assembly: Assembly, face_to: Ints, matrix: Floats) -> bool:
     faces, turned = assembly.interfaces, float(np.sign(np.linalg.det(matrix)))
     to = faces.take(face_to)
     swapped = np.sign(np.einsum("mi,mi->m", faces.normal @ matrix.T, to.normal))
-    count = len(faces)
-    core, shear = np.tile(np.eye(3), (count, 1, 1)), np.tile(np.eye(2), (count, 1, 1))
+    count, sets = len(faces), _of_stresses(assembly, "uncoupled")
+    core, shear = np.tile(np.eye(sets[0].C.shape[2]), (count, 1, 1)), np.tile(np.eye(2), (count, 1, 1))
     if assembly.dimension == 2:
         core[:, 1, 1], core[:, 2, 2] = turned, turned * swapped
     else:
@@ -86,12 +91,16 @@ def maps_criteria(assembly: Assembly, face_to: Ints, matrix: Floats) -> bool:
         turn = np.round(np.swapaxes(axes[1], 1, 2) @ matrix @ axes[0], 9)
         if not np.isin(turn, (-1.0, 0.0, 1.0)).all():
             return False
-        core[:, 1:, 1:], shear = turned * swapped[:, None, None] * turn, swapped[:, None, None] * turn
-    return all(_mapped(one, face_to, core, shear) for one in _of_stresses(assembly, "uncoupled"))
+        shear = swapped[:, None, None] * turn
+        if core.shape[1] == 6:
+            core[:, 1:3, 1:3], core[:, 5, 5] = shear, turned
+        bends = slice(1, 3) if core.shape[1] == 3 else slice(3, 5)
+        core[:, bends, bends] = turned * shear
+    return all(_mapped(one, face_to, core, shear) for one in sets)
 
 
 def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
-    """Return True if maps of the core (m, 3, 3) and of shear (m, 2, 2) turn each set into that of its image."""
+    """Return True if maps of the core (m, q, q) and of shear (m, 2, 2) turn each set into that of its image."""
     for points in (sets.vertices, sets.rays):
         if not points.shape[1]:
             continue
@@ -105,6 +114,33 @@ def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
         return False
     numbers = np.column_stack([sets.k, sets.c, sets.mu, sets.coupled])
     return bool(np.allclose(numbers[to], numbers, rtol=1e-9, atol=0.0))
+
+
+def exact_sets(assembly: Assembly) -> dict[tuple[int, bool], tuple[tuple[Vector, ...], tuple[Gauge, ...]]]:
+    """Return the yield sets that criteria of plug-ins state, in stresses, exact for the numbers of their rows.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+
+    Returns
+    -------
+    dict
+        For each face and label, True = dry, with a criterion: vertices (x w, w) and rays (x, 0) of the core as
+        integers, and gauges with numbers of this face.
+    """
+    numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
+    if assembly.dimension == 3:
+        none = np.zeros(len(assembly.interfaces), dtype=bool)
+        bending = bending_of(assembly.interfaces, none, "uncoupled", np.isfinite(numbers.side(dry=False).crush))
+    found = {}
+    for dry in (True, False):
+        for which, rows in _rows(assembly, numbers, bending, dry)[1:]:
+            for place, face in enumerate(which.tolist()):
+                gauges = tuple(_taken(gauge, np.arange(len(which)) == place) for gauge in rows.gauges)
+                found[face, dry] = exact_corners(rows.C[place], rows.d[place]), gauges
+    return found
 
 
 def _standard(numbers: Strengths, bending: Bending | None, *, dry: bool) -> FaceRows:
@@ -128,7 +164,7 @@ def _rows(assembly: Assembly, numbers: Strengths, bending: Bending | None, dry: 
     for one in assembly.face_strengths.criteria:
         which = np.flatnonzero(one.faces)
         if one.label == label and which.size:
-            found.append((which, rows_of(one, geometry_of(assembly.interfaces, which, bending))))
+            found.append((which, rows_of(one, geometry_of(assembly.interfaces, which, bending, label))))
             plain[which] = False
     standard = _standard(numbers, bending, dry=dry)
     gauges = tuple(_taken(gauge, plain) for gauge in standard.gauges)
@@ -141,41 +177,41 @@ def _taken(gauge: Gauge, faces: Bools) -> Gauge:
     return Gauge(None if gauge.shear is None else gauge.shear[faces], *numbers)
 
 
-def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], dry: bool) -> LabelRows:
+def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: int, dry: bool) -> LabelRows:
     """Return one label's sets in stresses: needed rows, vertices, rays, class of each face.
 
-    InputError for unusable rows.
+    width: resultants of the core. InputError for unusable rows.
     """
     count, most = len(assembly.interfaces), max(rows.C.shape[1] for _, rows in groups)
-    table = np.zeros((count, most, 4))
+    table = np.zeros((count, most, width + 1))
     for which, rows in groups:
-        size = abs(rows.C).max(axis=2, initial=0.0)[..., None]
-        whole = np.concatenate([rows.C, rows.d[..., None]], axis=2)
-        table[which, : rows.C.shape[1]] = whole / np.where(size > 0.0, size, 1.0)
+        size = abs(rows.C).max(axis=2, initial=0.0)
+        size = np.where(size > 0.0, size, 1.0)[..., None]
+        columns = np.arange(width) if rows.C.shape[2] == width else np.array([0, 3, 4])
+        places = which[:, None, None], np.arange(rows.C.shape[1])[:, None]
+        table[(*places, columns)], table[(*places, [width])] = rows.C / size, rows.d[..., None] / size
     kinds, first, kind = np.unique(table.reshape(count, -1), axis=0, return_index=True, return_inverse=True)
-    kind, key = kind.ravel(), f"materials.{'dry' if dry else 'inner'}.criterion"
-    own = [one for one in assembly.face_strengths.criteria if (one.label == "dry") == dry]
-    names = [next((one.name for one in own if one.faces[face]), "standard") for face in first.tolist()]
-    parts = [_core(one, key, name) for one, name in zip(kinds.reshape(-1, most, 4), names, strict=True)]
+    kind, own = kind.ravel(), [one for one in assembly.face_strengths.criteria if (one.label == "dry") == dry]
+    names = [next(((one.key, one.name) for one in own if one.faces[face]), ("materials", "standard")) for face in first]
+    parts = [_core(one, *name) for one, name in zip(kinds.reshape(-1, most, width + 1), names, strict=True)]
     limits, vertices, rays = (_padded([part[k] for part in parts], repeat=k == 1)[kind] for k in range(3))
     shear, numbers, coupled = _gauges(groups, count)
     k, c, mu = numbers
-    found = LabelRows(limits[..., :3], limits[..., 3], shear, k, c, mu, coupled, vertices, rays, kind)
+    found = LabelRows(limits[..., :-1], limits[..., -1], shear, k, c, mu, coupled, vertices, rays, kind)
     for one in own:
         low = vertices[one.faces, :, 0].min(axis=1, initial=np.inf)[:, None]
         spare = c[one.faces] + mu[one.faces] * low
         if spare.min(initial=0.0) < -_ROUNDED * max(1e-300, float(c[one.faces].max(initial=0.0))):
             problem = f'N of "{one.name}" reaches {float(low.min()):g}, where c + μN is negative'
-            raise InputError(key, problem, "N of at least −c/μ")
+            raise InputError(one.key, problem, "N of at least −c/μ")
     return found
 
 
 def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Floats, Bools]:
     """Return B (m, 2, 2); k, c and μ (3, m, 2) of the gauges of shear and torsion; and a mask (m,) of those in one."""
-    # Gauges are divided by the larger of the size of B and k.
-    shear, coupled = np.tile(np.eye(2), (count, 1, 1)), np.zeros(count, dtype=bool)
+    # Gauges are divided by the larger of the size of B and k. Where rows limit shear, B is zero.
+    shear, coupled = np.zeros((count, 2, 2)), np.zeros(count, dtype=bool)
     numbers = np.zeros((3, count, 2))
-    numbers[0] = any(rows.gauges for _, rows in groups)  # in the plane, rows limit V
     for which, rows in groups:
         for gauge in rows.gauges:
             torsion, capacity, friction = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
@@ -202,12 +238,19 @@ def _padded(parts: list[Floats], *, repeat: bool) -> Floats:
 
 
 def _core(table: Floats, key: str, name: str) -> tuple[Floats, Floats, Floats]:
-    """Return rows (r, 4), vertices (p, 3) and rays (q, 3) of a core; InputError for an unusable set."""
-    table = np.unique(table[np.any(table[:, :3] != 0.0, axis=1)], axis=0)
-    rows, constants = table[:, :3], table[:, 3]
-    if np.linalg.matrix_rank(rows) < 3 if len(rows) else True:
-        raise InputError(key, f'"{name}" leaves a force or moment without limit', "rows that limit all three")
-    vertices, rays = corners(rows, constants)
+    """Return rows (r, q + 1), vertices (p, q) and rays (r, q) of a core; InputError for an unusable set."""
+    table = np.unique(table[np.any(table[:, :-1] != 0.0, axis=1)], axis=0)
+    width = table.shape[1] - 1
+    used = np.any(table[:, :-1] != 0.0, axis=0) | ((width == 3) | np.isin(np.arange(width), [0, 3, 4]))
+    used[1:3] |= (width == 6) & used[1:3].any()
+    count, rows, constants = int(used.sum()), table[:, :-1][:, used], table[:, -1]
+    if np.linalg.matrix_rank(rows) < count if len(rows) else True:
+        raise InputError(key, f'"{name}" leaves a force or moment without limit', "rows that limit all of them")
+    if math.comb(len(rows) + 1, count) > _MOST:
+        raise InputError(key, f'"{name}" has {len(rows)} rows of {count} resultants', "fewer rows")
+    found = corners(rows, constants)
+    vertices, rays = (np.zeros((len(part), width)) for part in found)
+    vertices[:, used], rays[:, used] = found
     if not len(vertices):
         raise InputError(key, f'no force satisfies all rows of "{name}"', "a set that is not empty")
     if rays[:, 0].min(initial=0.0) < 0.0:
@@ -215,23 +258,22 @@ def _core(table: Floats, key: str, name: str) -> tuple[Floats, Floats, Floats]:
     if not (vertices[:, 0].any() or rays[:, 0].any()):
         raise InputError(key, f'"{name}" carries no N', "rows that let N act")
     generators = np.vstack([np.column_stack([vertices, np.ones(len(vertices))]), np.pad(rays, ((0, 0), (0, 1)))])
-    if np.linalg.matrix_rank(generators) == 4:
-        # A facet holds three extreme points or rays; other rows touch the set, or stay away.
+    if np.linalg.matrix_rank(generators) == count + 1:
+        # A facet holds as many extreme points or rays as resultants; other rows touch the set, or stay away.
         gap = abs(generators @ table.T) / np.maximum(abs(generators).max(axis=1), 1e-300)[:, None]
-        table = table[(gap <= _TOUCHES * max(1.0, float(constants.max()))).sum(axis=0) >= 3]
+        table = table[(gap <= _TOUCHES * max(1.0, float(constants.max()))).sum(axis=0) >= count]
     return table, vertices, rays
 
 
 def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
     """Return sets of stresses that enclose those of both labels."""
-    # The cores have hulls; in the plane those of (N, M) and of (N, V). A gauge is the widest circle in the two of
-    # shear, with a line above the capacities of both labels.
+    # The cores have hulls of (N, moments), and of N with what rows limit of shear and torsion. A gauge is the widest
+    # circle in the two of shear, with a line above the capacities of both labels.
     vertices = np.concatenate([dry.vertices, inner.vertices], axis=1)
     rays = np.concatenate([dry.rays, inner.rays], axis=1)
-    _, first, kind = np.unique(np.column_stack([dry.kind, inner.kind]), axis=0, return_index=True, return_inverse=True)
-    parts = [
-        _hull_of(dimension, vertices[face], rays[face][np.any(rays[face] != 0.0, axis=1)]) for face in first.tolist()
-    ]
+    facts = [part for one in (dry, inner) for part in (one.kind, one.B.reshape(-1, 4), one.k, one.c, one.mu)]
+    _, first, kind = np.unique(np.column_stack(facts), axis=0, return_index=True, return_inverse=True)
+    parts = [_hull_of(dimension, dry, inner, face) for face in first.tolist()]
     kind = kind.ravel()
     table = _padded(parts, repeat=False)[kind]
     ends = [(one.vertices[:, :, 0].min(axis=1), one.vertices[:, :, 0].max(axis=1)) for one in (dry, inner)]
@@ -247,13 +289,15 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
         axis=0,
     )
     narrow = np.min([np.linalg.svd(one.B, compute_uv=False)[:, 1] for one in (dry, inner)], axis=0)
+    turns = np.minimum(dry.k, inner.k)
+    held = np.column_stack([narrow, turns[:, 1]]) > 0.0  # the others stand in rows
     return LabelRows(
-        table[..., :3],
-        table[..., 3],
+        table[..., :-1],
+        table[..., -1],
         narrow[:, None, None] * np.eye(2),
-        np.minimum(dry.k, inner.k),
-        start - steep * low,
-        steep,
+        turns,
+        np.where(held, start - steep * low, 0.0),
+        np.where(held, steep, 0.0),
         dry.coupled & inner.coupled,
         vertices,
         rays,
@@ -261,23 +305,45 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
     )
 
 
-def _hull_of(dimension: int, vertices: Floats, rays: Floats) -> Floats:
-    """Return the rows (r, 4) of the hull of vertices (p, 3) and rays (q, 3) of cores."""
-    if dimension == 3:
-        return np.column_stack(enclosing_rows(vertices, rays))
-    table = []
-    for other in (2, 1):
-        rows, constants = enclosing_rows(vertices[:, [0, other]], rays[:, [0, other]])
-        part = np.zeros((len(rows), 4))
-        part[:, [0, other]], part[:, 3] = rows, constants
-        # Both projections have the same range of N.
-        table.append(part if other == 2 else part[part[:, 1] != 0.0])
+def _hull_of(dimension: int, dry: LabelRows, inner: LabelRows, face: int) -> Floats:
+    """Return the rows (r, q + 1) of the hulls of both labels of a face, in each part of their core."""
+    both, width = (dry, inner), dry.C.shape[2]
+    parts = [[0, 2], [0, 1]] if dimension == 2 else [[0, 1, 2] if width == 3 else [0, 3, 4]]
+    if width > 3:
+        parts += [[0, 1, 2]] * any(not one.B[face].any() for one in both)
+        parts += [[0, 5]] * any(not one.k[face, 1] for one in both)
+    table = list[Floats]()
+    for part in parts:
+        vertices, rays = (np.vstack([_ends(one, face, part, ends) for one in both]) for ends in ("vertices", "rays"))
+        rows, constants = enclosing_rows(vertices, rays[np.any(rays != 0.0, axis=1)])
+        found = np.zeros((len(rows), width + 1))
+        found[:, part], found[:, -1] = rows, constants
+        # All parts have the same range of N.
+        table.append(found if not table else found[np.any(found[:, part[1:]] != 0.0, axis=1)])
     return np.vstack(table)
+
+
+def _ends(one: LabelRows, face: int, part: list[int], ends: str) -> Floats:
+    """Return vertices or rays (p, k) of a part of a set; those of a polygon about it where a gauge is its limit."""
+    points = np.asarray(getattr(one, ends)[face][:, part])
+    place, held = int(part == [0, 5]), one.B[face].any() if part == [0, 1, 2] else one.k[face, 1] > 0.0
+    if one.C.shape[2] == 3 or part == [0, 3, 4] or not held:
+        return points
+    normal = np.unique(points[:, 0])
+    reach = one.mu[face, place] * normal + (one.c[face, place] if ends == "vertices" else 0.0)
+    if place:
+        around = np.array([[1.0], [-1.0]]) / one.k[face, 1]
+    else:
+        angles = (np.arange(8) + 0.5) * np.pi / 4.0
+        circle = np.column_stack([np.cos(angles), np.sin(angles)]) / np.cos(np.pi / 8.0)
+        around = circle @ np.linalg.inv(one.B[face]).T
+    points = reach[:, None, None] * around
+    return np.column_stack([np.repeat(normal, len(around)), points.reshape(-1, around.shape[1])])
 
 
 def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
     """Return sets whose rows of bending, shear and others have places of their own, so that they share sparsity."""
-    # Within a kind rows stand by falling N, in space by the angle of the moments.
+    # Within a kind rows stand by falling N, in space by the angle of the moments, or of shear.
     ordered, kinds = [], []
     for one in sets:
         c = one.C
@@ -286,8 +352,11 @@ def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
             kind = np.where(c[..., 1] == 0.0, np.where(c[..., 2] == 0.0, 2, 0), np.where(c[..., 2] == 0.0, 1, 2))
             keys = [np.where(kind == 1, c[..., 1], c[..., 2]), -c[..., 0]]
         else:
-            kind = np.where(c[..., 0] > 0.0, 0, 1)
-            keys = [np.round(np.mod(np.arctan2(-c[..., 2], -c[..., 1]), 2.0 * np.pi), 12)]
+            first, *more = (3, 1, 5) if c.shape[2] == 6 else (1,)
+            others = np.any(c[..., [*more, *(place + 1 for place in more[:1])]] != 0.0, axis=2)
+            kind = np.where(others, 2, np.where(c[..., 0] > 0.0, 0, 1))
+            pair = c[..., first : first + 2]
+            keys = [np.round(np.mod(np.arctan2(-pair[..., 1], -pair[..., 0]), 2.0 * np.pi), 12)]
         kind = np.where(idle, 3, kind)
         order = np.tile(np.arange(c.shape[1]), (len(c), 1))
         for key in (*keys, kind):
@@ -298,7 +367,7 @@ def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
     p, q = (max(getattr(one, name).shape[1] for one in sets) for name in ("vertices", "rays"))
     found = []
     for one, (c, d), kind in zip(sets, ordered, kinds, strict=True):
-        rows, constants = np.zeros((len(c), sum(slots), 3)), np.zeros((len(c), sum(slots)))
+        rows, constants = np.zeros((*c.shape[:1], sum(slots), c.shape[2])), np.zeros((len(c), sum(slots)))
         for number in range(3):
             face, place = np.nonzero(kind == number)
             first = np.argmax(kind == number, axis=1)[face]
@@ -309,9 +378,9 @@ def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
 
 
 def _widened(points: Floats, most: int) -> Floats:
-    """Return points (m, p, 3), the last repeated until there are `most`; zeros where there are none."""
+    """Return points (m, p, q), the last repeated until there are `most`; zeros where there are none."""
     more = most - points.shape[1]
-    last = points[:, -1:] if points.shape[1] else np.zeros((len(points), 1, 3))
+    last = points[:, -1:] if points.shape[1] else np.zeros((len(points), 1, points.shape[2]))
     return np.concatenate([points, np.repeat(last, more, axis=1)], axis=1)
 
 

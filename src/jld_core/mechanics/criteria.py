@@ -6,11 +6,12 @@ and the scaled moment M/(A l/2), which is n for a force at the edge. Compressed 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
+from pydantic import BaseModel
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Interfaces
@@ -25,6 +26,8 @@ class FaceGeometry:
 
     Attributes
     ----------
+    label : {"dry", "inner"}
+        Label for which the yield set is asked.
     dimension : int
         2 or 3.
     normal, e1, e2 : (k, d) arrays
@@ -40,6 +43,7 @@ class FaceGeometry:
         Coefficients c of the moments for elastic stress: n − c·m is the stress along an edge, or at a corner.
     """
 
+    label: Literal["dry", "inner"]
     dimension: int
     normal: Floats
     e1: Floats
@@ -102,12 +106,13 @@ class FaceRows:
 
     Attributes
     ----------
-    C : (r, 3) or (k, r, 3) array
-        Rows of x = (n, v, m) in the plane, or of x = (n, m1, m2) in space. Rows of zeros are idle.
+    C : (r, q) or (k, r, q) array
+        Rows of x = (n, v, m) in the plane; in space of x = (n, m1, m2), or of all six, (n, v1, v2, m1, m2, mT). Rows
+        of zeros are idle.
     d : (r,) or (k, r) array
         Constants, stress, at least 0: without force a face is safe.
     gauges : tuple of Gauge
-        Space: limits on shear and torsion. One limits both together, or one limits each.
+        Space: limits on shear and torsion. One limits both together, or one limits each; what rows limit needs none.
     """
 
     C: Floats
@@ -118,17 +123,20 @@ class FaceRows:
 class Criterion(Protocol):
     """Yield criterion that a package adds, the object that its entry point in `jld.criteria` names."""
 
-    label: Literal["dry", "inner"]
+    label: Literal["dry", "inner", "either"]
     """Label of the faces that it is for."""
 
-    parameters: Sequence[Parameter]
-    """Parameters that a scene states."""
+    parameters: Sequence[Parameter] | type[BaseModel]
+    """Numbers that a scene states, or a model of pydantic of what it states."""
 
-    def rows(self, faces: FaceGeometry, values: Mapping[str, float]) -> FaceRows:
-        """Return the yield set as rows of k faces, or of one for all of them."""
+    def rows(self, faces: FaceGeometry, values: Any) -> FaceRows:
+        """Return the yield set of faces.
+
+        values: numbers by name, or an instance of the model. Result: rows of k faces, or of one for all of them.
+        """
 
 
-def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None) -> FaceGeometry:
+def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None, label: Any) -> FaceGeometry:
     """Return the geometry of some faces; bending: of all faces, None in the plane."""
     own = faces.take(which)
     if bending is None:
@@ -137,7 +145,7 @@ def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None) -> Face
     else:
         edges, kern = (bending.table(dry=dry)[0][which] for dry in (True, False))
     return FaceGeometry(
-        faces.normal.shape[1],
+        *(label, faces.normal.shape[1]),
         *(own.normal, own.e1, own.e2, own.l1, own.l2, own.area, own.c_t, own.origin, edges, kern),
     )
 
@@ -147,21 +155,24 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
 
     InputError: wrong shapes, numbers not finite, negative d, shear in space without limit.
     """
-    key, k = f"materials.{one.label}.criterion", len(geometry)
-    criterion = criterion_of(one.name, f"materials.{one.label}")
+    key, k, dimension = one.key, len(geometry), geometry.dimension
+    criterion = criterion_of(one.name, key)
     try:
-        found = criterion.rows(geometry, dict(one.values))
+        found = criterion.rows(geometry, one.values)
         c = np.asarray(found.C, dtype=float)
         rows = np.array(np.broadcast_to(c, (k, *c.shape[-2:])))
         constants = np.array(np.broadcast_to(np.asarray(found.d, dtype=float), rows.shape[:2]))
         gauges = tuple(_arrays(gauge, k) for gauge in found.gauges)
+    except InputError as error:  # ".key" of what a scene states, and what is wrong with it
+        where = one.key + error.where if error.where.startswith(".") else error.where
+        raise InputError(where, error.problem, error.expected) from None
     except Exception as error:  # whatever the code of a stranger raises
-        shapes = "FaceRows with C (k, r, 3), d (k, r)"
+        shapes = "FaceRows with C (k, r, q), d (k, r)"
         raise InputError(key, f'the rows of "{one.name}" are unusable: {error!r}', shapes) from error
     numbers = [rows, constants, *(part for gauge in gauges for part in vars(gauge).values() if part is not None)]
-    if rows.shape[2:] != (3,) or not all(np.isfinite(part).all() for part in numbers):
-        problem = f'the rows of "{one.name}" are no finite numbers of 3 columns'
-        raise InputError(key, problem, "C (k, r, 3) and d (k, r)")
+    if rows.shape[2] not in (3, 3 * dimension - 3) or not all(np.isfinite(part).all() for part in numbers):
+        problem = f'the rows of "{one.name}" are no finite numbers of 3{" or 6" * (dimension == 3)} columns'
+        raise InputError(key, problem, "C (k, r, q) and d (k, r)")
     idle = ~np.any(rows != 0.0, axis=2)
     wrong = np.argwhere(constants < 0.0)
     if len(wrong):
@@ -169,11 +180,14 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
         problem = f'row {row} of "{one.name}" is {constants[face, row]:g} without force'
         raise InputError(key, problem, "d of at least 0: zero inside the yield set")
     constants[idle] = 0.0
-    if geometry.dimension == 3:
+    if dimension == 3:
+        own = np.any(rows != 0.0, axis=(0, 1))
+        held = [own[1] or own[2], own[5]] if len(own) == 6 else [False, False]
         limits = [sum(gauge.shear is not None for gauge in gauges), sum(np.any(gauge.torsion) for gauge in gauges)]
-        if limits != [1, 1] or any(np.any(gauge.torsion) != np.all(gauge.torsion) for gauge in gauges):
+        odd = any(count + by_rows != 1 for count, by_rows in zip(limits, held, strict=True))
+        if odd or any(np.any(gauge.torsion) != np.all(gauge.torsion) for gauge in gauges):
             problem = f'{limits[0]} gauges of "{one.name}" limit shear and {limits[1]} limit torsion'
-            raise InputError(key, problem, "one for both, or one for each")
+            raise InputError(key, problem, "one for both, or one for each, or rows of six columns")
         if any(gauge.shear is not None and np.min(abs(np.linalg.det(gauge.shear))) <= 0.0 for gauge in gauges):
             raise InputError(key, f'a matrix B of "{one.name}" is singular', "a limit on both directions of shear")
         if any(np.min(part) < 0.0 for gauge in gauges for part in (gauge.torsion, gauge.capacity, gauge.friction)):

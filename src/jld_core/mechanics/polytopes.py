@@ -1,10 +1,12 @@
-"""Polytopes of three resultants: vertices and extreme rays in exact arithmetic, and rows of hulls."""
+"""Vertices of polytopes given by rows, in exact arithmetic, and rows that enclose vertices and rays."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations
+from math import gcd
+from operator import mul
 from typing import Final
 
 import numpy as np
@@ -14,85 +16,129 @@ from jld_core.arrays import Bools, Floats
 # Violation of a row, relative to its terms, above which a point of intersection is no vertex in floats
 _NEAR: Final = 1e-6
 
-# Determinant of unit rows below which their point of intersection is found in exact arithmetic alone
+# Size of the minors of unit rows below which their line of intersection is found in exact arithmetic alone
 _FLAT: Final = 1e-9
+
+_TRIES: Final = 8  # parts in which the ends of a hull are tried as normals of its facets
 
 _SAME: Final = 1e-9  # distance below which two unit normals of facets are one
 
 # Distance of a vertex beyond a row, relative to all, below which the row is a facet; rows are moved out then
 _INSIDE: Final = 1e-11
 
-Vector = tuple[Fraction, ...]
+Vector = tuple[int, ...]
+"""Point or ray in homogeneous coordinates: (x w, w) with w > 0, and (x, 0)."""
 
 
 def corners(rows: Floats, constants: Floats) -> tuple[Floats, Floats]:
-    """Return exact vertices (p, 3) and rays (q, 3) of {x : C x + d ≥ 0}, then rounded; the set holds no line.
+    """Return the vertices (p, k) and extreme rays (q, k) of {x : C x + d ≥ 0}, C (r, k) and d (r,).
 
-    A ray has N = 1 where its N is positive, else size 1. Rows of zeros are ignored.
+    Both are exact for the numbers given, then rounded. A ray has N = 1 where its N is positive, else size 1. Rows of
+    zeros are ignored. The set must hold no line.
     """
+    found = exact_corners(rows, constants)
+    ends: list[list[list[float]]] = [[], []]
+    for *point, w in found:
+        size = w or (point[0] if point[0] > 0 else max(map(abs, point)))
+        ends[w == 0].append([float(Fraction(x, size)) for x in point])
+    return tuple(np.array(many).reshape(-1, rows.shape[1]) for many in ends)  # type: ignore[return-value]
+
+
+def exact_corners(rows: Floats, constants: Floats) -> tuple[Vector, ...]:
+    """Return the vertices and extreme rays of `corners` as integers."""
     used = np.any(rows != 0.0, axis=1)
-    return _corners(rows[used].tobytes(), constants[used].tobytes())
+    table = np.column_stack([rows[used], constants[used]])
+    return _corners(np.vstack([table, np.eye(table.shape[1])[-1:]]).tobytes(), table.shape[1])
 
 
 @lru_cache(maxsize=4096)
-def _corners(rows: bytes, constants: bytes) -> tuple[Floats, Floats]:
-    """Return vertices and rays, as `corners`, of numbers given as bytes."""
-    c, d = np.frombuffer(rows).reshape(-1, 3), np.frombuffer(constants)
-    exact = [[Fraction(x) for x in row] for row in c.tolist()]
-    sides = [Fraction(x) for x in d.tolist()]
-    points: dict[Vector, None] = {}
-    for i, j, k in _candidates(c, d):
-        cross = _cross(exact[j], exact[k])
-        size = _dot(exact[i], cross)
-        if size == 0:
+def _corners(table: bytes, width: int) -> tuple[Vector, ...]:
+    """Return the extreme rays (x w, w) of the cone {C x + d w ≥ 0, w ≥ 0} of numbers given as bytes."""
+    floats = np.frombuffer(table).reshape(-1, width)
+    exact = [_integers(row) for row in floats.tolist()]
+    found: dict[Vector, None] = {}
+    known: set[tuple[int, ...]] = set()  # rows that hold with equality at what was found, and at nothing else
+    for group in _candidates(floats):
+        if any(set(group) <= set(touched) for touched in known):
             continue
-        # Cramer's rule with C x = −d in the three rows
-        parts = (sides[i], cross), (sides[j], _cross(exact[k], exact[i])), (sides[k], _cross(exact[i], exact[j]))
-        point = tuple(-sum(side * way[axis] for side, way in parts) / size for axis in range(3))
-        if all(_dot(row, point) + side >= 0 for row, side in zip(exact, sides, strict=True)):
-            points[point] = None
-    ways: dict[Vector, None] = {}
-    for i, j in combinations(range(len(exact)), 2):
-        along = _cross(exact[i], exact[j])
-        if not any(along):
+        line = _line([exact[row] for row in group])
+        if line is None:
             continue
-        products = [_dot(row, along) for row in exact]
-        for sign in (1, -1):
-            if all(sign * product >= 0 for product in products):
-                size = along[0] * sign if along[0] * sign > 0 else max(abs(part) for part in along)
-                ways[tuple(sign * part / size for part in along)] = None
-    found = [np.array([[float(x) for x in point] for point in many]).reshape(-1, 3) for many in (points, ways)]
-    return found[0], found[1]
+        products = [sum(map(mul, row, line)) for row in exact]
+        sign = -1 if any(product < 0 for product in products) else 1
+        if all(sign * product >= 0 for product in products) and any(products):
+            found[tuple(sign * x for x in line)] = None
+            known.add(tuple(place for place, product in enumerate(products) if product == 0))
+    return tuple(found)
 
 
-def _candidates(rows: Floats, constants: Floats) -> list[list[int]]:
-    """Return the triples of rows whose point violates no row by far in floats."""
-    threes = np.array(list(combinations(range(len(rows)), 3)), dtype=np.int64).reshape(-1, 3)
-    size = np.linalg.norm(rows, axis=1)
-    unit, side = rows / size[:, None], constants / size
-    systems = unit[threes]
-    flat = abs(np.linalg.det(systems)) < _FLAT
-    systems[flat] = np.eye(3)
-    points = -np.linalg.solve(systems, side[threes][..., None])[..., 0]
-    least = (points @ unit.T + side).min(axis=1, initial=np.inf)
-    reach = 1.0 + abs(points).max(axis=1, initial=0.0) + abs(side).max(initial=0.0)
-    return [list(map(int, three)) for three in threes[flat | (least > -_NEAR * reach)]]
+def _integers(row: list[float]) -> list[int]:
+    """Return numbers times the smallest power of two that makes them whole."""
+    pairs = [value.as_integer_ratio() for value in row]
+    shared = max(below for _, below in pairs)
+    return [above * (shared // below) for above, below in pairs]
 
 
-def _cross(a: list[Fraction], b: list[Fraction]) -> list[Fraction]:
-    """Return the cross product of two vectors."""
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+def _line(rows: list[list[int]]) -> Vector | None:
+    """Return the line that is orthogonal to k rows (k, k + 1), without common factor; None if there are several."""
+    # Elimination without fractions: after each step all entries are minors, and divide by the pivot before.
+    table, columns, last = [list(row) for row in rows], list(range(len(rows) + 1)), 1
+    for step in range(len(table)):
+        place = next(((i, j) for j in range(step, len(columns)) for i in range(step, len(table)) if table[i][j]), None)
+        if place is None:
+            return None
+        table[step], table[place[0]] = table[place[0]], table[step]
+        for row in (*table, columns):
+            row[step], row[place[1]] = row[place[1]], row[step]
+        pivot = table[step][step]
+        for i, row in enumerate(table):
+            if i != step:
+                factor = row[step]
+                table[i] = [(pivot * x - factor * y) // last for x, y in zip(row, table[step], strict=True)]
+        last = pivot
+    found = [0] * len(columns)
+    found[columns[-1]] = last
+    for row, column in zip(table, columns[:-1], strict=True):
+        found[column] = -row[-1]
+    shared = gcd(*found)
+    return tuple(x // shared for x in found)
 
 
-def _dot(a: list[Fraction], b: list[Fraction] | Vector) -> Fraction:
-    """Return the scalar product of two vectors."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+def _candidates(table: Floats) -> list[tuple[int, ...]]:
+    """Return the groups of rows that may meet in a vertex or ray: those whose line violates no row by far in floats."""
+    width = table.shape[1]
+    groups = np.array(list(combinations(range(len(table)), width - 1)), dtype=np.int64).reshape(-1, width - 1)
+    reach = abs(table[:, -1]).max(initial=0.0) or 1.0
+    scaled = table / np.append(np.ones(width - 1), reach)
+    unit = scaled / np.linalg.norm(scaled, axis=1)[:, None]
+    lines = _normals(unit[groups])
+    size = np.linalg.norm(lines, axis=1)
+    flat = size < _FLAT
+    products = (lines / np.where(flat, 1.0, size)[:, None]) @ unit.T
+    near = np.maximum(products.min(axis=1, initial=np.inf), -products.max(axis=1, initial=-np.inf)) > -_NEAR
+    return [tuple(group) for group in groups[flat | near].tolist()]
 
 
 def enclosing_rows(vertices: Floats, rays: Floats) -> tuple[Floats, Floats]:
-    """Return rows C x + d ≥ 0 of the closed hull of vertices (p, k) and rays (q, k), k = 2 or 3."""
-    # C is (r, k) with largest entry 1. Every vertex and ray satisfies the rows up to rounding.
-    k = vertices.shape[1]
+    """Return rows C x + d ≥ 0 of the closed hull of vertices and rays.
+
+    Parameters
+    ----------
+    vertices, rays : (p, k) and (q, k) arrays
+        Ends of the hull, which fills the space.
+
+    Returns
+    -------
+    (r, k) array, (r,) array
+        C with largest entry 1, and d. Every vertex and ray satisfies the rows up to rounding.
+    """
+    return _enclosing_rows(vertices.tobytes(), rays.tobytes(), vertices.shape[1])
+
+
+@lru_cache(maxsize=64)
+def _enclosing_rows(of_vertices: bytes, of_rays: bytes, k: int) -> tuple[Floats, Floats]:
+    """Return rows, as `enclosing_rows`, of numbers given as bytes; callers must not write to them."""
+    vertices, rays = (np.frombuffer(part).reshape(-1, k) for part in (of_vertices, of_rays))
     reach = float(abs(vertices).max(initial=0.0)) or 1.0
     sizes = np.linalg.norm(rays, axis=1, keepdims=True)
     generators = np.unique(
@@ -108,7 +154,8 @@ def enclosing_rows(vertices: Floats, rays: Floats) -> tuple[Floats, Floats]:
     size = np.linalg.norm(normals[:, :k], axis=1)
     normals = normals[size > _SAME] / size[size > _SAME, None]
     normals = np.vstack([normals, -normals])
-    normals = normals[(normals @ generators.T).min(axis=1, initial=np.inf) > -_INSIDE]
+    for start in range(_TRIES):  # a few ends after the other leave out most at once
+        normals = normals[(normals @ generators[start::_TRIES].T).min(axis=1, initial=np.inf) > -_INSIDE]
     normals = normals[_firsts(normals)]
     rows = normals[:, :k] / abs(normals[:, :k]).max(axis=1, keepdims=True)
     rows[abs(rows) < 1e-14] = 0.0

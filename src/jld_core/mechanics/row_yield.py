@@ -1,10 +1,11 @@
 """Yield sets stated as rows, one class for plane and space: what every route needs follows from rows and gauges.
 
-x are the three resultants of the core of a face, (N, V, m) in the plane and (N, m1, m2) in space, scaled. The set is
+x are the resultants of the core of a face, scaled: (N, V, m) in the plane; in space (N, m1, m2), or all six. The set is
 C x + d ≥ 0, and |B (V1, V2)| + k|mT| ≤ c + μN; in the plane V is alone, or stands in the rows; in space there may be
-one such limit for shear and one for torsion. The dissipation of a jump is its greatest work over the vertices of the
-core, after its opening has lost μ g°(s, ω), where g° is the dual of the gauge. It is finite where no ray of the core
-works, docs/method.md (2.19), (2.20). Dry joints that crush have a curved core, see `crushing`.
+one such limit for shear and one for torsion, or rows in the place of them. The dissipation of a jump is its greatest
+work over the vertices of the core, after its opening has lost μ g°(s, ω), where g° is the dual of the gauge. It is
+finite where no ray of the core works, docs/method.md (2.19), (2.20). Dry joints that crush have a curved core, see
+`crushing`.
 """
 
 from __future__ import annotations
@@ -274,10 +275,12 @@ def _interaction_planes(strengths: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LabelRows:
-    """Yield sets of m faces under one label: core rows C (m, r, 3) x + d (m, r) ≥ 0, and gauges B, k, c, mu (m, 2).
+    """Yield sets of m faces under one label: core rows C (m, r, q) x + d (m, r) ≥ 0, and gauges B, k, c, mu (m, 2).
 
+    C: (m, r, q) rows of the core; zeros are idle. d: (m, r) constants. B: (m, 2, 2) of the gauge of shear; 0: none.
+    k, c, mu: (m, 2) factor of torsion, capacity without N and friction of the gauge of shear, then of that of torsion;
     k = 0: no such gauge. coupled: (m,) one gauge limits shear and torsion; its numbers stand twice. vertices, rays: (m,
-    p, 3) of the core, filled up. kind: (m,) class of faces with the same rows of stresses. acting: (m, 3) resultants
+    p, q) of the core, filled up. kind: (m,) class of faces with the same rows of stresses. acting: (m, q) resultants
     that may be non-zero; None: those of vertices and rays. sized: set whose rows have the scale of the program's; None:
     this one.
     """
@@ -311,14 +314,14 @@ class LabelRows:
 
     @cached_property
     def acts(self) -> Bools:
-        """Return a mask (m, 3) of the core resultants that may be non-zero."""
+        """Return a mask (m, q) of the core resultants that may be non-zero."""
         if self.acting is not None:
             return self.acting
         return np.asarray(np.any(self.vertices != 0.0, axis=1) | np.any(self.rays != 0.0, axis=1))
 
     @cached_property
     def grows(self) -> Bools:
-        """Return a mask (m, 3) of the core resultants that may be non-zero in the recession cone."""
+        """Return a mask (m, q) of the core resultants that may be non-zero in the recession cone."""
         return np.asarray(np.any(self.rays != 0.0, axis=1))
 
     @cached_property
@@ -334,7 +337,8 @@ class LabelRows:
     @cached_property
     def inverse(self) -> Floats:
         """Return the matrices B⁻ᵀ (m, 2, 2) of the dual gauge of shear."""
-        return np.swapaxes(np.linalg.inv(self.B), 1, 2)
+        some = np.any(self.B, axis=(1, 2), keepdims=True)
+        return np.swapaxes(np.linalg.inv(np.where(some, self.B, np.eye(2))), 1, 2)
 
     @cached_property
     def plain(self) -> bool:
@@ -374,7 +378,7 @@ class LabelRows:
 
     @cached_property
     def program_rows(self) -> tuple[Floats, Floats]:
-        """Return coefficients (m, r, 3) of G and right-hand sides (m, r) of the core's rows in a program."""
+        """Return coefficients (m, r, q) of G and right-hand sides (m, r) of the core's rows in a program."""
         # An idle row keeps its coefficients with side one, so that a resultant that cannot act stays bounded.
         kept = self.idle[:, :, None] | self.acts[:, None, :]
         rows = np.where(kept, -self.C / self.row_sizes[:, :, None], 0.0)
@@ -405,7 +409,7 @@ class RowYield:
     @property
     def _core(self) -> list[int]:
         """Return the places of the core resultants among all of a face."""
-        return [0, 1, 2] if self.dimension == 2 else [0, 3, 4]
+        return [0, 3, 4] if self.dimension == 3 and self.dry.C.shape[2] == 3 else list(range(self._freedoms))
 
     @property
     def _freedoms(self) -> int:
@@ -433,12 +437,9 @@ class RowYield:
 
     def _full(self, labels: Bits, core: str, shear: Bools) -> Bools:
         """Return a mask (m, q) from one of core resultants, and from masks (m, 2) of shear and torsion."""
-        mask = np.ones((len(labels), self._freedoms), dtype=bool)
+        mask = np.zeros((len(labels), self._freedoms), dtype=bool)
         mask[:, self._core] = self._of(labels, core)
-        if self.dimension == 3:
-            mask[:, 1:3], mask[:, 5] = shear[:, :1], shear[:, 1]
-        else:
-            mask[:, 1] |= shear[:, 0]
+        mask[:, [1, 2, 5] if self.dimension == 3 else [1]] |= shear[:, [0, 0, 1] if self.dimension == 3 else [0]]
         return mask
 
     def active(self, labels: Bits) -> Bools:
@@ -492,12 +493,13 @@ class RowYield:
             spin = np.where(self._of(labels, "k")[:, 1] > 0.0, abs(jumps[..., 5]), 0.0)
             return np.maximum(np.hypot(jumps[..., 1], jumps[..., 2]), spin), 0.0
         slip = np.linalg.norm(np.einsum("mij,...mj->...mi", self._of(labels, "inverse"), jumps[..., 1:3]), axis=-1)
-        spin, coupled = abs(jumps[..., 5]) / self._of(labels, "k")[:, 1], self._of(labels, "coupled")
+        k, coupled = self._of(labels, "k")[:, 1], self._of(labels, "coupled")
+        spin = abs(jumps[..., 5]) / np.where(k > 0.0, k, 1.0)
         # A coupled gauge is dual to the larger of slip and spin; two gauges add.
         return np.where(coupled, np.maximum(slip, spin), slip), np.where(coupled, 0.0, spin)
 
     def _reduced(self, jumps: Floats, labels: Bits) -> tuple[Floats, Floats]:
-        """Return the core jumps (..., m, 3), less dilation, and the work on the capacity without N (..., m)."""
+        """Return the core jumps (..., m, q), less dilation, and the work on the capacity without N (..., m)."""
         first, second = self._slips(jumps, labels)
         c, mu, core = self._of(labels, "c"), self._of(labels, "mu"), jumps[..., self._core]
         core[..., 0] -= mu[:, 0] * first + mu[:, 1] * second
@@ -640,8 +642,9 @@ def _gauge_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> list[tuple[Ints,
     """Add the linear rows of shear and torsion of spatial faces; return faces and rows of the cones of shear."""
     # A variable t of each face bounds shear: |B V| ≤ t, and t ± k mT ≤ c + μN where one gauge limits both, else t and ±
     # k mT have rows of their own. Where nothing twists, |B V| ≤ c + μN needs no variable.
-    twists = np.all([one.k[:, 1] > 0.0 for one in labels], axis=0)
-    face, single = np.flatnonzero(twists), np.flatnonzero(~twists)
+    twists = np.any([one.k[:, 1] > 0.0 for one in labels], axis=0)
+    shears = np.any([one.B.any(axis=(1, 2)) for one in labels], axis=0)
+    face, single = np.flatnonzero(twists), np.flatnonzero(~twists & shears)
     bound = sheet.new_columns(len(face))
     alone = not all(one.coupled.all() for one in labels)
     for which, sign in [(1, 1.0), (1, -1.0)] + [(0, 0.0)] * alone:

@@ -18,6 +18,7 @@ from jld_core.fields.bounds import FieldBounds, FieldStatus
 from jld_core.limit import FIELD_SECONDS, CaseBounds, governing, number
 from jld_core.limit.options import Governing, Status
 from jld_core.limit.result import Result, stands_in_words
+from jld_core.models.tilting import directions, tilt_facts, tilt_in_words
 from jld_core.parameters import typed
 from jld_core.scene.cracks import FieldCracks, cracks_in_words
 from jld_core.threads import one_thread
@@ -85,8 +86,10 @@ class FieldResult(Result):
 
     @property
     def facts(self) -> dict[str, Any]:  # type: ignore[override]
-        """Return no further facts."""
-        return {}
+        """Return the angle to which a structure tilts, at least: by fields λ has a proven lower bound alone."""
+        if "" not in directions(self.assembly):
+            return {}
+        return tilt_facts((math.degrees(math.atan(max(0.0, self.bracket[0]))), math.nan))
 
     @cached_property
     def _reversed(self) -> list[tuple[float, float]]:
@@ -138,6 +141,7 @@ class FieldResult(Result):
             "interfaces": len(faces),
             "seconds": dict(self.seconds),
             "warnings": self.warnings,
+            **self.facts,
             **(
                 {
                     "governing": list(self.cases)[found.case],
@@ -170,6 +174,7 @@ class FieldResult(Result):
             ends = f"{_shown(bounds.lower)} {_shown(bounds.upper)}"
             if several:
                 facts[f"λ {name}"] = f"{ends} of {required:g} required ({bounds.status.value})"
+        facts |= tilt_in_words(self.facts)
         facts["stands at 0"] = stands_in_words(self)
         every = list(self.cases.values())
         facts[every[0].shape] = ", ".join(str(one.simplices) for one in every)

@@ -26,6 +26,7 @@ from jld_core.limit.options import Model, Status
 from jld_core.limit.result import LimitAnalysisResult, Result, governing_result
 from jld_core.mechanics import require_materials
 from jld_core.models.rigid_blocks import limit_analysis, require_model, require_solver_accepts, solve_labelling
+from jld_core.models.tilting import with_tilt
 from jld_core.parameters import shown_value
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_of
 from jld_core.scene.reading import load_scene
@@ -403,9 +404,9 @@ def solve_rigid(assembly: Assembly, labels: Bits | None = None, model: Model | N
         require_model(assembly, model, own)
     analysis = CaseAnalysis(assembly, model, reference=own, single_labelling=True)
     if model.seconds is None:
-        return analysis.solve(own, stands=True)
+        return with_tilt(analysis.solve(own, stands=True))
     try:
         with Deadline(len(assembly.by_case) * model.seconds).enforced():
-            return analysis.solve(own, stands=True)
+            return with_tilt(analysis.solve(own, stands=True))
     except DeadlinePassed:
         raise ParameterError("seconds", f"no answer was found in {model.seconds:g} s", "a longer time") from None

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Final, Self
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
@@ -116,26 +117,65 @@ class BodyLoad(Part):
     body: Annotated[LoadVector, Field(description="a vector")]
 
 
+class Tilt(Part):
+    """Table on which a structure is tilted with its ground.
+
+    towards: horizontal direction. pivot: points on the line about which it turns, for the record.
+    """
+
+    towards: Annotated[Vector, Field(description="a horizontal direction")]
+    pivot: Annotated[list[Vector] | None, Field(min_length=1, max_length=2)] = None
+
+    @model_validator(mode="after")
+    def _a_direction(self) -> Self:
+        """Check that the direction is one, and lies across the pivot line."""
+        if not any(self.towards):
+            raise InputError(".towards", "it is zero", "a horizontal direction")
+        points, d = self.pivot or [], len(self.towards)
+        if points and (len(points) != d - 1 or any(len(point) != d for point in points)):
+            raise InputError(".pivot", f"it has {len(points)} points", "one point in the plane, two in space")
+        if len(points) == 2:
+            line = [end - start for start, end in zip(*points, strict=True)]
+            work = sum(a * b for a, b in zip(line, self.towards, strict=True))
+            if not any(line) or abs(work) > 1e-9 * math.hypot(*line) * math.hypot(*self.towards):
+                raise InputError(".pivot", "it does not lie across the direction", "a line across it")
+        return self
+
+
+class TiltLoad(Part):
+    """Self-weight that turns as a table is tilted; alone in a list of live loads: λ is the tangent of the angle."""
+
+    tilt: Annotated[Tilt, Field(description='an object with "towards"')]
+
+    @property
+    def body(self) -> list[float]:
+        """Return the unit vector of the direction, by which weights are multiplied at λ = 1."""
+        size = math.hypot(*self.tilt.towards)
+        return [component / size for component in self.tilt.towards]
+
+
 # Kinds of load entries by the key that tells them apart; others are point loads
-_KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad]]] = {
+_KINDS: Final[dict[str, type[BodyLoad] | type[FaceLoad] | type[FillLoad] | type[TiltLoad]]] = {
     "body": BodyLoad,
+    "tilt": TiltLoad,
     "face": FaceLoad,
     "on_fill": FillLoad,
 }
 
 
-def _tell_the_kinds_apart(entries: Any) -> Any:
+def _tell_the_kinds_apart(entries: Any, info: ValidationInfo) -> Any:
     # Kinds are body loads, pressures, loads on fill and point loads. Error messages then refer to the kind of load that
     # was meant.
     if not isinstance(entries, list):
         return entries
     kinds: list[Any] = []
+    forms = {key: kind for key, kind in _KINDS.items() if kind is not TiltLoad or info.field_name == "live"}
     for index, entry in enumerate(entries):
-        if isinstance(entry, PointLoad | BodyLoad | FaceLoad | FillLoad):
+        if isinstance(entry, PointLoad | BodyLoad | FaceLoad | FillLoad | TiltLoad):
             kinds.append(entry)
             continue
         body = isinstance(entry, dict) and "body" in entry
-        kind = next((kind for key, kind in _KINDS.items() if isinstance(entry, dict) and key in entry), PointLoad)
+        kind = next((kind for key, kind in forms.items() if isinstance(entry, dict) and key in entry), PointLoad)
         if body and len(entry) > 1:
             other = next(key for key in entry if key != "body")
             raise InputError(
@@ -146,16 +186,20 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
         try:
             kinds.append(kind.model_validate(entry))
         except ValidationError as error:
-            known = ("body", *FaceLoad.model_fields, *FillLoad.model_fields, *PointLoad.model_fields)
+            alone = [key for key in forms if key in ("body", "tilt")]
+            known = (*alone, *FaceLoad.model_fields, *FillLoad.model_fields, *PointLoad.model_fields)
             found = first_complaint(error, kind, known)
             where = f"[{index}]" + (f".{found.where}" if found.where else "")
             raise InputError(where, found.problem, found.expected) from None
     return kinds
 
 
-LoadEntry = PointLoad | BodyLoad | FaceLoad | FillLoad
+_Acting = PointLoad | BodyLoad | FaceLoad | FillLoad
+LoadEntry = _Acting | TiltLoad
 
-_Entries = list[LoadEntry]  # load entries of a scene
+# load entries of a scene
+_Dead = list[_Acting]
+_Entries = list[LoadEntry]
 
 
 def require_unique_names(key: str, names: list[str]) -> None:
@@ -170,7 +214,7 @@ class Case(Part):
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
     live: Annotated[_Entries, Field(description="a list of loads that are multiplied by λ")]
-    dead: _Entries = []
+    dead: _Dead = []
     required: Positive = 1.0
 
     _kinds = field_validator("dead", "live", mode="before")(_tell_the_kinds_apart)
@@ -224,7 +268,7 @@ class Pushes(Part):
 class Loads(Part):
     """Dead loads, and either live loads, or load cases, moving loads and pushes."""
 
-    dead: _Entries = []
+    dead: _Dead = []
     live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
     cases: Annotated[list[Case] | None, Field(min_length=1)] = None
     moving: Annotated[list[MovingLoad] | None, Field(min_length=1, description="a list of moving loads")] = None
@@ -240,9 +284,25 @@ class Loads(Part):
             raise InputError(".live", "missing", 'a list of loads that are multiplied by λ, or "cases"')
         if self.live is not None and several:
             raise InputError(".live", f'it is given together with "{several}"', "the live loads of each case inside it")
+        for key, live, dead in self._tilted():
+            if len(live) > 1:
+                raise InputError(key, "a tilt stands beside other live loads", "the tilt alone")
+            if dead:
+                raise InputError(key, "a tilt turns weights alone, and there are dead loads", "weights of elements")
         require_unique_names(".cases", [case.name for case in self.cases or []])
         require_unique_names(".moving", [one.name for one in self.moving or []])
         return self
+
+    def _tilted(self) -> list[tuple[str, _Entries, _Dead]]:
+        """Return key, live and dead loads of each case that tilts."""
+        found = [(".live", self.live or [], self.dead)]
+        found += [(f".cases[{k}].live", case.live, self.dead + case.dead) for k, case in enumerate(self.cases or [])]
+        return [one for one in found if any(isinstance(entry, TiltLoad) for entry in one[1])]
+
+    @property
+    def tilts(self) -> bool:
+        """Return True if a structure is tilted."""
+        return bool(self._tilted())
 
     @property
     def has_cases(self) -> bool:

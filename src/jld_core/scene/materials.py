@@ -3,24 +3,36 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.part import Angle, NonNegative, Pair, Part, Positive, PositiveValue, Value, Vector, Weighing
+from jld_core.scene.standard import SURFACE
 
 
 class StatedMaterial(Part):
-    """Material of one label, which may be a criterion of a plug-in."""
+    """Material of one label, which may be a criterion of a plug-in, or a yield surface."""
 
     criterion: str | None = None
-    parameters: dict[str, float] = {}
+    parameters: dict[str, Any] = {}
+    surface: Annotated[dict[str, Any] | None, Field(description="an object that states a yield surface")] = None
+
+    @property
+    def named(self) -> tuple[str, dict[str, Any]] | None:
+        """Return name and data of the criterion, that of yield surfaces for one; None for standard strengths."""
+        if self.surface is not None:
+            return SURFACE, self.surface
+        return None if self.criterion is None else (self.criterion, self.parameters)
 
     @model_validator(mode="after")
     def _criterion_alone(self) -> Self:
-        """Check that a criterion stands alone, and parameters with a criterion."""
-        others = sorted(self.model_fields_set - {"criterion", "parameters"})
+        """Check that a criterion or surface stands alone, and parameters with a criterion."""
+        own = {"surface"} if self.surface is not None else {"criterion", "parameters"}
+        others = sorted(self.model_fields_set - own)
+        if self.surface is not None and others:
+            raise InputError(f".{others[0]}", "it stands beside a yield surface, which says all", '"surface" alone')
         if self.criterion is not None and others:
             raise InputError(
                 f".{others[0]}", f'it is no part of the criterion "{self.criterion}"', '"parameters" alone'
@@ -44,7 +56,7 @@ class Dry(StatedMaterial):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
-        if self.criterion is None and (self.friction_angle is None) == (self.friction_coefficient is None):
+        if self.named is None and (self.friction_angle is None) == (self.friction_coefficient is None):
             how = "friction is missing" if self.friction_angle is None else "friction is given twice"
             raise InputError("", how, 'exactly one of "friction_angle" and "friction_coefficient"')
         return self
@@ -73,7 +85,7 @@ class Inner(StatedMaterial):
     def _one_friction(self) -> Self:
         """Check that both strengths are given, friction at most once, and that its apex allows the tensile strength."""
         for key in ("tensile_strength", "shear_strength"):
-            if self.criterion is None and getattr(self, key) is None:
+            if self.named is None and getattr(self, key) is None:
                 raise InputError(f".{key}", "missing", "a stress of at least 0")
         if self.friction_angle is not None and self.friction_coefficient is not None:
             raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')

@@ -208,6 +208,10 @@ class Scene(Part, Showable):
             raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')
         if self.grid is not None and self.thickness is not None:
             raise InputError(".thickness", 'it is given together with "grid"', 'the thickness inside "grid"')
+        if self.loads.tilts:
+            beside = {"fill": self.fill is not None, "members": any(one.prestress for one in self.members)}
+            for key in (key for key, stands in beside.items() if stands):
+                raise InputError(f".{key}", "it has forces that do not turn on a tilting table", "no tilt")
         require_unique_names(".settlements", [one.name for one in self.settlements])
         require_unique_names(".members", [one.name for one in self.members if one.name is not None])
         if self.elements is not None:
@@ -244,7 +248,11 @@ class Scene(Part, Showable):
             del content["fill"]
         if self.loads.pushes is None:
             del content["loads"]["pushes"]
-        dry = [content["materials"]["dry"], *(one["dry"] for one in content["materials"]["faces"])]
+        sides = [content["materials"], *content["materials"]["faces"]]
+        for own in [one[label] for one in sides for label in ("dry", "inner") if one[label] is not None]:
+            if own["surface"] is None:
+                del own["surface"]
+        dry = [one["dry"] for one in sides]
         for one in dry:  # the same for joints without bond
             if one is not None and not one["tensile_strength"]:
                 del one["tensile_strength"]

@@ -51,6 +51,9 @@ STRESS_KEYS: Final = tuple(
 """Keys of materials that hold strengths, which are stresses."""
 
 
+SURFACE: Final = "surface"
+"""Key of a material, and name of the criterion that reads what stands there."""
+
 ENDS: Final = frozenset(one.field for one in PARAMETERS if math.isinf(one.absent))
 """Fields of `Strengths` that limit compression; inf where there is no limit."""
 

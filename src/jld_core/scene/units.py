@@ -72,7 +72,7 @@ QUANTITIES: Final[dict[str, _Powers]] = {
     "line": _LINE,
     "density": _DENSITY,
     **dict.fromkeys(
-        ("pressure", "traction", "surcharge", *STRESS_KEYS),
+        ("pressure", "traction", "surcharge", "reference_strength", *STRESS_KEYS),
         _STRESS,
     ),
 }

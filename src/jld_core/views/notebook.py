@@ -16,6 +16,7 @@ from jld_core.build.plausibility import Resultant, resultant
 from jld_core.limit import number
 from jld_core.limit.result import LimitAnalysisResult, stands_in_words, tensions
 from jld_core.loads import resultants
+from jld_core.models.tilting import tilt_in_words
 from jld_core.program import Template
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.views.advice import advice
@@ -129,6 +130,8 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
         else f"{result.load_factor:.12g}",
         "bracket": bracket + ("" if math.isnan(result.gap) else f"   (relative width {result.gap:.1e})"),
     }
+    for name, one in {"": result, **{f" {name}": one for name, one in result.cases.items()}}.items():
+        facts |= tilt_in_words(one.facts, name)
     if result.reason:
         facts["reason"] = result.reason
     for note in result.notes:

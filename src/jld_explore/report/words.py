@@ -9,6 +9,7 @@ import numpy as np
 from jld_core.assembly import Assembly
 from jld_core.build import weight_facts
 from jld_core.limit.options import Status
+from jld_core.models.tilting import tilt_in_words
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.scene.schema import Scene
 from jld_core.views import facts_of_assembly
@@ -110,6 +111,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
             else {f"best {ranked_by(done.results)}": f"{best} ({proof})"}
         ),
         **({"ranked last": f"{falls} that fall under their own weight without live load"} if falls else {}),
+        **tilt_in_words(done.summary.facts),
         **_anywhere(done),
         **nominal,
         **({"cuts": stronger_cut(facts["uncut_at_most"])} if "uncut_at_most" in facts else {}),

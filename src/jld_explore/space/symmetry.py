@@ -18,7 +18,7 @@ from jld_core.geometry.vectors import frame
 from jld_core.mechanics.compiled_rows import maps_criteria
 from jld_core.scene import PointLoad
 from jld_core.scene.cracks import CellCracks, FieldCracks
-from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry
+from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry, TiltLoad
 from jld_core.scene.schema import Scene
 from jld_core.scene.uncertain import Uncertain, UncertainVector, uncertain_values, written
 
@@ -132,7 +132,7 @@ def _marks(entries: Sequence[LoadEntry], elements: Elements, kind: str = "dead")
                 marks.append(Mark((kind, "component", component.cov, component.kind), element, places, along, still))
 
     for entry in entries:
-        if isinstance(entry, BodyLoad):
+        if isinstance(entry, BodyLoad | TiltLoad):
             add(("body",), -1, np.empty((0, d)), entry.body)
         elif isinstance(entry, PointLoad):
             k = elements.index[entry.element]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import mul
 from typing import Final
 
 import numpy as np
@@ -13,10 +14,11 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.mechanics import Gauge, exact_sets
 from jld_core.scene.standard import key_of
-from jld_core.strengths import Route
+from jld_core.strengths import CRITERIA, STANDARD, Route
 
-_ROUTE: Final = Route("certificates")
+_ROUTE: Final = Route("certificates", STANDARD | CRITERIA)
 
 # velocities of moving elements as integers: (ux, uy, ω), in space (u, ω); supports never move
 Moves = Mapping[int, Sequence[int]]
@@ -63,6 +65,7 @@ class Balances:
         self._finite = np.isfinite(numbers).T.tolist()
         table, self._digits = whole(np.nan_to_num(numbers, nan=0.0, posinf=0.0))
         self._numbers: list[list[int]] = [list(column) for column in zip(*table, strict=True)]
+        self._stated = exact_sets(assembly) if assembly.face_strengths.criteria else {}
         self._lay_out()
 
     def _lay_out(self) -> None:
@@ -127,7 +130,10 @@ class Balances:
             worst = 0
             known = False if self._of_member[face] else known
             for dry in (True, False) if known is None else (known,):
-                cost = self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
+                if (face, dry) in self._stated:
+                    cost = self._stated_cost(face, jump, dry)
+                else:
+                    cost = self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
                 if cost is None:
                     return Balance(work, None)
                 worst = max(worst, cost)
@@ -181,6 +187,28 @@ class Balances:
         ends = _PARTS * area * max(tension * cracked, -compression * cracked)
         return sheared + max(ends, corner)
 
+    def _stated_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
+        """Return the dissipation of a face under a criterion of a plug-in, (2.19), rounded up; None if infinite."""
+        ends, gauges = self._stated[face, dry]
+        area, l1, l2, arm = (Fraction(number, 1 << self._digits) for number in self._numbers[face][:4])
+        half = [l1 / 2] if self._planar else [l2 / 2, l1 / 2, arm]
+        core = [
+            *map(Fraction, jump[: -len(half)]),
+            *(x * size for x, size in zip(jump[-len(half) :], half, strict=True)),
+        ]
+        spent = Fraction(0)
+        for gauge in gauges:
+            capacity, friction = (Fraction(float(np.squeeze(part))) for part in (gauge.capacity, gauge.friction))
+            slip = _slip(gauge, core)
+            spent, core[0] = spent + capacity * slip, core[0] - friction * slip
+        if not self._planar and len(ends[0]) == 4:
+            core = [core[0], core[3], core[4]]
+        work = [(Fraction(sum(map(mul, core, end))), end[-1]) for end in ends]
+        if any(power < 0 for power, w in work if w == 0):
+            return None
+        spent += max(-power / w for power, w in work if w)
+        return math.ceil(spent * area * (_PARTS << (3 if self._planar else 4) * self._digits))
+
     def _spatial_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
         """Return the dissipation of a spatial face, (3.4) and (3.5), rounded up; None if infinite."""
         # The unit is 1/24 of 2**−(jumps + 4 digits).
@@ -201,6 +229,19 @@ class Balances:
         if not (known[4] and known[5]) or 6 * (opening - rough * slip) < turn:
             return None
         return _PARTS * area * ((shear * slip << digits) + tension * (opening - rough * slip))
+
+
+def _slip(gauge: Gauge, jump: Sequence[Fraction]) -> Fraction:
+    """Return the dual of a gauge of shear and torsion at a jump (6,), rounded up."""
+    slide, torsion = Fraction(0), Fraction(float(np.squeeze(gauge.torsion)))
+    if gauge.shear is not None:
+        (a, b), (c, d) = ([Fraction(float(x)) for x in row] for row in gauge.shear[0])
+        one, two = ((d * jump[1] - c * jump[2]) / (a * d - b * c), (a * jump[2] - b * jump[1]) / (a * d - b * c))
+        square = one * one + two * two
+        root = math.isqrt(square.numerator * square.denominator)
+        root += root * root < square.numerator * square.denominator
+        slide = Fraction(root, square.denominator)
+    return max(slide, abs(jump[5]) / torsion) if torsion else slide
 
 
 def whole(values: Floats) -> tuple[list[list[int]], int]:

@@ -17,7 +17,7 @@ from jld_core.models import solve_rigid
 from jld_explore import Exploration, ExploreSettings, Interrupted, busy_factor, explore, search_space
 from jld_explore.evaluation import Pool
 from jld_explore.space import feasible, from_string
-from jld_geometry.optimise import move_joints
+from jld_geometry import move_joints
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import read_outline
 from jld_practice.design.page import write_design

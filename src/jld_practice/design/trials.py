@@ -35,8 +35,7 @@ from jld_explore import most_without_cuts, search_space
 from jld_explore.drivers import Genetic
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of, field_evaluator
 from jld_explore.report import languages
-from jld_geometry.convex_cells import vertex_mesh
-from jld_geometry.moved_scene import MovedScene
+from jld_geometry import MovedScene, vertex_mesh
 from jld_practice.design.options import LOW_FRICTION, DesignOptions
 from jld_practice.design.outline import Outline
 from jld_practice.design.tessellations import Tessellation, why_no_fields, with_crushing

@@ -38,10 +38,11 @@ from jld_core.scene import cracks
 from jld_core.scene import design as scene_design
 from jld_core.solvers import make_solver
 from jld_practice.design_check.design_values import at_design_values
+from jld_practice.reactions import reactions_of_supports
 from jld_practice.reactions.force_range import extreme_value
-from jld_practice.reactions.thrust import Reserve, ResultantRange, least_share, reactions_of_supports
-from jld_practice.reliability.monte_carlo import LimitFunction
-from jld_practice.reliability.structure import Growth, RandomStructure, SampleBounds, Variables
+from jld_practice.reactions.thrust import Reserve, ResultantRange, least_share
+from jld_practice.reliability import LimitFunction, SampleBounds, Variables
+from jld_practice.reliability.structure import Growth, RandomStructure
 
 ROUTE: Final = Route("the design check")  # reader of strengths: partial factors are known for the standard ones alone
 

@@ -35,7 +35,11 @@ def at_design_values(scene: Scene, factors: design.PartialFactors, prestress: fl
     materials = document.get("materials", {})
     parts = [materials, *materials.get("faces", [])]
     values = [part[key] for part in parts for key in ("dry", "inner") if part.get(key)]
-    own = [value["criterion"] for value in values if "criterion" in value]
+    own = [
+        value.get("criterion", standard.SURFACE)
+        for value in values
+        if "criterion" in value or standard.SURFACE in value
+    ]
     if own:
         problem = f'the design check has no partial factors of the criterion "{own[0]}"'
         raise InputError("materials", problem, "standard strengths in place of it")

@@ -1,0 +1,342 @@
+"""Cells of a solid by plane cuts, the joints between them, and convex pieces of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from jld_core import Floats, Ints
+from jld_cut.meshes import manifold3d, surface_of
+
+CORNERS: Final = 8  # most corners of a joint
+SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
+_FLAT: Final = 1e-8  # distance of corners from a plane that they lie in, by size
+_LEAST: Final = 1e-9  # area of a section by the square of the size
+JOINT: Final = 1e-5  # the same of a joint that carries
+BENT: Final = 0.06  # share of a convex hull that a joint of the search may lack: facets of a curve are one joint
+_CONCAVE: Final = np.radians(20.0)  # turn of a concave edge that is split
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a cell, and a part, may be."""
+
+    fit: Floats  # (3,) sides of the box, ascending
+    volume: float
+    cells: int = 60
+    faces: int = 100
+
+    def hold(self, box: Floats, volume: float) -> bool:
+        """Return whether a body of a box (6,) and a volume is within them."""
+        fits = (np.sort(box[3:] - box[:3]) <= self.fit * (1 + 1e-9)).all()
+        return bool(fits and volume <= self.volume * (1 + 1e-9))
+
+    @property
+    def extent(self) -> float:
+        """Longest side of the box."""
+        return float(self.fit[-1])
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Plane convex joint between two cells, or of a cell and a support."""
+
+    a: int
+    b: int
+    polygon: Floats  # (k, 3)
+    normal: Floats  # (3,) from a to b
+    area: float
+
+
+@dataclass
+class Cutting:
+    """Cells of a solid, and the planes that part them."""
+
+    solid: Any
+    cells: list[Any] = field(default_factory=list)
+    planes: list[Floats] = field(default_factory=list)  # (4,) each: unit normal and offset
+
+    def __post_init__(self) -> None:
+        self.cells = self.cells or [self.solid]
+        box = np.array(self.solid.bounding_box())
+        self.size = float((box[3:] - box[:3]).max())
+
+    def through(self, normal: Floats, offset: float, which: Iterable[int] | None = None) -> None:
+        """Cut all cells, or some, by a plane."""
+        chosen = set(range(len(self.cells)) if which is None else which)
+        found: list[Any] = []
+        for k, cell in enumerate(self.cells):
+            found += self._split(cell, normal, offset) if k in chosen else [cell]
+        if len(found) > len(self.cells):
+            self.cells = found
+            self.planes.append(np.array([*normal, offset]))
+
+    def _split(self, cell: Any, normal: Floats, offset: float) -> list[Any]:
+        """Return connected pieces of a cell; the cell itself where the plane only grazes it."""
+        halves = cell.split_by_plane(tuple(normal), float(offset))
+        if min(half.volume() for half in halves) < 1e-9 * self.size**3:
+            return [cell]
+        return [one for half in halves for one in half.decompose() if one.volume() > 1e-12 * self.size**3]
+
+    def locally(self, point: Floats, normal: Floats) -> bool:
+        """Cut the cell at a point, only where the section through the point is connected."""
+        ball = manifold3d().Manifold.sphere(1e-3 * self.size, 8).translate(tuple(point))
+        holding = [(float((cell ^ ball).volume()), k) for k, cell in enumerate(self.cells)]
+        volume, at = max(holding)
+        if volume <= 0.0:
+            return False
+        offset = float(normal @ point)
+        pieces = self._split(self.cells[at], normal, offset)
+        if len(pieces) < 2:
+            return False
+        plane = np.array([*normal, offset])
+        sections = sorted(_sections(pieces, plane, self.size), key=lambda one: one[2].distance(_at(plane, point)))
+        # all pieces that meet at other sections stay joined, unless this also joins the two sides of the chosen one
+        side = list(range(len(pieces)))
+        first, second = sections[0][:2] if sections else (0, 1)
+        for a, b, _ in sections[1:]:
+            ends = {side[a], side[b]}
+            if ends != {side[first], side[second]}:
+                side = [side[a] if one in ends else one for one in side]
+        whole = [[pieces[k] for k in range(len(pieces)) if side[k] == name] for name in sorted(set(side))]
+        self.cells[at : at + 1] = [union(group) for group in whole]
+        self.planes.append(plane)
+        return True
+
+    def halve(self, limits: Limits) -> None:
+        """Halve cells that exceed limits, along their longest sides."""
+        for _ in range(12):
+            if all(limits.hold(np.array(cell.bounding_box()), cell.volume()) for cell in self.cells):
+                return
+            cells, self.cells = self.cells, []
+            for cell in cells:
+                box = np.array(cell.bounding_box())
+                if limits.hold(box, cell.volume()):
+                    self.cells.append(cell)
+                    continue
+                order = np.argsort(box[3:] - box[:3])
+                over = (box[3:] - box[:3])[order] / limits.fit
+                axis = int(order[np.argmax(over)])
+                normal = np.eye(3)[axis]
+                offset = float(box[axis] + box[axis + 3]) / 2
+                self.cells += self._split(cell, normal, offset)
+                if not any(np.allclose(plane, [*normal, offset], atol=1e-12) for plane in self.planes):
+                    self.planes.append(np.array([*normal, offset]))
+
+    def tidy(self, limits: Limits) -> list[Joint]:
+        """Join slivers, and the smallest cells above the limits of numbers; return the joints."""
+        joints = joints_of(self.cells, self.planes, self.size)
+        for _ in range(6):
+            group = _joined(self.cells, joints, limits)
+            if len(set(group)) == len(self.cells):
+                return joints
+            names = sorted(set(group))
+            self.cells = [union([self.cells[k] for k in range(len(group)) if group[k] == name]) for name in names]
+            joints = joints_of(self.cells, self.planes, self.size)
+        return joints
+
+
+def _at(plane: Floats, point: Floats) -> Any:
+    return shapely.Point(*(basis(plane[:3]) @ point))
+
+
+def union(cells: list[Any]) -> Any:
+    """Return the union of bodies."""
+    return cells[0] if len(cells) == 1 else manifold3d().Manifold.batch_boolean(cells, manifold3d().OpType.Add)
+
+
+def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
+    """Return the name of the group (n,) that each cell joins."""
+    group, volume = list(range(len(cells))), [cell.volume() for cell in cells]
+    boxes = [np.array(cell.bounding_box()) for cell in cells]
+    area: dict[tuple[int, int], float] = {}
+    pieces: dict[tuple[int, int], int] = {}
+    for joint in joints:
+        pair = min(joint.a, joint.b), max(joint.a, joint.b)
+        area[pair], pieces[pair] = area.get(pair, 0.0) + joint.area, pieces.get(pair, 0) + 1
+    mean, alive = sum(volume) / len(volume), set(group)
+    stuck: set[int] = set()
+    while alive - stuck:
+        small = min(alive - stuck, key=lambda k: volume[k])
+        many = len(alive) > limits.cells or sum(pieces.values()) > limits.faces
+        if volume[small] >= SLIVER * mean and not many:
+            break
+        beside = sorted(((size, pair) for pair, size in area.items() if small in pair), reverse=True)
+        for _, pair in beside:
+            other = pair[0] if pair[1] == small else pair[1]
+            box = np.concatenate(
+                [np.minimum(boxes[small][:3], boxes[other][:3]), np.maximum(boxes[small][3:], boxes[other][3:])]
+            )
+            if limits.hold(box, volume[small] + volume[other]):
+                break
+        else:
+            stuck.add(small)
+            continue
+        boxes[other], volume[other] = box, volume[other] + volume[small]
+        alive.remove(small)
+        group = [other if name == small else name for name in group]
+        for table in (area, pieces):
+            for old in [one for one in table if small in one]:
+                third = old[0] if old[1] == small else old[1]
+                value = table.pop(old)
+                if third != other:
+                    new = min(third, other), max(third, other)
+                    table[new] = table.get(new, 0) + value  # type: ignore[assignment]
+    return group
+
+
+def basis(normal: Floats) -> Floats:
+    """Return two unit vectors (2, 3) that span a plane, e1 × e2 = normal."""
+    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
+
+
+def sides_of(cell: Any, plane: Floats, size: float) -> tuple[Any, Any]:
+    """Return the regions of a plane that a cell covers from below and from above."""
+    points, triangles = surface_of(cell)
+    flat = np.abs(points @ plane[:3] - plane[3]) < _FLAT * size
+    lies = triangles[flat[triangles].all(axis=1)]
+    plan = points @ basis(plane[:3]).T
+    corners = plan[lies]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    below, above = turn > 1e-14 * size**2, turn < -1e-14 * size**2
+    return tuple(shapely.union_all(shapely.polygons(corners[side])) for side in (below, above))  # type: ignore[return-value]
+
+
+def _sections(cells: list[Any], plane: Floats, size: float) -> list[tuple[int, int, Any]]:
+    """Return the regions of a plane between pairs of cells: the cell below, the one above, a polygon."""
+    low, high = np.array([cell.bounding_box() for cell in cells]).reshape(-1, 2, 3).transpose(1, 0, 2)
+    reach = np.where(plane[:3] > 0, high, low) @ plane[:3], np.where(plane[:3] > 0, low, high) @ plane[:3]
+    touched = np.flatnonzero((reach[0] >= plane[3] - _FLAT * size) & (reach[1] <= plane[3] + _FLAT * size))
+    sides = {k: sides_of(cells[k], plane, size) for k in touched.tolist()}
+    found = []
+    for a, (below, _) in sides.items():
+        for b, (_, above) in sides.items():
+            if a == b or below.is_empty or above.is_empty or not shapely.intersects(below, above):
+                continue
+            common = shapely.intersection(below, above, grid_size=1e-10 * size)
+            found += [
+                (a, b, part)
+                for part in shapely.get_parts(common).tolist()
+                if part.geom_type == "Polygon" and part.area > _LEAST * size**2
+            ]
+    return found
+
+
+def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float = BENT) -> list[Joint]:
+    """Return the joints between cells in planes, as pieces of few corners, convex but for a share `bent`."""
+    found = []
+    for plane in unique_planes(planes, size):
+        for a, b, region in _sections(cells, plane, size):
+            for piece in convex_pieces(region, 1e-7 * size, bent):
+                found.append(Joint(a, b, lifted(piece, plane), plane[:3], piece.area))
+    return found
+
+
+def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
+    """Return planes without those that another one equals."""
+    kept: list[Floats] = []
+    for plane in planes:
+        sign = 1.0 if plane[:3][np.argmax(np.abs(plane[:3]) > 1e-6)] > 0 else -1.0
+        one = sign * plane
+        if not any(np.abs(one[:3] - k[:3]).max() < 1e-9 and abs(one[3] - k[3]) < 1e-9 * size for k in kept):
+            kept.append(one)
+    return kept
+
+
+def lifted(polygon: Any, plane: Floats) -> Floats:
+    """Return the corners (k, 3) of a polygon in a plane."""
+    corners = shapely.get_coordinates(polygon.exterior)[:-1]
+    return np.asarray(corners @ basis(plane[:3]) + plane[3] * plane[:3])
+
+
+def convex_pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
+    """Split a polygon into convex pieces of at most eight corners; a piece may exceed it by a share `bent`."""
+    region = shapely.simplify(shapely.orient_polygons(region), tolerance)
+    pieces = [region]
+    if not _is_convex(region, bent):
+        pieces = [one for one in shapely.get_parts(shapely.constrained_delaunay_triangles(region)) if one.area > 0.0]
+    merging = True
+    while merging and len(pieces) > 1:
+        merging = False
+        shared = sorted(
+            (
+                (shapely.intersection(p, q).length, a, b)
+                for a, p in enumerate(pieces)
+                for b, q in enumerate(pieces[:a])
+                if shapely.intersects(p, q)
+            ),
+            reverse=True,
+        )
+        for length, a, b in shared:
+            both = shapely.union(pieces[a], pieces[b])
+            if length > 0.0 and both.geom_type == "Polygon" and _is_convex(both, bent):
+                pieces = [one for k, one in enumerate(pieces) if k not in (a, b)] + [shapely.simplify(both, tolerance)]
+                merging = True
+                break
+    least = 1e-4 * region.area
+    return [_inscribed(one) for one in pieces if one.area > least]
+
+
+def _is_convex(polygon: Any, bent: float) -> bool:
+    return not polygon.interiors and bool(polygon.convex_hull.area - polygon.area <= bent * polygon.area)
+
+
+def _inscribed(polygon: Any) -> Any:
+    """Return a convex polygon of at most eight corners of another one, without the corners that hold least area."""
+    corners = shapely.get_coordinates(polygon.convex_hull.exterior)[:-1]
+    while len(corners) > CORNERS:
+        before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
+        held = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
+        corners = np.delete(corners, int(np.argmin(held)), axis=0)
+    return shapely.Polygon(corners)
+
+
+def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
+    """Return the concave edges of a solid: turn, middle, outward normals of both faces; the sharpest first."""
+    points, triangles = surface_of(solid)
+    corners = points[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.maximum(length, 1e-300)
+    edge = {(int(t[k]), int(t[(k + 1) % 3])): f for f, t in enumerate(triangles.tolist()) for k in range(3)}
+    found = []
+    for (i, j), f in edge.items():
+        g = edge.get((j, i))
+        if g is None or i > j:
+            continue
+        along = points[j] - points[i]
+        turn = float(np.arctan2(np.cross(normal[f], normal[g]) @ along / np.linalg.norm(along), normal[f] @ normal[g]))
+        if turn < -1e-3 and min(length[f, 0], length[g, 0]) > 1e-12:
+            found.append((-turn, (points[i] + points[j]) / 2, normal[f], normal[g]))
+    return sorted(found, key=lambda one: -one[0])
+
+
+def convex_parts(cells: list[Any], most: int) -> tuple[list[Any], Ints, list[Floats], bool]:
+    """Split cells at concave edges by bisector planes: pieces, their cells, planes, and whether all are convex."""
+    # the sharpest edge of all pieces is split first, so that a limit leaves the flattest
+    pieces, of, planes = list(cells), list(range(len(cells))), []
+    edges = [concave_edges(cell)[:1] for cell in cells]
+    while len(pieces) < most:
+        turn, at = max((one[0][0], k) if one else (0.0, k) for k, one in enumerate(edges))
+        if turn < _CONCAVE:
+            break
+        _, middle, first, second = edges[at][0]
+        across = first - second
+        across /= np.linalg.norm(across)
+        cutting = Cutting(pieces[at])
+        cutting.through(across, float(across @ middle))
+        if len(cutting.cells) == 1:
+            edges[at] = []
+            continue
+        planes += cutting.planes
+        pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * len(cutting.cells)
+        edges[at : at + 1] = [concave_edges(cell)[:1] for cell in cutting.cells]
+    convex = all(hull.volume() - piece.volume() < 1e-6 * hull.volume() for piece in pieces for hull in [piece.hull()])
+    return pieces, np.array(of), planes, convex

@@ -1,0 +1,220 @@
+"""Closed surfaces: read and check them, write parts as STL, OBJ and 3MF."""
+
+from __future__ import annotations
+
+import zipfile
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+from xml.etree import ElementTree
+
+import numpy as np
+import shapely
+
+from jld_core import Bools, Floats, InputError, Ints, error_context
+from jld_core.exchange import ImportOptions, Notes, Solids, formats
+
+ENDINGS: Final = ("stl", "obj", "3mf")
+MOST: Final = 200_000  # triangles of a solid
+_NAMESPACE: Final = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+_UNITS: Final = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
+
+
+def manifold3d() -> Any:
+    """Import the library that cuts; InputError where it is missing."""
+    try:
+        return import_module("manifold3d")
+    except ImportError:
+        raise InputError("jld cut", "it needs manifold3d, which is not installed", "pip install 'jld[cut]'") from None
+
+
+def solid_of(points: Floats, triangles: Ints) -> Any:
+    """Return the manifold of points (n, 3) and triangles (k, 3)."""
+    library = manifold3d()
+    corners, faces = np.ascontiguousarray(points, dtype=np.float64), np.ascontiguousarray(triangles, dtype=np.uint64)
+    return library.Manifold(library.Mesh64(corners, faces))
+
+
+def surface_of(solid: Any) -> tuple[Floats, Ints]:
+    """Return points (n, 3) and triangles (k, 3) of a manifold."""
+    mesh = solid.to_mesh64()
+    points = np.array(mesh.vert_properties[:, :3], dtype=float)
+    points[np.abs(points) < 1e-15] = 0.0  # cuts leave the dust of rounding beside planes through the origin
+    return points, np.array(mesh.tri_verts, dtype=np.int64)
+
+
+def read_solid(path: Path, unit: float) -> Any:
+    """Read one closed solid, lengths × `unit`; InputError says where it is open or crosses itself."""
+    manifold3d()
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in ENDINGS:
+        raise InputError(str(path), "it is no STL, OBJ or 3MF file", "a file of one of these")
+    with error_context(path):
+        pieces = _read_3mf(path) if kind == "3mf" else _read(path, kind)
+        if sum(len(faces) for _, faces in pieces) > MOST:
+            raise InputError("", "it holds too many triangles", f"at most {MOST}, as `simplify` of a modeller leaves")
+        solids = [_checked(unit * points, faces) for points, faces in pieces]
+        # surfaces that are turned inwards are cavities, unless there is only one
+        hollow = [not outwards and len(solids) > 1 for _, outwards in solids]
+        whole = manifold3d().Manifold()
+        for (solid, _), empty in sorted(zip(solids, hollow, strict=True), key=lambda one: one[1]):
+            whole = whole - solid if empty else whole + solid
+        if len(whole.decompose()) > 1:
+            raise InputError("", f"it holds {len(whole.decompose())} solids that do not touch", "one solid")
+    return whole
+
+
+def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
+    """Read the surfaces of an STL or OBJ file, as points and triangles."""
+    read = formats.readers()[kind].read
+    assert read is not None
+    found = read(path, ImportOptions(), Notes())
+    assert isinstance(found, Solids)
+    return [
+        (
+            np.asarray(part.vertices, dtype=float),
+            np.array([(f[0], f[k], f[k + 1]) for f in part.faces for k in range(1, len(f) - 1)]),
+        )
+        for part in found.parts
+    ]
+
+
+def _read_3mf(path: Path) -> list[tuple[Floats, Ints]]:
+    """Read the meshes of a 3MF file in metres, as points and triangles."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            name = next(name for name in archive.namelist() if name.lower().endswith(".model"))
+            root = ElementTree.fromstring(archive.read(name))
+        scale = _UNITS[root.get("unit", "millimeter")]
+        found = []
+        for mesh in root.iter(f"{{{_NAMESPACE}}}mesh"):
+            points = [[float(v.get(k, "")) for k in "xyz"] for v in mesh.iter(f"{{{_NAMESPACE}}}vertex")]
+            faces = [[int(t.get(f"v{k}", "")) for k in (1, 2, 3)] for t in mesh.iter(f"{{{_NAMESPACE}}}triangle")]
+            found.append((scale * np.array(points), np.array(faces)))
+    except (OSError, zipfile.BadZipFile, StopIteration, ElementTree.ParseError, KeyError, ValueError):
+        raise InputError("", "it is no 3MF file", "a zip archive with a model in it") from None
+    if not found or not all(len(faces) and faces.max() < len(points) for points, faces in found):
+        raise InputError("", "it holds no whole mesh", "one closed mesh")
+    return found
+
+
+def _checked(points: Floats, triangles: Ints) -> tuple[Any, bool]:
+    """Return the solid in a surface, and whether its faces look outwards; InputError for an open or crossed one."""
+    size = float(np.ptp(points, axis=0).max())
+    points, triangles = merged(points, triangles, 1e-7 * size)
+    open_at = open_edges(triangles)
+    if len(open_at):
+        spot = ", ".join(f"{x:.6g}" for x in points[open_at].mean(axis=1)[0])
+        problem = f"it is open, or its faces turn against each other, along {len(open_at)} edges, one at ({spot})"
+        raise InputError(
+            "", problem, "a closed surface: fill holes and turn faces in the modeller, then write it again"
+        )
+    crossing = _crossing(points, triangles)
+    if crossing is not None:
+        spot = ", ".join(f"{x:.6g}" for x in crossing)
+        raise InputError("", f"its surface crosses itself at ({spot})", "its parts joined by a union in the modeller")
+    solid = solid_of(points, triangles)
+    outwards = solid.volume() >= 0.0
+    solid = solid if outwards else solid_of(points, triangles[:, ::-1])
+    if solid.is_empty() or solid.volume() <= 1e-12 * size**3:
+        raise InputError("", f"it encloses no volume ({solid.status().name})", "a closed surface around a solid")
+    return solid, outwards
+
+
+def merged(points: Floats, triangles: Ints, tolerance: float) -> tuple[Floats, Ints]:
+    """Return a surface whose equal corners are one, without triangles that then enclose no area."""
+    _, first, place = np.unique(np.round(points / tolerance), axis=0, return_index=True, return_inverse=True)
+    triangles = place.reshape(-1)[triangles]
+    a, b, c = triangles.T
+    return points[first], triangles[(a != b) & (b != c) & (c != a)]
+
+
+def open_edges(triangles: Ints) -> Ints:
+    """Return edges (k, 2) that are not used once in each direction."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    width = int(triangles.max(initial=0)) + 1
+    there, back = edges[:, 0] * width + edges[:, 1], edges[:, 1] * width + edges[:, 0]
+    # an edge at which four faces meet is used as often in both directions: it stays closed
+    names, counts = np.unique(there, return_counts=True)
+    at = np.minimum(np.searchsorted(names, back), len(names) - 1)
+    used = counts[np.searchsorted(names, there)]
+    return np.asarray(edges[(names[at] != back) | (counts[at] != used)])
+
+
+def _crossing(points: Floats, triangles: Ints) -> Floats | None:
+    """Return a point (3,) at which an edge passes through a face that it shares no corner with; None if none."""
+    corners = points[triangles]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
+    one, other = shapely.STRtree(boxes).query(boxes)
+    near = (low[one, 2] < high[other, 2]) & (low[other, 2] < high[one, 2])
+    one, other = one[near], other[near]
+    apart = ~(triangles[one][:, :, None] == triangles[other][:, None, :]).any(axis=(1, 2))
+    one, other = one[apart], other[apart]
+    for k in range(3):
+        start, end = corners[one, k], corners[one, (k + 1) % 3]
+        hit, at = _passes(start, end, corners[other])
+        if hit.any():
+            return np.asarray(at[hit][0])
+    return None
+
+
+def _passes(start: Floats, end: Floats, face: Floats) -> tuple[Bools, Floats]:
+    """Return whether segments (k, 3) pass through triangles (k, 3, 3), and where."""
+    ray, first, second = end - start, face[:, 1] - face[:, 0], face[:, 2] - face[:, 0]
+    across = np.cross(ray, second)
+    det = np.einsum("ij,ij->i", first, across)
+    scale = np.linalg.norm(ray, axis=1) * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    inverse = 1.0 / np.where(np.abs(det) > 1e-9 * scale, det, np.inf)
+    away = start - face[:, 0]
+    u = np.einsum("ij,ij->i", away, across) * inverse
+    turned = np.cross(away, first)
+    v, t = np.einsum("ij,ij->i", ray, turned) * inverse, np.einsum("ij,ij->i", second, turned) * inverse
+    eps = 1e-6
+    hit = (inverse != 0.0) & (u > eps) & (v > eps) & (u + v < 1 - eps) & (t > eps) & (t < 1 - eps)
+    return hit, start + t[:, None] * ray
+
+
+def stl_bytes(points: Floats, triangles: Ints) -> bytes:
+    """Return a binary STL file."""
+    record = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    corners = points[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    record["normal"] = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    record["corners"] = corners
+    return b"written by jld".ljust(80) + len(triangles).to_bytes(4, "little") + record.tobytes()
+
+
+def obj_text(points: Floats, triangles: Ints, name: str) -> str:
+    """Return an OBJ file of one group."""
+    lines = [f"g {name}", *(f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist())]
+    return "\n".join(lines + [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]) + "\n"
+
+
+def write_3mf(path: Path, parts: list[tuple[str, Floats, Ints]]) -> None:
+    """Write named surfaces, lengths in mm, as the objects of a 3MF file."""
+    objects, items = [], []
+    for number, (name, points, triangles) in enumerate(parts, 1):
+        corners = "".join(f'<vertex x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in points.tolist())
+        faces = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in triangles.tolist())
+        mesh = f"<mesh><vertices>{corners}</vertices><triangles>{faces}</triangles></mesh>"
+        objects.append(f'<object id="{number}" type="model" name="{name}">{mesh}</object>')
+        items.append(f'<item objectid="{number}"/>')
+    head = '<?xml version="1.0" encoding="UTF-8"?>'
+    model = f'{head}<model unit="millimeter" xmlns="{_NAMESPACE}"><resources>{"".join(objects)}</resources>'
+    package = "http://schemas.openxmlformats.org/package/2006"
+    types = f'{head}<Types xmlns="{package}/content-types">' + "".join(
+        f'<Default Extension="{ending}" ContentType="{kind}"/>'
+        for ending, kind in (
+            ("rels", "application/vnd.openxmlformats-package.relationships+xml"),
+            ("model", "application/vnd.ms-package.3dmanufacturing-3dmodel+xml"),
+        )
+    )
+    kind = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+    relation = f'<Relationship Target="/3D/3dmodel.model" Id="rel0" Type="{kind}"/>'
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("[Content_Types].xml", types + "</Types>")
+        archive.writestr(
+            "_rels/.rels", f'{head}<Relationships xmlns="{package}/relationships">{relation}</Relationships>'
+        )
+        archive.writestr("3D/3dmodel.model", f"{model}<build>{''.join(items)}</build></model>")

@@ -1,0 +1,138 @@
+"""Parts of a cut solid: clearance, boxes, beds, and files that are read again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from jld_core import Floats, InputError, Ints, files
+from jld_cut.cells import Joint, union
+from jld_cut.meshes import obj_text, open_edges, solid_of, stl_bytes, surface_of, write_3mf
+
+_SPLINTER: Final = 1e-6  # of the volume of a part
+_LOST: Final = 0.5  # share of its volume that clearance may take of a part
+_BEDS: Final = 12  # largest faces that a part may lie on
+
+
+@dataclass
+class Part:
+    """Numbered part of a solid."""
+
+    number: int
+    cells: list[int]
+    exact: Any  # union of its cells
+    solid: Any  # the same with clearance
+    mass: float
+    box: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) sides of its smallest box, ascending
+    bed: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) rotation that lays it on the bed
+    watertight: bool = False
+    step: int = 0
+    direction: Floats = field(default_factory=lambda: np.zeros(3))
+    error: float = 0.0  # of the volume in its file
+
+    @property
+    def name(self) -> str:
+        """Name of its files."""
+        return f"part_{self.number:02d}"
+
+
+def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float, clearance: float) -> list[Part]:
+    """Return the parts of cells by their blocks (n,), numbered from 1, with clearance at dry joints."""
+    names = sorted(set(block.tolist()))
+    members = [np.flatnonzero(block == name).tolist() for name in names]
+    exact = [union([cells[k] for k in group]) for group in members]
+    place = {name: k for k, name in enumerate(names)}
+    solids = list(exact)
+    done: set[tuple[Any, ...]] = set()
+    for joint in joints if clearance > 0.0 else ():
+        a, b = place[int(block[joint.a])], place[int(block[joint.b])]
+        key = (a, b, *np.round(joint.normal, 9).tolist())
+        if a == b or key in done:
+            continue
+        done.add(key)
+        move = 0.5 * clearance * joint.normal
+        solids[a] -= exact[b].translate(tuple(-move))
+        solids[b] -= exact[a].translate(tuple(move))
+    found = []
+    for k, (group, whole, solid) in enumerate(zip(members, exact, solids, strict=True)):
+        pieces = [one for one in solid.decompose() if one.volume() > _SPLINTER * whole.volume()]
+        if len(pieces) != 1 or pieces[0].volume() < _LOST * whole.volume():
+            problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
+            raise InputError("--clearance", problem, "a smaller clearance")
+        found.append(Part(k + 1, group, whole, pieces[0], density * whole.volume()))
+    return found
+
+
+def lay(part: Part, fit: Floats) -> bool:
+    """Find box and bed of a part; return whether it fits into a box of sides `fit` (3,), ascending."""
+    points, triangles = surface_of(part.exact)
+    corners = points[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    kinds, place = np.unique(np.round(normal / np.maximum(area, 1e-300)[:, None], 4), axis=0, return_inverse=True)
+    share = np.bincount(place.reshape(-1), area)
+    largest = np.argsort(-share)[:_BEDS].tolist()
+    best: tuple[Any, ...] | None = None
+    for down, size in [*((kinds[k], float(share[k])) for k in largest), *((axis, 0.0) for axis in np.eye(3))]:
+        if np.linalg.norm(down) < 0.5:
+            continue
+        frame = _frame(-down / np.linalg.norm(down))
+        plan = points @ frame[:2].T
+        rectangle = shapely.minimum_rotated_rectangle(shapely.MultiPoint(plan))
+        ring = shapely.get_coordinates(rectangle)
+        first = ring[1] - ring[0]
+        turn = float(np.arctan2(first[1], first[0]))
+        spin = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]) @ frame
+        sides = np.sort(np.ptp(points @ spin.T, axis=0))
+        scale = float((sides / fit).max())
+        good = scale <= 1.0 + 1e-6
+        key = (good, size if good else -scale, -scale)
+        if best is None or key > best[0]:
+            best = key, sides, spin, good
+    assert best is not None
+    _, part.box, part.bed, fits = best
+    return bool(fits)
+
+
+def _frame(up: Floats) -> Floats:
+    """Return a rotation (3, 3) whose last row is a unit vector."""
+    first = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(up, first), up])
+
+
+def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
+    """Write each part as STL and OBJ where it stands and as STL on its bed, and all as one 3MF; read STL again."""
+    for name in ("parts", "bed"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    surfaces = []
+    for part in parts:
+        size = float(np.ptp(surface_of(part.solid)[0], axis=0).max())
+        for tolerance in (1e-6, 1e-5, 1e-4, 1e-3):
+            points, triangles = surface_of(part.solid.simplify(tolerance * size))
+            points, triangles = merged_as_single(points / unit, triangles)
+            part.watertight = not len(open_edges(triangles)) and len(triangles) > 3
+            if part.watertight:
+                break
+        again = solid_of(points * unit, triangles)
+        part.error = abs(again.volume() / part.solid.volume() - 1.0)
+        (folder / "parts" / f"{part.name}.stl").write_bytes(stl_bytes(points, triangles))
+        files.write_text(folder / "parts" / f"{part.name}.obj", obj_text(points, triangles, part.name))
+        lying = points @ part.bed.T
+        lying = merged_as_single(lying - lying.min(axis=0), triangles)
+        (folder / "bed" / f"{part.name}.stl").write_bytes(stl_bytes(*lying))
+        surfaces.append((part.name, points * (1e3 * unit), triangles))
+    write_3mf(folder / "parts.3mf", surfaces)
+
+
+def merged_as_single(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    """Return a surface as a binary STL file holds it: corners in single precision, equal ones merged."""
+    single = points.astype(np.float32).astype(float)
+    _, first, place = np.unique(single, axis=0, return_index=True, return_inverse=True)
+    triangles = place.reshape(-1)[triangles]
+    a, b, c = triangles.T
+    return single[first], triangles[(a != b) & (b != c) & (c != a)]

@@ -1,0 +1,256 @@
+"""The criterion "surface": rows and gauges of a yield surface that a scene states part by part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final, Literal
+
+import numpy as np
+
+from jld_core import Floats, InputError
+from jld_core.mechanics import FaceGeometry, FaceRows, Gauge, enclosing_rows
+from jld_surfaces.keys import Cone, Friction, HoekBrown, Point, SurfaceKeys
+from jld_surfaces.section import resultants, shape_of
+
+_NAMES: Final = {2: ("N", "V", "M"), 3: ("N", "V1", "V2", "M1", "M2", "MT")}
+
+_MOST: Final = 120  # vertices and rays of a polytope
+
+Limits = tuple[Floats, Floats]
+"""Rows C (k, r, q) and constants d (k, r) of C x + d ≥ 0, in stresses."""
+
+
+class Surface:
+    """Yield surface of parts that all hold: rows, vertices, cones, friction, bending, a section, Hoek–Brown.
+
+    Attributes
+    ----------
+    label : str
+        "either": for inner and for dry faces.
+    parameters : type
+        Keys that a scene states.
+    """
+
+    label: Literal["dry", "inner", "either"] = "either"
+    parameters = SurfaceKeys
+
+    def rows(self, faces: FaceGeometry, values: SurfaceKeys) -> FaceRows:
+        """Return the yield set of faces, see `jld_core.mechanics.FaceRows`.
+
+        Parameters
+        ----------
+        faces : FaceGeometry
+            Faces.
+        values : SurfaceKeys
+            What a scene states.
+
+        Returns
+        -------
+        FaceRows
+            Rows and gauges.
+
+        Raises
+        ------
+        InputError
+            A part does not suit the dimension, or zero is outside.
+        """
+        made = _Parts(faces, values)
+        limits = list(made.limits())
+        table = np.concatenate([rows for rows, _ in limits], axis=1)
+        if faces.dimension == 3 and not table[:, :, [1, 2, 5]].any():
+            table = table[:, :, [0, 3, 4]]
+        return FaceRows(table, np.concatenate([sides for _, sides in limits], axis=1), tuple(made.gauges))
+
+
+class _Parts:
+    """Limits of one surface on some faces, collected part by part; `gauges` fills as `limits` is read."""
+
+    def __init__(self, faces: FaceGeometry, keys: SurfaceKeys) -> None:
+        self.faces, self.keys = faces, keys
+        self.names, self.gauges = _NAMES[faces.dimension], list[Gauge]()
+
+    def limits(self) -> Iterator[Limits]:
+        """Yield the rows of all parts."""
+        keys, strength = self.keys, self.keys.reference_strength
+        yield self._same(np.zeros((1, len(self.names))), np.zeros(1))
+        if keys.rows:
+            table = self._points(keys.rows, "rows")
+            sides = np.repeat([strength * row.most for row in keys.rows], len(table) // len(keys.rows))
+            yield self._same(-table, sides)
+        if keys.vertices:
+            yield self._polytope(*(self._points(getattr(keys, name), name) for name in ("vertices", "rays")))
+        for number, cone in enumerate(keys.cones):
+            self._cone(cone, f"cones[{number}]")
+        if keys.friction is not None:
+            yield from self._friction(keys.friction)
+        if keys.bending is not None:
+            bending = keys.bending
+            yield from self._bending(bending.within, bending.tensile_strength, bending.compressive_strength)
+        if keys.section is not None:
+            yield from self._section()
+        if keys.hoek_brown is not None:
+            yield from self._hoek_brown(keys.hoek_brown)
+
+    def _same(self, rows: Floats, sides: Floats) -> Limits:
+        """Return rows (r, q) of every face."""
+        count = len(self.faces)
+        return np.broadcast_to(rows, (count, *rows.shape)), np.broadcast_to(sides, (count, len(sides)))
+
+    def _points(self, entries: Sequence[Point], part: str) -> Floats:
+        """Return resultants (p, q) of entries, each followed by those with the other signs of `symmetric`."""
+        allowed = {*self.names, "most"}
+        for number, one in enumerate(entries):
+            odd = next((name for name in sorted(one.model_fields_set) if name not in allowed), None)
+            if odd is not None:
+                names = ", ".join(self.names)
+                raise InputError(f".{part}[{number}].{odd}", f"a {self.faces.dimension}D scene has none", names)
+        odd = next((name for name in self.keys.symmetric if name not in self.names), None)
+        if odd is not None:
+            raise InputError(".symmetric", f"a {self.faces.dimension}D scene has no {odd}", ", ".join(self.names[1:]))
+        table = np.array([[getattr(one, name) for name in self.names] for one in entries]).reshape(-1, len(self.names))
+        for name in dict.fromkeys(self.keys.symmetric):
+            other = np.repeat(table, 2, axis=0)
+            other[1::2, self.names.index(name)] *= -1.0
+            table = other
+        return table
+
+    def _polytope(self, vertices: Floats, rays: Floats) -> Limits:
+        """Return the rows of vertices (p, q) and rays, multiples of the reference strength, in what they name."""
+        if len(vertices) + len(rays) > _MOST:
+            raise InputError(".vertices", f"{len(vertices)} vertices with their mirror images", f"at most {_MOST}")
+        used = np.any(vertices != 0.0, axis=0) | np.any(rays != 0.0, axis=0)
+        spread = np.vstack([vertices[1:] - vertices[0], rays])[:, used]
+        if np.linalg.matrix_rank(spread) < used.sum():
+            raise InputError(".vertices", "they are flat in the resultants that they name", "a solid")
+        strength = self.keys.reference_strength
+        rows, sides = enclosing_rows(vertices[:, used] * strength, rays[:, used])
+        table = np.zeros((len(rows), len(self.names)))
+        table[:, used] = rows
+        return self._same(table, self._inside(sides, "vertices"))
+
+    def _inside(self, sides: Floats, part: str) -> Floats:
+        """Return the constants of rows; raise InputError where zero is outside."""
+        if sides.min(initial=0.0) < -1e-12 * abs(sides).max(initial=0.0):
+            raise InputError(f".{part}", "no force at all lies outside of it", "zero inside the yield surface")
+        return np.maximum(sides, 0.0)
+
+    def _along(self, direction: list[float] | None, part: str) -> Floats:
+        """Return the unit vectors (k, 2) of a direction in the axes of each face; None: along e1."""
+        if self.faces.dimension == 2:
+            raise InputError(f".{part}", "it is for spatial scenes", '"rows", or one number of "friction"')
+        if direction is None:
+            return np.tile([1.0, 0.0], (len(self.faces), 1))
+        if len(direction) != 3 or not any(direction):
+            raise InputError(f".{part}.direction", "it is no direction", "three numbers, not all 0")
+        vector = np.array(direction) / np.linalg.norm(direction)
+        along = np.column_stack([self.faces.e1 @ vector, self.faces.e2 @ vector])
+        size = np.linalg.norm(along, axis=1)
+        if size.min(initial=1.0) < 1e-6:
+            raise InputError(f".{part}.direction", "it stands across a face", "a direction along the faces")
+        return np.asarray(along / size[:, None])
+
+    def _signs(self, direction: list[float]) -> Floats:
+        """Return whether e1 (k,) of planar faces runs along a direction, 1, or against it, −1."""
+        if len(direction) != 2:
+            raise InputError(".section.direction", f"it has {len(direction)} numbers", "2 in this scene")
+        along = self.faces.e1 @ np.array(direction)
+        if not any(direction) or abs(along).min(initial=1.0) < 1e-6 * math.hypot(*direction):
+            raise InputError(".section.direction", "it stands across a face", "a direction along the faces")
+        return np.asarray(np.sign(along))
+
+    def _cone(self, cone: Cone, part: str) -> None:
+        """Add the gauge of a cone."""
+        along = self._along(cone.direction, part)
+        shear = None if cone.shear is None else _turned(along, np.array(cone.shear))
+        capacity = cone.capacity * self.keys.reference_strength
+        self.gauges.append(Gauge(shear, cone.torsion, capacity, cone.friction))
+
+    def _friction(self, stated: Friction) -> Iterator[Limits]:
+        """Yield the rows of friction, or add its gauge."""
+        pairs = [value if isinstance(value, list) else [value] * 2 for value in (stated.coefficients, stated.cohesion)]
+        (first, second), (c, d) = pairs
+        isotropic = first == second and c == d
+        if self.faces.dimension == 2:
+            if not isotropic or stated.direction is not None or stated.torsion is not None:
+                raise InputError(".friction", "a planar joint slides one way", "one coefficient, and one cohesion")
+            yield self._same(np.array([[first, 1.0, 0.0], [first, -1.0, 0.0]]), np.array([c, c]))
+            return
+        along = self._along(stated.direction, "friction")
+        turning = min(first, second) if stated.torsion is None else stated.torsion
+        if stated.cone == "product":
+            across = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+            table = np.zeros((len(along), 6, 6))
+            for place, (way, mu) in enumerate(((along, first), (across, second))):
+                table[:, 2 * place : 2 * place + 2, 0] = mu
+                table[:, 2 * place, 1:3], table[:, 2 * place + 1, 1:3] = way, -way
+            table[:, 4:, 0], table[:, 4, 5], table[:, 5, 5] = turning, 1.0, -1.0
+            yield table, np.broadcast_to([c, c, d, d, min(c, d), min(c, d)], (len(along), 6))
+            return
+        if not isotropic and (first == 0.0 or second == 0.0 or not np.isclose(c * second, d * first, rtol=1e-9)):
+            problem = "an elliptic cone has one apex, the same c/μ along and across"
+            raise InputError(".friction", problem, 'such cohesion, or "cone": "product"')
+        if turning == 0.0 and first > 0.0:
+            raise InputError(".friction.torsion", "nothing resists torsion", "a coefficient above 0")
+        ratio = first / second if second else 1.0
+        self.gauges.append(Gauge(_turned(along, np.array([1.0, ratio])), first / turning if turning else 1.0, c, first))
+
+    def _bending(self, within: str, tension: float, compression: float | None) -> Iterator[Limits]:
+        """Yield the rows of N and moments at edges or in the kern."""
+        own = self.faces.bending(self.faces.edges if within == "edges" else self.faces.kern)
+        rows = own if self.faces.dimension == 2 else np.zeros((*own.shape[:2], 6))
+        if self.faces.dimension == 3:
+            rows[:, :, [0, 3, 4]] = own
+        stands = np.any(own != 0.0, axis=2)
+        yield rows, np.where(stands, tension, 0.0)
+        if compression is not None:
+            mirrored = -rows
+            yield mirrored, np.where(stands, compression, 0.0)
+
+    def _section(self) -> Iterator[Limits]:
+        """Yield the rows of a cross-section; its shear strength acts on its area."""
+        section, faces = self.keys.section, self.faces
+        assert section is not None
+        shape = shape_of(section)
+        vertices, rays = resultants(shape, section, faces.dimension)
+        rows, sides = enclosing_rows(vertices, rays)
+        sides = self._inside(sides, "section")
+        table = np.zeros((len(faces), len(rows), len(self.names)))
+        if faces.dimension == 2:
+            table[:, :, [0, 2]] = rows
+            if section.direction is not None:
+                table[:, :, 2] *= self._signs(section.direction)[:, None]
+        else:
+            turn = self._along(section.direction, "section")
+            if abs(abs(turn).max(axis=1, initial=1.0) - 1.0).max(initial=0.0) > 1e-6:
+                raise InputError(".section.direction", "it runs along no edge of a face", "a direction along edges")
+            # m1 and m2 about the axes of the section are those of the face, exchanged where it is turned
+            table[:, :, 0] = rows[:, 0]
+            table[:, :, 3] = turn[:, :1] * rows[:, 1] - turn[:, 1:] * rows[:, 2]
+            table[:, :, 4] = turn[:, 1:] * rows[:, 1] + turn[:, :1] * rows[:, 2]
+        yield table, np.broadcast_to(sides, table.shape[:2])
+        if section.shear_strength is not None:
+            force = section.shear_strength * shape.area
+            if faces.dimension == 3:
+                self.gauges.append(Gauge(np.eye(2), 1.0, force))
+            else:
+                yield self._same(np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]), np.array([force, force]))
+
+    def _hoek_brown(self, rock: HoekBrown) -> Iterator[Limits]:
+        """Yield tangents of τ(n) = ½ √(m σc (n + σt)), σt = s σc/m, and bending by elastic stress unless stated."""
+        if self.faces.dimension == 3:
+            raise InputError(".hoek_brown", "it is for planar scenes", '"cones" in space')
+        strength, tension = rock.compressive_strength, rock.s * rock.compressive_strength / rock.m
+        over = np.array(rock.points) * strength
+        height = 0.5 * np.sqrt(rock.m * strength * over)
+        slope = 0.5 * height / over
+        rows = np.array([[k, sign, 0.0] for k in slope for sign in (-1.0, 1.0)])
+        yield self._same(rows, np.repeat(height + slope * (tension - over), 2))
+        if self.keys.bending is None and self.keys.section is None:
+            yield from self._bending("kern", tension, None)
+
+
+def _turned(along: Floats, factors: Floats) -> Floats:
+    """Return B (k, 2, 2) whose rows are factors times a direction (k, 2) and the one across it."""
+    across = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    return np.stack([factors[0] * along, factors[1] * across], axis=1)
