@@ -30,6 +30,7 @@ ORDER = [
     ["jld_dilation"],
     ["jld_surfaces"],
     ["jld_tilting"],
+    ["jld_cut"],
     ["jld_explore.cli"],
     ["jld_explore"],
     ["jld_explore.explore", "jld_explore.sweep"],
@@ -85,6 +86,7 @@ FLAT = [
     "jld_maps",
     "jld_surfaces",
     "jld_tilting",
+    "jld_cut",
 ]
 
 # modules that load what is slow are imported by name, also where their package exports the name

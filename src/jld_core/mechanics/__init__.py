@@ -9,7 +9,6 @@
 - `YieldSet`: interface of a yield set, as proofs use it
 - `enclosing_rows`: rows of the closed hull of vertices and rays
 - `equilibrium_matrix`: assemble A_eq
-- `exact_sets`: yield sets of criteria of plug-ins in integers
 - `load_vectors`: return b and b_λ
 - `prescribed_friction`: yield sets with friction from prescribed normal forces, and constant effective areas
 - `reference_load`: compute the reference force of an assembly: weight, else a strength, else live load
@@ -24,9 +23,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.mechanics.compiled_rows import enclosing_rows, exact_sets, yield_set
+from jld_core.mechanics.compiled_rows import yield_set
 from jld_core.mechanics.criteria import FaceGeometry, FaceRows, Gauge
 from jld_core.mechanics.equilibrium import Scaling, equilibrium_matrix, load_vectors, scaling_of
+from jld_core.mechanics.polytopes import enclosing_rows
 from jld_core.mechanics.yield_set import YieldSet, require_materials
 from jld_core.strengths import Parameter
 
@@ -45,7 +45,6 @@ __all__ = [
     "YieldSet",
     "enclosing_rows",
     "equilibrium_matrix",
-    "exact_sets",
     "load_vectors",
     "prescribed_friction",
     "reference_load",
