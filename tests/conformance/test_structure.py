@@ -171,7 +171,7 @@ def test_imports_run_downwards() -> None:
     assert against == []
 
 
-MOST_EXPORTED = 304
+MOST_EXPORTED = 260
 """Exported names and modules of core and explore together: what add-ons and plug-ins may use."""
 
 
@@ -232,14 +232,14 @@ def _wrong_imports(node: ast.ImportFrom, here: str) -> Iterator[str]:
 
 def test_the_tool_finds_the_home_of_a_name() -> None:
     """What to run after a merge that fails the test above."""
-    text = "from jld_core.limit import Relaxation, Status\nfrom jld_core.scene.schema import Scene, Dry\n"
+    text = "from jld_core.limit import Relaxation, governing\nfrom jld_core.scene.schema import Search, Dry\n"
     assert rewritten(text, "jld_explore.search.study").splitlines() == [
-        "from jld_core.limit import Status",
+        "from jld_core.limit import governing",
         "from jld_core.limit.case_relaxation import Relaxation",
-        "from jld_core.scene import Scene",
+        "from jld_core.scene import Search",
         "from jld_core.scene.schema import Dry",
     ]
-    assert rewritten(text, "jld_core.scene.reading").splitlines()[-1] == "from jld_core.scene.schema import Scene, Dry"
+    assert rewritten(text, "jld_core.scene.reading").splitlines()[-1] == "from jld_core.scene.schema import Search, Dry"
 
 
 def test_few_names_are_exported() -> None:

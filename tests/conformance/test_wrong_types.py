@@ -15,9 +15,10 @@ import jld_core
 from cases import grid_document
 from jld_core import InputError, Model, build_assembly, load_scene, parse_scene, solve, solve_many
 from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
-from jld_core.models import cost_estimate, require_memory, sensitivities
+from jld_core.models import cost_estimate, sensitivities
+from jld_core.models.costs import require_memory
 from jld_core.refinement import refine
-from jld_core.scene import parse_cracks
+from jld_core.scene.cracks import parse_cracks
 from jld_experiment import Joints, Settings, run_experiment
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import make_driver

@@ -18,7 +18,7 @@ from cases import CASES, ROUTE, Document, all_inner, box, grid_assembly, grid_do
 from cases import assembly_in_space as assembly
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.batch import chosen
-from jld_core.limit import BatchAnalysis
+from jld_core.limit.batch import BatchAnalysis
 from jld_core.solvers import ClarabelSolver
 from jld_core.views import facts_of_result
 from jld_explore.report.tables import _ties, is_ahead

@@ -19,8 +19,7 @@ import pytest
 from cases import CASES, DOWN, box, grid_assembly, grid_document
 from cases import scene_in_space as scene
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
-from jld_core.batch import ConflictRequest
-from jld_core.batch.batch_solver import MinimizationOptions
+from jld_core.batch.batch_solver import ConflictRequest, MinimizationOptions
 from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_core.limit.case_relaxation import Relaxation
 from jld_core.mechanics.standard import StandardYield

@@ -17,6 +17,7 @@ from jld_core.exchange.options import rounded
 from jld_core.plugins import part
 from jld_core.scene import Scene
 from jld_core.scene.loads import Case, Loads, body_of
+from jld_core.scene.schema import Scene
 from jld_core.scene.uncertain import with_means
 
 # Scene keys that a file of all elements represents by its geometry
