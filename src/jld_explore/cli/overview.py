@@ -16,6 +16,7 @@ _GROUPS: Final = {
     "Find the best layout": {
         "design": "the blocks of an outline: cells tried, joints searched and moved, the best checked",
         "explore": "search the layouts of a scene for the strongest: table, front, pictures, page",
+        "cut": "cut a solid to the fewest parts that fit a machine, go together and carry a load",
         "move": "move the joints of a layout for the largest load factor, or prove the best in a box",
         "verify": "check the certificate of a proof",
     },

@@ -14,7 +14,8 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.mechanics import Gauge, exact_sets
+from jld_core.mechanics import Gauge
+from jld_core.mechanics.compiled_rows import exact_sets
 from jld_core.scene.standard import key_of
 from jld_core.strengths import CRITERIA, STANDARD, Route
 
