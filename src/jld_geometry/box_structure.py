@@ -9,8 +9,8 @@ from fractions import Fraction
 from typing import Any, Final
 
 from jld_core import InputError, Route, Scene, build_assembly
-from jld_core.build import build_assembly
-from jld_core.scene import Scene, loads as scene_loads, uncertain
+from jld_core.scene import loads as scene_loads
+from jld_core.scene import uncertain
 from jld_geometry.box_certificate import BoxClaim, Pair
 
 # coefficients by the exponents of the parameters; those left out are zero

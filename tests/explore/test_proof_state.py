@@ -23,7 +23,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cases import dry_and_inner, grid_document
 from jld_core import Scene, build_assembly, parse_scene
-from jld_core.batch import ConflictRequest, chosen
+from jld_core.batch import chosen
 from jld_core.batch.batch_solver import ConflictRequest, MinimizationOptions
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
 from jld_explore import Driver, Exploration, ExploreSettings, Progress, StopReason, explore, search_space
