@@ -10,7 +10,6 @@
 - `YieldSet`: interface of a yield set, as proofs use it
 - `enclosing_rows`: rows of the closed hull of vertices and rays
 - `equilibrium_matrix`: assemble A_eq
-- `exact_sets`: yield sets of criteria of plug-ins in integers
 - `load_vectors`: return b and b_λ
 - `maps_criteria`: tell whether a symmetry maps the yield criteria of plug-ins
 - `prescribed_friction`: yield sets with friction from prescribed normal forces, and constant effective areas
@@ -18,6 +17,7 @@
 - `require_materials`: refuse labellings whose material is missing
 - `scaled_strengths`: convert strengths to forces, stress times area, and divide them by the force scale
 - `scaling_of`: compute the scales of an assembly
+- `stated_rows`: what criteria of plug-ins state of each face
 - `used`: return the ratio demand / capacity (m,) of each face
 - `yield_set`: make the yield sets of an assembly of either dimension
 """
@@ -27,7 +27,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.mechanics.compiled_rows import exact_sets, maps_criteria, yield_set
+from jld_core.mechanics.compiled_rows import maps_criteria, stated_rows, yield_set
 from jld_core.mechanics.criteria import FaceGeometry, FaceRows, Gauge
 from jld_core.mechanics.equilibrium import Scaling, equilibrium_matrix, load_vectors, scaling_of
 from jld_core.mechanics.polytopes import enclosing_rows
@@ -52,7 +52,6 @@ __all__ = [
     "YieldSet",
     "enclosing_rows",
     "equilibrium_matrix",
-    "exact_sets",
     "load_vectors",
     "maps_criteria",
     "prescribed_friction",
@@ -60,6 +59,7 @@ __all__ = [
     "require_materials",
     "scaled_strengths",
     "scaling_of",
+    "stated_rows",
     "used",
     "yield_set",
 ]
