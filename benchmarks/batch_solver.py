@@ -24,12 +24,16 @@ from benchmarks.stated import stated
 from jld_core import Assembly, Scene, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
 from jld_core.batch.library import described
-from jld_core.limit import BatchAnalysis, LimitAnalysis, SolveOptions, Status, load_scale
-from jld_core.models import limit_analysis, solve
+from jld_core.limit import load_scale
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.batch import BatchAnalysis
+from jld_core.limit.options import SolveOptions, Status
+from jld_core.models import limit_analysis
+from jld_core.models.case_analysis import solve
 from jld_core.refinement import refine
+from jld_explore import search_space
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
-from jld_explore.space import search_space
 from jld_samples import Stone
 
 HARD_MANY: Final = 512

@@ -21,13 +21,16 @@ from benchmarks.common import RESULTS
 from benchmarks.scenes import ENUMERATED, built
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.limit import Status
-from jld_explore.drivers import Driver, make_driver
+from jld_core.limit.options import Status
+from jld_explore.drivers import make_driver
+from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.report.tables import on_front
-from jld_explore.space import SearchSpace, keys
+from jld_explore.space import keys
 from jld_explore.space.counts import counts
+from jld_explore.space.search_space import SearchSpace
 
 CHECKPOINTS: Final = (100, 1_000, 10_000)
 DRIVERS: Final = ("random", "hillclimb", "genetic", "genetic:best")

@@ -22,9 +22,8 @@ from studies.scenes import corner
 from benchmarks.common import RESULTS, table, write
 from benchmarks.scenes import ANGLE, ENUMERATED, STRENGTH, cubes, grid, strength, vault
 from jld_core import Scene, build_assembly, parse_scene
-from jld_explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.space import search_space
 
 WALLS: Final = (
     (4, 6, 2, 2e4, "3 s"),

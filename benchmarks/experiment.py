@@ -12,8 +12,8 @@ from benchmarks.common import ROOT, scene, table, write
 from jld_core import Assembly, Status, build_assembly, load_scene, solve
 from jld_core.arrays import Bits
 from jld_experiment import Joints, Push, Settings, Specimen, Standing, push, run_experiment, specimen_of
+from jld_explore import search_space
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.space import search_space
 
 LAYOUTS, UNSTABLE = 70, 100
 ASSOCIATIVE, NO_DILATION = Joints(dilation="friction", inner="plastic"), Joints(inner="plastic")

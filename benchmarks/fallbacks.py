@@ -26,12 +26,14 @@ from benchmarks.hard_cases import hard_cases
 from benchmarks.scenes import strength
 from jld_core import Assembly, build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.limit import Proof, SolveOptions, analysis
+from jld_core.limit import Proof, analysis
 from jld_core.limit.analysis import Fallback, ProofAttempt, run_fallbacks
-from jld_core.models import limit_analysis, solve
+from jld_core.limit.options import SolveOptions
+from jld_core.models import limit_analysis
+from jld_core.models.case_analysis import solve
 from jld_core.models.rigid_blocks import FALLBACKS_BY_CONDENSE
+from jld_explore import search_space
 from jld_explore.drivers import make_driver
-from jld_explore.space import search_space
 
 SECONDS: Final = 400.0
 NAMES: Final = tuple(fallback.name for fallback in FALLBACKS_BY_CONDENSE["auto"])

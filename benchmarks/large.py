@@ -28,12 +28,13 @@ from benchmarks.common import ROOT, about, apart, load_of_machine, table, write
 from benchmarks.scenes import box, strength
 from jld_core import LimitAnalysis, build_assembly, load_scene, parse_scene, solve
 from jld_core.program import ConicProgram, Template
-from jld_core.scene import Scene
+from jld_core.scene.schema import Scene
 from jld_core.solvers import RawSolution, Solver
 from jld_core.threads import one_thread
+from jld_explore import search_space
 from jld_explore.drivers import make_driver
-from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
-from jld_explore.space import search_space
+from jld_explore.evaluation import EvaluatorSettings, evaluator_of
+from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space.symmetry import symmetry_group
 
 DRY_WALLS: dict[str, Callable[[int], Scene]] = {

@@ -16,9 +16,9 @@ from benchmarks.common import about, table, write
 from benchmarks.scenes import LARGE
 from jld_core import build_assembly, parse_scene
 from jld_core.batch.library import described
-from jld_core.limit import LimitAnalysis
+from jld_core.limit.analysis import LimitAnalysis
+from jld_explore import search_space
 from jld_explore.drivers import make_driver
-from jld_explore.space import search_space
 from jld_practice.reliability import ReliabilityOptions, analyse, random_structure
 
 SAMPLES: Final = 100_000

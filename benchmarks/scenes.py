@@ -11,7 +11,8 @@ import numpy as np
 
 from benchmarks.common import ROOT
 from jld_core import Assembly, Scene, build_assembly, load_scene, parse_scene
-from jld_explore.space import SearchSpace, search_space
+from jld_explore import search_space
+from jld_explore.space.search_space import SearchSpace
 
 LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 GRIDS: Final = {

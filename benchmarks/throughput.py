@@ -23,11 +23,12 @@ from benchmarks.scenes import GRIDS, cubes, grid
 from benchmarks.stated import stated
 from jld_core import Assembly, Scene, Status, build_assembly, load_scene
 from jld_core.arrays import Bits, Floats
+from jld_explore import search_space
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation.protocol import evaluation_of
 from jld_explore.search.settings import ExploreSettings
 from jld_explore.search.study import Study
-from jld_explore.space import search_space, unpack
+from jld_explore.space import unpack
 
 
 @dataclass(frozen=True)

@@ -20,16 +20,25 @@ from studies.families import halved_bond, opened_wall
 from studies.scenes import leonardo_flat_arch
 
 from benchmarks.common import RESULTS, ROOT
-from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, load_scene, solve, tolerances
+from jld_core import (
+    Assembly,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    Scene,
+    SolveOptions,
+    build_assembly,
+    load_scene,
+    solve,
+    tolerances,
+)
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import Proof, result_of
-from jld_core.models import SolveOptions
 from jld_dilation.certificate import pair_proof
 from jld_dilation.fixed_point_search import FixedPointSearch, ProximalOptions
 from jld_dilation.product_space import PrimalDualPair
 from jld_dilation.sweep import initial_forces
+from jld_explore import search_space
 from jld_explore.drivers.searcher import Random
-from jld_explore.space import search_space
 
 
 @dataclass(frozen=True)

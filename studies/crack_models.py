@@ -13,7 +13,7 @@ from jld_core import Assembly, Scene, Status, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds
-from jld_core.limit import LimitAnalysisResult
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.refinement import refine
 from jld_core.refinement.refine import CrackCells, joint_faces
 

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from jld_core import Assembly, Scene, build_assembly, load_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_core.fields import bounds_by_fields
-from jld_core.limit import Status
+from jld_core.limit.options import Status
 from jld_experiment import Joints, Push, Settings, Specimen, Standing, push, specimen_of
 from jld_experiment.driving import scout
 from jld_explore import ExploreSettings, explore

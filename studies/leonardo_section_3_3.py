@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import Assembly, LimitAnalysisResult, build_assembly, parse_scene, solve
-from jld_core.scene import Scene
+from jld_core.scene.schema import Scene
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_experiment import Curve, Joints, Settings, run_experiment
 from jld_explore import ExploreSettings, explore

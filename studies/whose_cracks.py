@@ -20,7 +20,7 @@ from jld_core import Assembly, Scene, build_assembly, load_scene
 from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds
-from jld_core.scene import parse_cracks
+from jld_core.scene.cracks import parse_cracks
 from jld_core.views.field_figures import draw_cracks, draw_stresses
 from jld_core.views.figures import figure_for, finish
 from jld_explore import Exploration, ExploreSettings

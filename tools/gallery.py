@@ -17,7 +17,7 @@ from typing import Final
 from jld_core import Scene, build_assembly, load_scene, samples, solve
 from jld_core.exchange import ImportOptions, Layout, export, import_file
 from jld_core.files import write_text
-from jld_core.scene import parse_scene
+from jld_core.scene.reading import parse_scene
 from jld_core.views.small_pictures import png_of
 from jld_explore import explore
 from jld_explore.report.page_of_study import scene_page, study_page

@@ -8,11 +8,12 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import FillLoad, PointLoad, Scene, cracks, design, loads, materials, move, search
+from jld_core.scene import FillLoad, PointLoad, cracks, design, loads, materials, move, search
 from jld_core.scene import materials as fill
 from jld_core.scene import part as members
 from jld_core.scene import schema as structure
 from jld_core.scene.loads import BodyLoad, FaceLoad, TiltLoad
+from jld_core.scene.schema import Scene
 from jld_core.scene.units import QUANTITIES
 from tools.scene_meanings import MEANINGS, Meaning
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core.errors import InputError
-from jld_core.scene import parse_scene
+from jld_core.scene.reading import parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.verification import verify
 

@@ -29,12 +29,15 @@ import psutil
 from benchmarks.claims.tally import Tally, run_cases
 from benchmarks.claims.trials import random_loads
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.limit import Status, load_scale
-from jld_explore import ExploreSettings, explore
+from jld_core.limit import load_scale
+from jld_core.limit.options import Status
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
-from jld_explore.space import SearchSpace, count_named, search_space, values_of
+from jld_explore.evaluation import EvaluatorSettings, evaluator_of
+from jld_explore.evaluation.protocol import Evaluation
+from jld_explore.space import count_named, values_of
+from jld_explore.space.search_space import SearchSpace
 
 MOST_CLASSES: Final = 1000
 """Classes up to which a space is enumerated."""

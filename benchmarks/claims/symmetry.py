@@ -16,11 +16,11 @@ from jld_core import Assembly, Scene, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.fields import bounds_by_fields
-from jld_core.limit import Status
 from jld_core.limit.bounds import apart
+from jld_core.limit.options import Status
 from jld_core.refinement import crack_cells
 from jld_core.scene.cracks import CellCracks, FieldCracks
-from jld_explore.space import search_space
+from jld_explore import search_space
 
 CLAIM: Final = "Mirror images of layouts have the same λ under the model that answers, to 1e-9 by faces and by cells"
 

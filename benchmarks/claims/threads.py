@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks.common import random_segmentations
 from benchmarks.scenes import wall
 from jld_core.arrays import Floats
-from jld_core.batch import ConflictRequest
-from jld_core.limit import LimitAnalysis
+from jld_core.batch.batch_solver import ConflictRequest
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.case_relaxation import relaxation_of
 
 

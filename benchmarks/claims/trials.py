@@ -25,13 +25,16 @@ import numpy as np
 
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.limit import Status, load_scale
-from jld_explore import ExploreSettings, explore
+from jld_core.limit import load_scale
+from jld_core.limit.options import Status
+from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import make_driver
 from jld_explore.drivers.exact.certifying import certify, check_certifiable
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
-from jld_explore.space import SearchSpace, count_named, feasible, search_space, values_of
+from jld_explore.evaluation import EvaluatorSettings, evaluator_of
+from jld_explore.evaluation.protocol import Evaluation
+from jld_explore.space import count_named, feasible, values_of
+from jld_explore.space.search_space import SearchSpace
 from jld_explore.verification import verify
 
 MOST: Final = 11

@@ -11,7 +11,7 @@ from studies.scenes import corner, leonardo_flat_arch, polar_grid_arch, wall_wit
 from benchmarks.common import ROOT
 from benchmarks.scenes import cubes, grid, middle, strength, vault
 from jld_core import Scene, load_scene, samples
-from jld_core.scene import parse_scene
+from jld_core.scene.reading import parse_scene
 
 FOLDER: Final = ROOT / "benchmarks" / "problems"
 TOP: Final = {"element": "c0r0", "force": [1, 0]}

@@ -57,16 +57,19 @@ if TYPE_CHECKING:
     from jld_core import assembly, files, parameters, plugins, samples, solvers, tolerances, views
     from jld_core.arrays import Bits, Bools, Floats, Ints
     from jld_core.assembly import Assembly, Elements, LoadCase, blocks_of
-    from jld_core.build import build_assembly
+    from jld_core.build.assemble import build_assembly
     from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
     from jld_core.errors import InputError, ParameterError, SolverError, error_context
     from jld_core.lazy_exports import export_lazily
-    from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Model, Result, Status
+    from jld_core.limit.analysis import LimitAnalysis
+    from jld_core.limit.options import Model, SolveOptions, Status
+    from jld_core.limit.result import LimitAnalysisResult, Result
     from jld_core.loads import Loads
-    from jld_core.models import SolveOptions, solve
+    from jld_core.models.case_analysis import solve
     from jld_core.models.sensitivity import geometry_sensitivities
     from jld_core.models.solve_many import BatchResult, solve_many
-    from jld_core.scene import Scene, load_scene, parse_scene
+    from jld_core.scene.reading import load_scene, parse_scene
+    from jld_core.scene.schema import Scene
     from jld_core.strengths import FACTS, Route, Strengths
     from jld_core.threads import one_thread
 
@@ -121,13 +124,16 @@ export_lazily(
     __name__,
     {
         "assembly": ["Elements", "LoadCase", "Assembly", "blocks_of"],
-        "build": ["build_assembly"],
+        "build.assemble": ["build_assembly"],
         "errors": ["ParameterError", "error_context", "InputError", "SolverError"],
-        "limit": ["LimitAnalysis", "LimitAnalysisResult", "Model", "Result", "Status"],
-        "models": ["SolveOptions", "solve"],
+        "limit.analysis": ["LimitAnalysis"],
+        "limit.result": ["LimitAnalysisResult", "Result"],
+        "limit.options": ["Model", "Status", "SolveOptions"],
+        "models.case_analysis": ["solve"],
         "models.sensitivity": ["geometry_sensitivities"],
         "models.solve_many": ["BatchResult", "solve_many"],
-        "scene": ["Scene", "load_scene", "parse_scene"],
+        "scene.schema": ["Scene"],
+        "scene.reading": ["load_scene", "parse_scene"],
         "arrays": ["Bits", "Bools", "Floats", "Ints"],
         "strengths": ["FACTS", "Route", "Strengths"],
         "deadline": ["Deadline", "DeadlinePassed", "checkpoint", "time_left"],

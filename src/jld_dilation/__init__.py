@@ -16,8 +16,8 @@ Terms of the lower bounds, with formulas in docs/method.md (4.6) to (4.9):
 - m, n and q are the numbers of faces, free elements and resultants; 2e is the number of forms from loops.
 """
 
-from jld_core import Bits
-from jld_core.limit import LimitAnalysis, Model, Proof
+from jld_core import Bits, LimitAnalysis, Model
+from jld_core.limit import Proof
 from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.range import prove_zero_dilation
 

@@ -24,8 +24,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
-from jld_core import Bools, Floats, checkpoint
-from jld_core.limit import LimitAnalysis, Proof, Status, number, relative_width
+from jld_core import Bools, Floats, LimitAnalysis, Status, checkpoint
+from jld_core.limit import Proof, number, relative_width
 from jld_dilation.interior_point import ProductProgram, minimise_product_program
 from jld_dilation.modes import BoundedModes, Modes, Region
 from jld_dilation.normal_equations import NormalEquations

@@ -9,8 +9,19 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
-from jld_core import Bits, Bools, Floats, InputError, Ints, ParameterError, checkpoint, tolerances
-from jld_core.limit import LimitAnalysis, Prover, State, Status, load_scale
+from jld_core import (
+    Bits,
+    Bools,
+    Floats,
+    InputError,
+    Ints,
+    LimitAnalysis,
+    ParameterError,
+    Status,
+    checkpoint,
+    tolerances,
+)
+from jld_core.limit import Prover, State, load_scale
 from jld_core.mechanics import prescribed_friction
 from jld_core.models import areas_under, under_own_areas
 from jld_core.models import effective_area as models_effective_area

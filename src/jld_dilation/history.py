@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jld_core import Assembly, Bits, InputError, ParameterError, Status, files
-from jld_core.limit import Model, number
+from jld_core import Assembly, Bits, InputError, Model, ParameterError, Status, files
+from jld_core.limit import number
 from jld_core.models import limit_analysis, solve_rigid
 from jld_dilation.fixed_point_search import FixedPointSearch, ProximalOptions
 from jld_dilation.sweep import initial_forces

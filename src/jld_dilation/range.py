@@ -11,8 +11,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Bits, Bools, DeadlinePassed, Floats, ParameterError, tolerances
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
+from jld_core import (
+    Bits,
+    Bools,
+    DeadlinePassed,
+    Floats,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    ParameterError,
+    Status,
+    tolerances,
+)
+from jld_core.limit import Proof, number, result_of
 from jld_core.models import effective_area
 from jld_dilation.certificate import Certifier, pair_proof
 from jld_dilation.fixed_point_search import FixedPointSearch, ProximalOptions, frozen_friction_bound

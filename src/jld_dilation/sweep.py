@@ -14,8 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from jld_core import Bits, Bools, Floats, tolerances
-from jld_core.limit import LimitAnalysis, Proof, State, Status
+from jld_core import Bits, Bools, Floats, LimitAnalysis, Status, tolerances
+from jld_core.limit import Proof, State
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus
 from jld_dilation.certificate import BlockCertifier, solve_rlt_by_matrix_blocks

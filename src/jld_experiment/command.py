@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from jld_core import Assembly, Bits, ParameterError, error_context, files
-from jld_core.limit import LimitAnalysisResult, Model, Status
+from jld_core import Assembly, Bits, LimitAnalysisResult, Model, ParameterError, Status, error_context, files
 from jld_core.models import rigid, solve_rigid
 from jld_explore.cli import ending, layout, options, streams
 from jld_explore.report import csv_of

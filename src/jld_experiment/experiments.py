@@ -14,16 +14,15 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from jld_core import Assembly, Deadline, InputError, files
-from jld_core.limit import LimitAnalysisResult, SolveOptions, Status, number
-from jld_core.scene import Scene
+from jld_core import Assembly, Deadline, InputError, LimitAnalysisResult, Scene, SolveOptions, Status, files
+from jld_core.limit import number
 from jld_core.views import figures
 from jld_experiment.experiment import Curve
-from jld_explore import Exploration, ExploreSettings, Step, StepContext, with_entries
+from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, Step, StepContext, with_entries
 from jld_explore.drivers import make_driver
-from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings, Pool
+from jld_explore.evaluation import Evaluator, EvaluatorSettings, Pool
 from jld_explore.report import csv_of
-from jld_explore.space import SearchSpace, from_string, to_string
+from jld_explore.space import from_string, to_string
 
 FILE: Final = "experiments.csv"  # table of experiments in a results folder
 COLUMNS: Final = ("labelling", "load_factor", "experiment", "status", "stands", "rate_error", "first_crack", "seconds")

@@ -32,10 +32,10 @@ from typing import TYPE_CHECKING
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
-    from jld_explore.drivers import Driver
-    from jld_explore.evaluation import Evaluation
+    from jld_explore.drivers.base import Driver
+    from jld_explore.evaluation.protocol import Evaluation
     from jld_explore.explore import explore
-    from jld_explore.report import Exploration, read_folder
+    from jld_explore.report.reading import Exploration, read_folder
     from jld_explore.report.tables import Summary
     from jld_explore.search.settings import (
         BudgetSettings,
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
         SearchMethod,
     )
     from jld_explore.search.state import Interrupted, Progress, StopReason
-    from jld_explore.space import SearchSpace, search_space
+    from jld_explore.space.search_space import SearchSpace, search_space
     from jld_explore.steps.field_check import most_without_cuts
     from jld_explore.steps.step import Step, StepContext, busy_factor, with_entries
     from jld_explore.sweep import sweep
@@ -80,10 +80,10 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "drivers": ["Driver"],
-        "evaluation": ["Evaluation"],
+        "drivers.base": ["Driver"],
+        "evaluation.protocol": ["Evaluation"],
         "explore": ["explore"],
-        "report": ["Exploration", "read_folder"],
+        "report.reading": ["Exploration", "read_folder"],
         "report.tables": ["Summary"],
         "search.settings": [
             "BudgetSettings",
@@ -93,7 +93,7 @@ export_lazily(
             "ParallelSettings",
             "SearchMethod",
         ],
-        "space": ["SearchSpace", "search_space"],
+        "space.search_space": ["SearchSpace", "search_space"],
         "steps.step": ["with_entries", "Step", "StepContext", "busy_factor"],
         "search.state": ["Interrupted", "Progress", "StopReason"],
         "steps.field_check": ["most_without_cuts"],

@@ -15,18 +15,21 @@ from types import NoneType
 from typing import Any, Final, Literal
 
 from jld_core.assembly import Assembly, with_members
-from jld_core.build import build_assembly, build_robust
+from jld_core.build import build_robust
+from jld_core.build.assemble import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
-from jld_core.limit import Model
-from jld_core.models import cost_estimate, require_memory
+from jld_core.limit.options import Model
+from jld_core.models import cost_estimate
+from jld_core.models.costs import require_memory
 from jld_core.parameters import near, require_kind, typed
 from jld_core.refinement import crack_cells
-from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
+from jld_core.scene.reading import load_scene
+from jld_core.scene.schema import Scene
 from jld_core.threads import one_thread
-from jld_explore.drivers import Driver
+from jld_explore.drivers.base import Driver
 from jld_explore.drivers.choice import bound_of_all, first_layout
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
@@ -37,9 +40,10 @@ from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvalu
 from jld_explore.evaluation.pool import beside, deferred_signals, on_cluster
 from jld_explore.evaluation.protocol import MakeEvaluator
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
-from jld_explore.report import Exploration, write_pictures, write_report
 from jld_explore.report import folder as folders
-from jld_explore.report.folder import check_certificate_file, check_folder, save_tables, write_tables
+from jld_explore.report.folder import check_certificate_file, check_folder, save_tables, write_pictures, write_tables
+from jld_explore.report.page_of_study import write_report
+from jld_explore.report.reading import Exploration
 from jld_explore.search.driver_choice import (
     CLASSES,
     affordable_settings,
@@ -53,8 +57,9 @@ from jld_explore.search.field_study import FieldStudy
 from jld_explore.search.settings import ExploreSettings, Objective
 from jld_explore.search.state import Interrupted, Progress, StopReason
 from jld_explore.search.study import Study
-from jld_explore.space import SearchSpace, from_string, search_space
+from jld_explore.space import from_string
 from jld_explore.space.labelling import orbit_sizes
+from jld_explore.space.search_space import SearchSpace, search_space
 from jld_explore.steps.field_check import FieldCheck, Uncut, plan_check
 from jld_explore.steps.step import (
     PAGE,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from jld_core import plugins
 from jld_core.assembly import Assembly, Labels
 from jld_core.parameters import typed
-from jld_core.scene import Scene
+from jld_core.scene.schema import Scene
 
 if TYPE_CHECKING:
     import pandas as pd

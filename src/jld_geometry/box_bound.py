@@ -17,12 +17,21 @@ import scipy.sparse as sp
 import shapely
 
 import jld_core
-from jld_core import Assembly, Bits, Floats, InputError, ParameterError, Route, one_thread
-from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysisResult, Status
+from jld_core import (
+    Assembly,
+    Bits,
+    Floats,
+    InputError,
+    LimitAnalysisResult,
+    ParameterError,
+    Route,
+    Scene,
+    Status,
+    build_assembly,
+    one_thread,
+)
 from jld_core.mechanics import scaling_of
 from jld_core.models import solve_rigid
-from jld_core.scene import Scene
 from jld_core.scene import move as scene_move
 from jld_core.solvers import highs_of
 from jld_geometry.box_certificate import BoxClaim, Leaf, Node, Split, write

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final
 
-from jld_core import InputError, Route
-from jld_core.build import build_assembly
-from jld_core.scene import Scene, uncertain
+from jld_core import InputError, Route, Scene, build_assembly
 from jld_core.scene import loads as scene_loads
+from jld_core.scene import uncertain
 from jld_geometry.box_certificate import BoxClaim, Pair
 
 # coefficients by the exponents of the parameters; those left out are zero

@@ -10,9 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core import Assembly, Floats, InputError, Route
-from jld_core.build import build_assembly
-from jld_core.scene import Scene, parse_scene
+from jld_core import Assembly, Floats, InputError, Route, Scene, build_assembly, parse_scene
 from jld_geometry.box_certificate import KEY, BoxClaim, Leaf, Node, Split, read
 from jld_geometry.box_structure import BoxStructure, Loads, Polynomial, add, is_at_least_zero, product
 

@@ -8,9 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Floats, InputError, Route
-from jld_core.build import build_assembly, build_robust
-from jld_core.limit import LimitAnalysisResult, Status
+from jld_core import Assembly, Bits, Floats, InputError, LimitAnalysisResult, Route, Status, build_assembly
+from jld_core.build import build_robust
 from jld_core.models import solve_rigid
 from jld_core.program import Template
 from jld_geometry.convex_cells import VertexMesh

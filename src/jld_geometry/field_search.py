@@ -14,14 +14,13 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from jld_core import Assembly, Bits, Floats, InputError, Ints, one_thread
+from jld_core import Assembly, Bits, Floats, InputError, Ints, Scene, one_thread
 from jld_core.fields import ConeProgram, WeakEquilibrium
 from jld_core.fields import bounds as fields_bounds
 from jld_core.fields import loads as fields_loads
 from jld_core.fields import mesh as fields_mesh
 from jld_core.fields import problem as fields_problem
 from jld_core.models import solve_rigid
-from jld_core.scene import Scene
 from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.evaluation import Evaluated
 from jld_geometry.optimise import MovedJoints, moved_result

@@ -12,11 +12,22 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Assembly, Bits, Floats, InputError, ParameterError, blocks_of, one_thread
-from jld_core.build import build_assembly, build_geometry
-from jld_core.limit import LimitAnalysisResult, Status
+from jld_core import (
+    Assembly,
+    Bits,
+    Floats,
+    InputError,
+    LimitAnalysisResult,
+    ParameterError,
+    Scene,
+    Status,
+    blocks_of,
+    build_assembly,
+    one_thread,
+    parse_scene,
+)
+from jld_core.build import build_geometry
 from jld_core.models import solve_rigid
-from jld_core.scene import Scene, parse_scene
 from jld_geometry.convex_cells import ConvexCell, Plane, inside, subtract, vertex_mesh
 from jld_geometry.moved_scene import MovedScene
 

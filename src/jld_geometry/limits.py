@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core import Assembly, Bits, Bools, Floats, InputError, Ints, Route, blocks_of, tolerances
+from jld_core import Assembly, Bits, Bools, Floats, InputError, Ints, Route, Scene, blocks_of, tolerances
 from jld_core.geometry import spun
-from jld_core.scene import PointLoad, Scene
+from jld_core.scene import PointLoad
 from jld_core.scene import loads as scene_loads
 from jld_core.scene import move as scene_move
 from jld_geometry.convex_cells import EqualShapes, VertexMesh, equal_corners

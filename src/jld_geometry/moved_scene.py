@@ -8,9 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Bools, Floats, Ints
+from jld_core import Assembly, Bits, Bools, Floats, Ints, Scene, parse_scene
 from jld_core.build import build_geometry
-from jld_core.scene import Scene, parse_scene
 from jld_geometry.convex_cells import VertexMesh, merged_points
 from jld_geometry.variables import SAME
 

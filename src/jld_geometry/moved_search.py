@@ -14,16 +14,27 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from jld_core import Assembly, Bits, Deadline, Floats, InputError, ParameterError, files, one_thread
-from jld_core.build import build_assembly
+from jld_core import (
+    Assembly,
+    Bits,
+    Deadline,
+    Floats,
+    InputError,
+    ParameterError,
+    Scene,
+    SolveOptions,
+    Status,
+    build_assembly,
+    files,
+    one_thread,
+)
 from jld_core.fields import governing_bounds, problem
-from jld_core.limit import SolveOptions, Status, number
-from jld_core.scene import Scene
+from jld_core.limit import number
 from jld_core.scene import move as scene_move
-from jld_explore import Exploration, ExploreSettings, Interrupted, busy_factor, explore
+from jld_explore import Exploration, ExploreSettings, Interrupted, busy_factor, explore, search_space
 from jld_explore.evaluation import Pool
 from jld_explore.report import csv_of
-from jld_explore.space import feasible, from_string, search_space, to_string
+from jld_explore.space import feasible, from_string, to_string
 from jld_geometry.convex_cells import vertex_mesh
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.moved_scene import MovedScene

@@ -12,11 +12,22 @@ from typing import Annotated, Any, Final
 import numpy as np
 import typer
 
-from jld_core import Assembly, Bits, Deadline, Floats, InputError, ParameterError, error_context, files
+from jld_core import (
+    Assembly,
+    Bits,
+    Deadline,
+    Floats,
+    InputError,
+    LimitAnalysisResult,
+    ParameterError,
+    Scene,
+    Status,
+    error_context,
+    files,
+)
 from jld_core.build import build_robust
-from jld_core.limit import LimitAnalysisResult, Status, number
+from jld_core.limit import number
 from jld_core.models import solve_by_fields, solve_rigid
-from jld_core.scene import Scene
 from jld_core.scene import cracks as scene_cracks
 from jld_explore import Interrupted
 from jld_explore.cli import layout, options, streams

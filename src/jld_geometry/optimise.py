@@ -10,13 +10,26 @@ from typing import Final, Unpack
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core import Assembly, Bits, Bools, Floats, InputError, one_thread, tolerances
+from jld_core import (
+    Assembly,
+    Bits,
+    Bools,
+    Floats,
+    InputError,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    Scene,
+    Status,
+    build_assembly,
+    one_thread,
+    parse_scene,
+    tolerances,
+)
 from jld_core import parameters as core_parameters
-from jld_core.build import build_assembly, build_robust
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status, face_jumps
+from jld_core.build import build_robust
+from jld_core.limit import face_jumps
 from jld_core.models import GeometrySensitivities, SolvedProgram, solve_rigid
 from jld_core.program import Template
-from jld_core.scene import Scene, parse_scene
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.evaluation import Evaluated
 from jld_geometry.search import GeometrySearch, MoveOptions, MoveRun, Point

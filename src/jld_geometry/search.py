@@ -12,8 +12,8 @@ from typing import Final, TypedDict
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Floats, InputError, Route
-from jld_core.scene import Scene, move
+from jld_core import Assembly, Bits, Floats, InputError, Route, Scene
+from jld_core.scene import move
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.evaluation import Evaluated, Evaluator
 from jld_geometry.limits import Limits, SpatialLimits, require_spatial, spatial_variables

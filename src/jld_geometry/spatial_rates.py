@@ -10,9 +10,8 @@ from typing import Final
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core import Assembly, Elements, Floats, Ints, Loads, Route
+from jld_core import Assembly, Elements, Floats, Ints, LimitAnalysisResult, Loads, Route
 from jld_core.geometry import area_vector, outlines, spun
-from jld_core.limit import LimitAnalysisResult
 from jld_core.solvers import highs_of
 from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.moved_scene import spatial_mesh

@@ -10,8 +10,9 @@ from typing import Annotated, Any, Final, Literal
 import typer
 
 from jld_core import InputError, ParameterError, Status, build_assembly, load_scene, solve
+from jld_explore import search_space
 from jld_explore.cli import ending, options, streams
-from jld_explore.space import from_string, reasons_against, search_space
+from jld_explore.space import from_string, reasons_against
 
 PROBLEMS: Final = Path(__file__).parents[2] / "benchmarks" / "problems"  # of a checkout
 RECORDS: Final = "records.json"

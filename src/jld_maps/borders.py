@@ -7,8 +7,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from jld_core import Status
-from jld_core.scene import Scene, load_scene
+from jld_core import Scene, Status, load_scene
 from jld_maps.grid import Grid, points_of
 from jld_maps.sweep import Swept
 

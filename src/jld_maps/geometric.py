@@ -10,9 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Floats, InputError, LimitAnalysis, build_assembly
+from jld_core import Assembly, Bits, Floats, InputError, LimitAnalysis, Scene, build_assembly, parse_scene
 from jld_core.mechanics import require_materials
-from jld_core.scene import Scene, parse_scene
 
 _TOLERANCE: Final = 1e-6  # relative width of the bracket to aim at
 _NEAR: Final = 1e-6  # distance, relative to the size of a structure, up to which points are one

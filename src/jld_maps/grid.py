@@ -14,9 +14,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bools, Floats, InputError, Ints, ParameterError, Route, Scene, Strengths, build_assembly
+from jld_core import (
+    Assembly,
+    Bools,
+    Floats,
+    InputError,
+    Ints,
+    ParameterError,
+    Route,
+    Scene,
+    Strengths,
+    build_assembly,
+    parse_scene,
+)
 from jld_core.build import build_geometry
-from jld_core.scene import parse_scene
 
 MOST: Final = 1_000_000  # points of a grid
 ANGLE: Final = "loads.angle"  # degrees by which all live loads are turned, counter-clockwise, in space about z

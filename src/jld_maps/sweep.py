@@ -13,12 +13,26 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
-from jld_core import FACTS, Assembly, Bits, Floats, Ints, Route, Status, Strengths, build_assembly, one_thread, solve
+from jld_core import (
+    FACTS,
+    Assembly,
+    Bits,
+    Floats,
+    Ints,
+    Model,
+    Route,
+    Scene,
+    Status,
+    Strengths,
+    build_assembly,
+    load_scene,
+    one_thread,
+    solve,
+)
 from jld_core import assembly as assemblies
-from jld_core.limit import CaseBounds, Model, SampleAnalysis, face_jumps, governing, movements
+from jld_core.limit import CaseBounds, SampleAnalysis, face_jumps, governing, movements
 from jld_core.mechanics import equilibrium_matrix, require_materials
 from jld_core.models import CaseAnalysis, limit_analysis
-from jld_core.scene import Scene, load_scene
 from jld_explore import explore as search
 from jld_maps.grid import Grid, States, points_of
 from jld_maps.kinds import mechanism_names

@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from jld_core import Bits, ParameterError, error_context, files
+from jld_core import Bits, ParameterError, Scene, error_context, files
 from jld_core.limit import FIELD_SECONDS
-from jld_core.scene import Scene, design
+from jld_core.scene import design
 from jld_explore.cli import check as cli_check
 from jld_explore.cli import ending, options, streams
 

@@ -13,18 +13,26 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 import typer
 
-from jld_core import Deadline, DeadlinePassed, InputError, ParameterError, error_context
+from jld_core import (
+    Deadline,
+    DeadlinePassed,
+    InputError,
+    LimitAnalysisResult,
+    ParameterError,
+    build_assembly,
+    error_context,
+    load_scene,
+)
 from jld_core import files as core_files
-from jld_core.build import build_assembly
 from jld_core.exchange import Layout
 from jld_core.fields import bounds_by_fields
 from jld_core.fields import problem as fields_problem
-from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve_by_elements, solve_rigid
-from jld_core.scene import load_scene, units
+from jld_core.scene import units
+from jld_explore import read_folder
 from jld_explore.cli import layout as cli_layout
 from jld_explore.cli import options, streams
-from jld_explore.report import csv_of, read_folder
+from jld_explore.report import csv_of
 from jld_practice.laying import Laying, assembly_order
 from jld_practice.laying.command import start_of_design
 from jld_practice.laying.order import LayingStart

@@ -7,9 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Deadline, ParameterError, files
-from jld_core.limit import Status
-from jld_core.scene import Scene
+from jld_core import Assembly, Deadline, ParameterError, Scene, Status, files
 from jld_explore import Exploration, ExploreSettings, Step, StepContext, with_entries
 from jld_explore.report import csv_of
 from jld_explore.space import from_string

@@ -6,11 +6,8 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from jld_core import InputError, one_thread
+from jld_core import InputError, build_assembly, one_thread, parse_scene, solve
 from jld_core import assembly as structures
-from jld_core.build import build_assembly
-from jld_core.models import solve
-from jld_core.scene import parse_scene
 from jld_explore.space import LETTERS, from_string, to_string
 
 KEYS = ("scene", "labelling")

@@ -8,9 +8,8 @@ from typing import Any, Final
 import numpy as np
 from scipy.spatial import cKDTree
 
-from jld_core import Assembly, Bits, Floats, InputError
+from jld_core import Assembly, Bits, Floats, InputError, Scene
 from jld_core.limit import number
-from jld_core.scene import Scene
 from jld_core.scene import move as scene_move
 from jld_geometry import MovedScene, TrustRegion, move_joints, vertex_mesh
 from jld_geometry.convex_cells import VertexMesh

@@ -17,14 +17,26 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
-from jld_core import FACTS, Assembly, InputError, ParameterError, Route
+from jld_core import (
+    FACTS,
+    Assembly,
+    InputError,
+    LimitAnalysisResult,
+    ParameterError,
+    Result,
+    Route,
+    Scene,
+    SolveOptions,
+    build_assembly,
+    parse_scene,
+)
 from jld_core import assembly as structures
-from jld_core.build import build_assembly, build_geometry
-from jld_core.limit import LimitAnalysisResult, Result, SolveOptions
+from jld_core.build import build_geometry
 from jld_core.models import CaseAnalysis, solve_by_elements
-from jld_core.scene import Scene, parse_scene, standard
+from jld_core.scene import standard
 from jld_core.views import notebook, png_of
-from jld_explore.report import Exploration, page_contract, page_data, page_of_study, words
+from jld_explore import Exploration
+from jld_explore.report import page_contract, page_data, page_of_study, words
 from jld_explore.space import cut, from_string
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import InputError, plugins
-from jld_core.build import build_assembly, build_geometry
+from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, plugins
+from jld_core.build import build_geometry
 from jld_core.exchange import (
     Imported,
     ImportOptions,
@@ -33,7 +33,7 @@ from jld_core.exchange import (
 )
 from jld_core.exchange import options as exchange_options
 from jld_core.exchange import paths as exchange_paths
-from jld_core.scene import NeedsImport, Scene, cracks, load_scene, parse_scene
+from jld_core.scene import NeedsImport, cracks
 
 LAYERS: Final = (*exchange_options.LAYER_ROLES, "layer")
 """Options of an import that name layers."""

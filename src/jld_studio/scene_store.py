@@ -11,8 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core import InputError, files
-from jld_core.scene import Scene, load_scene, parse_scene
+from jld_core import InputError, Scene, files, load_scene, parse_scene
 from jld_studio.session import StudioSession
 
 SESSIONS: Final = 6

@@ -20,10 +20,10 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from jld_core import InputError, ParameterError, SolverError
+from jld_core import InputError, ParameterError, Scene, SolverError, load_scene, parse_scene
 from jld_core.exchange import ImportOptions, formats
-from jld_core.scene import Scene, load_scene, parse_scene
-from jld_explore.report import page_data, read_folder
+from jld_explore import read_folder
+from jld_explore.report import page_data
 from jld_studio.api import Api
 from jld_studio.evaluation import evaluate
 from jld_studio.opening import read_file, require_followed, stated, understood

@@ -13,17 +13,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, InputError, one_thread
+from jld_core import Assembly, Bits, InputError, LimitAnalysisResult, Scene, build_assembly, one_thread, parse_scene
 from jld_core import assembly as structures
-from jld_core.build import build_assembly, build_geometry
+from jld_core.build import build_geometry
 from jld_core.fields import bounds as fields_bounds
 from jld_core.fields import problem as fields_problem
-from jld_core.limit import LimitAnalysisResult, governing, number
+from jld_core.limit import governing, number
 from jld_core.models import CaseAnalysis, by_fields
-from jld_core.scene import FillLoad, Scene, loads, parse_scene, units
+from jld_core.scene import FillLoad, loads, units
 from jld_core.scene import cracks as scene_cracks
+from jld_explore import SearchSpace, search_space
 from jld_explore.report import columns, page_data
-from jld_explore.space import LETTERS, SearchSpace, from_string, reasons_against, search_space
+from jld_explore.space import LETTERS, from_string, reasons_against
 from jld_geometry import MovedScene
 from jld_studio.joint_vertices import JointVertices
 

@@ -13,8 +13,7 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core import InputError
-from jld_core.scene import load_scene
+from jld_core import InputError, load_scene
 from jld_explore import ExploreSettings, Interrupted, Progress, explore
 from jld_explore.evaluation import raise_deferred
 

@@ -18,9 +18,18 @@ import cases
 from cases import CASES, SPATIAL, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis
-from jld_core.batch import ConflictRequest, build, library
+from jld_core.batch import build, library
 from jld_core.batch import library as settings
-from jld_core.batch.batch_solver import CARRIED, CARRIES, OPEN, PROVEN, REFUTED, BatchSolver, MinimizationOptions
+from jld_core.batch.batch_solver import (
+    CARRIED,
+    CARRIES,
+    OPEN,
+    PROVEN,
+    REFUTED,
+    BatchSolver,
+    ConflictRequest,
+    MinimizationOptions,
+)
 from jld_core.batch.library import LARGE, LARGE_TRIES, NARROW, TRIES, samples
 from jld_core.batch.rows import Graph, Joining, factor_pattern, fits, number_of_products
 from jld_core.limit.case_relaxation import Relaxation

@@ -18,7 +18,7 @@ from cases import CASES, ROUTE, Document, all_inner, box, grid_assembly, grid_do
 from cases import assembly_in_space as assembly
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.batch import chosen
-from jld_core.limit import BatchAnalysis
+from jld_core.limit.batch import BatchAnalysis
 from jld_core.solvers import ClarabelSolver
 from jld_core.views import facts_of_result
 from jld_explore.report.tables import _ties, is_ahead
@@ -275,6 +275,7 @@ def spatial(share: float, friction: float) -> Assembly:
 SHARES = [(1e-4, 1.0 - 1e-9), (1e-6, 1.0 - 1e-7), (1e-8, 1.0 - 1e-5), (1e-10, 0.999), (1e-12, 0.5), (1e-13, 0.5)]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("make", [planar, spatial])
 @pytest.mark.parametrize(("share", "friction"), SHARES)
 def test_small_share_of_the_live_load_is_not_taken_as_rounding(make: Make, share: float, friction: float) -> None:

@@ -21,9 +21,8 @@ from cases import scene_in_space as scene
 from cases import split_in_triangles as split
 from cases import wall_in_space as wall
 from jld_core import Assembly, InputError, build_assembly, parse_scene
-from jld_core.geometry import find_planar_contacts
 from jld_core.geometry import outlines as polygons
-from jld_core.geometry.planar_contacts import check_polygons
+from jld_core.geometry.planar_contacts import check_polygons, find_planar_contacts
 
 Document = dict[str, Any]
 Points = list[list[float]]

@@ -15,7 +15,8 @@ from command import Command
 from jld_core import InputError, LimitAnalysis, SolveOptions, SolverError, Status, build_assembly, parse_scene, solve
 from jld_core.limit import CaseBounds, governing
 from jld_core.limit.case_relaxation import CaseRelaxation, Relaxation
-from jld_core.models import CaseAnalysis, require_model
+from jld_core.models import CaseAnalysis
+from jld_core.models.rigid_blocks import require_model
 from jld_core.program import Template
 
 ROWS = ["aab", "cbb", "###"]

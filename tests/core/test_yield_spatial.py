@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from cases import ELL, IRREGULAR, OBLONG, TRIANGLE, box, stools
 from cases import assembly_in_space as assembly
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene, solve, solve_many
-from jld_core.mechanics import InnerBending, scaling_of
-from jld_core.mechanics.standard import standard_yield
+from jld_core.mechanics import scaling_of
+from jld_core.mechanics.standard import InnerBending, standard_yield
 from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, RawStatus
@@ -112,6 +112,7 @@ def row_slacks(sets: Any, forces: Array, labels: NDArray[np.bool_]) -> Array:
     return least
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "bending"), CASES)
 def test_rows_hold_exactly_where_slack_is_not_negative(name: str, bending: InnerBending) -> None:
     built, sets = faces_under(name, bending, COPIES)

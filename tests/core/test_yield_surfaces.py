@@ -16,8 +16,8 @@ from cases import box, grid_document, wall_in_space
 from cases import scene_in_space as scene
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.mechanics import maps_criteria, scaling_of, yield_set
-from jld_core.mechanics.compiled_rows import row_yield
+from jld_core.mechanics import scaling_of, yield_set
+from jld_core.mechanics.compiled_rows import maps_criteria, row_yield
 from jld_explore import ExploreSettings, explore
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances

@@ -32,7 +32,7 @@ from jld_explore import Evaluation, Exploration, ExploreSettings, explore, read_
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.protocol import BOUND, comparison_value, sort_key, status_ranks
-from jld_explore.report import write_pictures
+from jld_explore.report.folder import write_pictures
 from jld_explore.space import from_string
 
 # what blocks that crack anywhere carry, test_field_searches.py tests

@@ -230,6 +230,7 @@ def test_verification_imports_nothing_that_searches_or_solves() -> None:
         "jld_core.arrays",
         "jld_core.assembly",
         "jld_core.build",
+        "jld_core.build.assemble",
         "jld_core.build.elements",
         "jld_core.lazy_exports",
         "jld_core.errors",
@@ -237,7 +238,8 @@ def test_verification_imports_nothing_that_searches_or_solves() -> None:
     )
     allowed += (
         "jld_core.strengths",
-        "jld_core.mechanics",  # what criteria state of a face
+        "jld_core.mechanics",
+        "jld_core.mechanics.compiled_rows",
         "jld_core.files",
         "jld_core.scene.standard",
         "jld_core.scene.uncertain",
@@ -253,7 +255,7 @@ def test_verification_imports_nothing_that_searches_or_solves() -> None:
                 assert not own or module.startswith(allowed[-1]) or module in allowed, f"{path.name}: {module}"
                 assert module != "jld_core" or [name.name for name in node.names] == ["tolerances"]
                 assert own or module.split(".")[0] in outside
-                if module == "jld_core.mechanics":
+                if module.startswith("jld_core.mechanics"):  # what criteria state of a face, and no more
                     assert {name.name for name in node.names} <= {"Gauge", "stated_rows"}
             elif isinstance(node, ast.Import):
                 assert {name.name for name in node.names} <= {"hashlib", "json", "math", "numpy", "os", "time"}
@@ -614,6 +616,7 @@ CHANGES: dict[str, Callable[[list[dict[str, Any]]], object]] = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CHANGES)
 def test_both_checkers_refuse_changed_certificates(name: str, tall: list[dict[str, Any]], tmp_path: Path) -> None:
     lines = json.loads(json.dumps(tall))
@@ -729,6 +732,7 @@ def _document(seed: int) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(k, marks=pytest.mark.long) for k in range(12, 150))])
 def test_a_certificate_verifies_or_is_refused_in_one_line(seed: int, tmp_path: Path) -> None:
     path = tmp_path / "proof.jld"

@@ -18,7 +18,7 @@ from jld_core.fields.lower import LowerBound
 from jld_core.fields.problem import material_of, problem_of, units_of
 from jld_core.fields.solids import loaded_solids
 from jld_core.fields.upper import UpperBound
-from jld_core.limit import Status
+from jld_core.limit.options import Status
 from jld_core.models import solve_by_fields
 
 STRONG = {"tensile_strength": 1e3, "shear_strength": 1e3}

@@ -1,6 +1,5 @@
 """Batch solver: a compiled interior-point method that bounds λ of many labellings of one assembly at once.
 
-- `ConflictRequest`: labellings whose conflicts are to be minimised
 - `batch_solver`: batch solver: proven lower and upper bounds on λ for many labellings of one assembly at once
 - `chosen`: return the variant of the batch solver in use
 """
@@ -9,7 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from jld_core.batch.batch_solver import ConflictRequest
 from jld_core.batch.library import chosen
 from jld_core.lazy_exports import export_lazily
 
@@ -17,7 +15,6 @@ if TYPE_CHECKING:
     from jld_core.batch import batch_solver
 
 __all__ = [
-    "ConflictRequest",
     "batch_solver",
     "chosen",
 ]

@@ -1,6 +1,5 @@
 """Conversion of a scene to an assembly: elements, interfaces, materials, loads.
 
-- `build_assembly`: convert a scene to an assembly
 - `build_geometry`: compute the elements and interfaces of a scene
 - `build_robust`: convert a scene to an assembly with the low material values
 - `cases_of_scene`: return the load cases of a scene, stated ones and those of moving loads and pushes
@@ -13,7 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from jld_core.build.assemble import build_assembly, build_robust
+from jld_core.build.assemble import build_robust
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from jld_core.build.plausibility import weight_facts
 
 __all__ = [
-    "build_assembly",
     "build_geometry",
     "build_robust",
     "cases_of_scene",

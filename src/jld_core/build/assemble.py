@@ -21,11 +21,10 @@ from jld_core.errors import InputError
 from jld_core.linalg import components
 from jld_core.loads import Loads, resultants
 from jld_core.parameters import typed
-from jld_core.scene import Scene, load_scene
 from jld_core.scene.loads import require_unique_names
 from jld_core.scene.materials import FaceMaterial
-from jld_core.scene.reading import at_low
-from jld_core.scene.schema import Contact
+from jld_core.scene.reading import at_low, load_scene
+from jld_core.scene.schema import Contact, Scene
 from jld_core.scene.uncertain import in_words, uncertain_values
 from jld_core.strengths import FaceStrengths
 

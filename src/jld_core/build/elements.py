@@ -12,11 +12,12 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build import materials
 from jld_core.errors import InputError
-from jld_core.geometry import Faces, facets_of, find_planar_contacts, snap_solids, solids
+from jld_core.geometry import Faces, facets_of, snap_solids, solids
 from jld_core.geometry import outlines as polygons
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
     check_polygons,
+    find_planar_contacts,
     near_misses,
     planar_interfaces,
     without_repeats,
@@ -41,8 +42,7 @@ from jld_core.geometry.stated_fit import (
     refuse_repeated,
     words_of,
 )
-from jld_core.scene import Scene
-from jld_core.scene.schema import Contact, Element, Grid
+from jld_core.scene.schema import Contact, Element, Grid, Scene
 
 
 def collect_elements(

@@ -17,9 +17,10 @@ from jld_core.build.fill import Backing, PointEntry
 from jld_core.errors import InputError
 from jld_core.geometry import across, area_vector, spun
 from jld_core.loads import Loads, Traction, edge_traction, points_of
-from jld_core.scene import FillLoad, PointLoad, Scene
+from jld_core.scene import FillLoad, PointLoad
 from jld_core.scene.loads import OUTSIDE, BodyLoad, Case, FaceLoad, LoadEntry, MovingLoad, Pushes, TiltLoad
 from jld_core.scene.materials import Strip
+from jld_core.scene.schema import Scene
 
 
 class PlacedCase(NamedTuple):

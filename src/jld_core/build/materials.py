@@ -19,10 +19,9 @@ from jld_core.geometry.polyhedra import contains, distance_from_face
 from jld_core.geometry.vectors import resultants
 from jld_core.linalg.projection import summed
 from jld_core.members import Members
-from jld_core.scene import Scene
 from jld_core.scene.materials import Dry, FaceMaterial, Inner, Materials, lies_within_apex
 from jld_core.scene.part import Anchor, Member
-from jld_core.scene.schema import Contact, Element
+from jld_core.scene.schema import Contact, Element, Scene
 from jld_core.scene.standard import PARAMETERS, StandardParameter, key_of
 from jld_core.strengths import Route, Side, StatedCriterion, Strengths, stated
 

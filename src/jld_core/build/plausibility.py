@@ -12,9 +12,8 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly, Elements
 from jld_core.build.materials import friction, gravity_vector
 from jld_core.geometry import moment_about
-from jld_core.scene import Scene
 from jld_core.scene.materials import Dry, Inner
-from jld_core.scene.schema import Contact
+from jld_core.scene.schema import Contact, Scene
 from jld_core.scene.units import GRAVITY, METRES, NEWTONS, USUAL_GRAVITY, UnitSystem
 from jld_core.strengths import Route
 

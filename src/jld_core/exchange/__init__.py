@@ -1,7 +1,6 @@
 """Exchange of files with other programs: import as scenes with a report, export of blocks.
 
 - `FORMATS`: export formats and their file endings
-- `Block`: one block of a layout: elements, mass, bounding box, shape
 - `Format`: how a file format is read and written, and what its files keep
 - `ImportOptions`: options for reading a file
 - `Imported`: scene document with a report of its import
@@ -31,7 +30,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.exchange.formats import FORMATS, Format, blocks_csv, export
-from jld_core.exchange.layout import Block, Layout
+from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import import_file
 from jld_core.exchange.options import Imported, ImportOptions, Notes, Report
 from jld_core.exchange.solids import Part, Solids
@@ -44,7 +43,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FORMATS",
-    "Block",
     "Format",
     "ImportOptions",
     "Imported",

@@ -45,8 +45,8 @@ from jld_core.exchange.options import (
     several,
 )
 from jld_core.exchange.paths import Path, flatten, without_repeats
-from jld_core.geometry import find_planar_contacts
 from jld_core.geometry import outlines as polygons
+from jld_core.geometry.planar_contacts import find_planar_contacts
 from jld_core.geometry.snapping import Snapped, snap_paths, straight
 from jld_core.scene.units import METRES
 

@@ -15,8 +15,8 @@ from jld_core.exchange.formats import formats
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import rounded
 from jld_core.plugins import part
-from jld_core.scene import Scene
 from jld_core.scene.loads import Case, Loads, body_of
+from jld_core.scene.schema import Scene
 from jld_core.scene.uncertain import with_means
 
 # Scene keys that a file of all elements represents by its geometry

@@ -13,8 +13,8 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, blocks_of
 from jld_core.geometry.outlines import Outlines, reach_of, shape_numbers
 from jld_core.geometry.unions import Region, Surface, extrude, union_outlines, union_solids
-from jld_core.limit import LimitAnalysisResult
-from jld_core.scene import Scene
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.scene.schema import Scene
 
 
 @dataclass(frozen=True)

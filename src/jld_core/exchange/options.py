@@ -20,8 +20,8 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import area_vector
 from jld_core.parameters import require_field_types
-from jld_core.scene import Scene
 from jld_core.scene.loads import body_of
+from jld_core.scene.schema import Scene
 from jld_core.scene.units import METRES
 
 # Pattern of a tolerance, scene units, in messages about a scene

@@ -40,7 +40,7 @@ from jld_core.geometry.snapping import SnappedSolids
 from jld_core.geometry.spatial_contacts import SpatialContact, find_spatial_contacts, near_pairs
 from jld_core.geometry.stated_fit import Misfit
 from jld_core.linalg import components
-from jld_core.scene import parse_scene
+from jld_core.scene.reading import parse_scene
 from jld_core.scene.units import METRES
 
 

@@ -5,7 +5,6 @@
 - `area_of`: return the polygons of a plane region
 - `area_vector`: return the area vector of a plane polygon
 - `facets_of`: compute the plane facets of polyhedra
-- `find_planar_contacts`: find the straight contacts of polygons
 - `merge_points`: number points, merging those within a tolerance
 - `moment_about`: compute arm × force in the plane or in space
 - `outlines`: outlines of blocks: boundary of the union of elements, aspect ratio, re-entrant corners
@@ -20,7 +19,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.geometry.clean_regions import area_of
-from jld_core.geometry.planar_contacts import find_planar_contacts
 from jld_core.geometry.polyhedra import Faces, facets_of, solids
 from jld_core.geometry.snapping import snap_solids
 from jld_core.geometry.spatial_contacts import merge_points
@@ -37,7 +35,6 @@ __all__ = [
     "area_of",
     "area_vector",
     "facets_of",
-    "find_planar_contacts",
     "merge_points",
     "moment_about",
     "outlines",

@@ -1,20 +1,12 @@
 """Limit analysis of labelled assemblies: proven bounds on λ, results and relaxations.
 
 - `FIELD_SECONDS`: default time for the bounds of one load case by fields, seconds
-- `BatchAnalysis`: batch solver of one limit analysis
 - `CaseBounds`: status and bounds of one load case
-- `LimitAnalysis`: limit analysis of one assembly, reusable for many labellings
-- `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
-- `Model`: how a structure is modelled and solved, as on the command line
 - `Motion`: velocities with their jumps, margin and upper bound on λ
 - `Proof`: bounds, status and solve log of one labelling
 - `Prover`: turns raw solver points and multipliers into checked bounds
-- `Result`: λ of one structure under one labelling: what all results have
 - `SampleAnalysis`: batch solver of one labelling under samples of strengths and loads
-- `SolveOptions`: name of `Model` before version 0.4
 - `State`: forces and λ with their slack and equilibrium error
-- `Status`: outcome of a limit analysis: collapse, locked, unstable, uncertified or failed
-- `ZeroDilation`: evidence and range of solutions without dilation
 - `crossed`: return whether lower bounds exceed upper bounds by more than rounding
 - `displacement`: compute velocities of points that move with an element
 - `effects`: return a force (k,) per member for pictures: tension of bars, shear of pins
@@ -33,21 +25,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.batch import BatchAnalysis
 from jld_core.limit.bounds import Motion, Prover, State, load_scale, relative_width
 from jld_core.limit.mechanism import displacement
-from jld_core.limit.options import (
-    FIELD_SECONDS,
-    CaseBounds,
-    Model,
-    SolveOptions,
-    Status,
-    ZeroDilation,
-    governing,
-)
+from jld_core.limit.options import FIELD_SECONDS, CaseBounds, governing
 from jld_core.limit.proof import Proof
-from jld_core.limit.result import LimitAnalysisResult, Result, number, result_of
+from jld_core.limit.result import number, result_of
 
 if TYPE_CHECKING:
     from jld_core.limit.bounds import crossed
@@ -57,20 +39,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FIELD_SECONDS",
-    "BatchAnalysis",
     "CaseBounds",
-    "LimitAnalysis",
-    "LimitAnalysisResult",
-    "Model",
     "Motion",
     "Proof",
     "Prover",
-    "Result",
     "SampleAnalysis",
-    "SolveOptions",
     "State",
-    "Status",
-    "ZeroDilation",
     "crossed",
     "displacement",
     "effects",

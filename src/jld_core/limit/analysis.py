@@ -22,7 +22,8 @@ from jld_core.limit.options import Model, Status
 from jld_core.limit.proof import FACES_WHERE_BATCH_IS_FASTER, Proof, offer_results
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, result_of
-from jld_core.mechanics import InnerBending, require_materials, scaling_of, yield_set
+from jld_core.mechanics import require_materials, scaling_of, yield_set
+from jld_core.mechanics.standard import InnerBending
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, Solver, is_large, make_solver
 from jld_core.solvers.base import EARLY

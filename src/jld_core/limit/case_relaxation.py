@@ -17,8 +17,8 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.batch import ConflictRequest, chosen
-from jld_core.batch.batch_solver import CARRIED, CARRIES, FALLS, OPEN, REFUTED, BatchSolver
+from jld_core.batch import chosen
+from jld_core.batch.batch_solver import CARRIED, CARRIES, FALLS, OPEN, REFUTED, BatchSolver, ConflictRequest
 from jld_core.batch.rows import fits
 from jld_core.deadline import checkpoint
 from jld_core.limit.analysis import LimitAnalysis

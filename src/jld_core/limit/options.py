@@ -12,7 +12,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.errors import ParameterError
-from jld_core.mechanics import InnerBending
+from jld_core.mechanics.standard import InnerBending
 from jld_core.parameters import require_field_types
 from jld_core.scene.cracks import CrackModel, FieldCracks, cracks_of, cracks_to_json
 from jld_core.solvers import Solver, require_solver

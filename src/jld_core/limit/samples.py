@@ -13,7 +13,8 @@ from jld_core.batch.batch_solver import SAMPLES_OF_A_CALL, BatchResults
 from jld_core.batch.rows import BatchRows, rows_of_samples
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.batch import BatchAnalysis, BatchBounds
-from jld_core.mechanics import FrictionSet, scaled_strengths, yield_set
+from jld_core.mechanics import FrictionSet, yield_set
+from jld_core.mechanics.standard import scaled_strengths
 from jld_core.strengths import CRITERIA, STANDARD, Route, Strengths
 
 _ROUTE = Route("samples of strengths", STANDARD | CRITERIA)

@@ -117,18 +117,7 @@ def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
 
 
 def stated_rows(assembly: Assembly) -> dict[tuple[int, bool], FaceRows]:
-    """Return what criteria of plug-ins state of each face, in stresses, for those who compute with it apart.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        A planar or spatial structure.
-
-    Returns
-    -------
-    dict
-        Rows and gauges of one face, by face and label, True = dry.
-    """
+    """Return what criteria state of a face, by face and label (True = dry), for those who compute with it apart."""
     numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
     if assembly.dimension == 3:
         none = np.zeros(len(assembly.interfaces), dtype=bool)

@@ -15,9 +15,9 @@ from jld_core.assembly import Assembly, labels_of
 from jld_core.errors import InputError
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus
-from jld_core.limit import FIELD_SECONDS, CaseBounds, Result, Status, governing, number
-from jld_core.limit.options import Governing
-from jld_core.limit.result import stands_in_words
+from jld_core.limit import FIELD_SECONDS, CaseBounds, governing, number
+from jld_core.limit.options import Governing, Status
+from jld_core.limit.result import Result, stands_in_words
 from jld_core.models.tilting import directions, tilt_facts, tilt_in_words
 from jld_core.parameters import typed
 from jld_core.scene.cracks import FieldCracks, cracks_in_words

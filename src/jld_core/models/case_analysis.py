@@ -17,17 +17,20 @@ from numpy.typing import ArrayLike
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly, Labels, checked_labels, labels_of, with_members
-from jld_core.build import build_assembly
+from jld_core.build.assemble import build_assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError, error_context
-from jld_core.limit import FIELD_SECONDS, LimitAnalysis, LimitAnalysisResult, Model, Proof, Result, Status, result_of
-from jld_core.limit.result import governing_result
+from jld_core.limit import FIELD_SECONDS, Proof, result_of
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.options import Model, Status
+from jld_core.limit.result import LimitAnalysisResult, Result, governing_result
 from jld_core.mechanics import require_materials
 from jld_core.models.rigid_blocks import limit_analysis, require_model, require_solver_accepts, solve_labelling
 from jld_core.models.tilting import with_tilt
 from jld_core.parameters import shown_value
-from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_of
+from jld_core.scene.reading import load_scene
+from jld_core.scene.schema import Scene
 from jld_core.threads import one_thread
 
 _DIVIDES: Final = 1e-9  # relative error that a whole number of cells may have

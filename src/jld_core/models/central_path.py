@@ -23,7 +23,8 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import checkpoint
 from jld_core.geometry.outlines import rectangle_torsion_length
-from jld_core.limit import LimitAnalysis, Motion, Prover, State, relative_width
+from jld_core.limit import Motion, Prover, State, relative_width
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 

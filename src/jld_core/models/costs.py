@@ -12,7 +12,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry.planar_contacts import certain_contacts
 from jld_core.parameters import typed
-from jld_core.scene import Scene
+from jld_core.scene.schema import Scene
 from jld_core.threads import memory_limit
 
 _FACES: Final = 2e4  # number of faces at which the times in `_COSTS` were measured

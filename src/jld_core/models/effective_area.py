@@ -19,7 +19,9 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import ParameterError
-from jld_core.limit import LimitAnalysis, Motion, Proof, State, Status, number, relative_width
+from jld_core.limit import Motion, Proof, State, number, relative_width
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.options import Status
 from jld_core.mechanics.prescribed_friction import EffectiveAreas
 from jld_core.models.central_path import FixedPoint, areas_under, find_fixed_point, frozen_areas, under_own_areas
 from jld_core.solvers import ClarabelSolver

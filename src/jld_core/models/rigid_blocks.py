@@ -26,9 +26,10 @@ from jld_core.assembly import DRY, INNER, Assembly, Elements, blocks_of, without
 from jld_core.errors import ParameterError, SolverError
 from jld_core.geometry import spun
 from jld_core.geometry.vectors import resultants
-from jld_core.limit import LimitAnalysis, Model, Motion, Proof, State, Status
-from jld_core.limit import SolveOptions as SolveOptions
-from jld_core.limit.analysis import FALLBACKS, Fallback, ProofAttempt, insert_before
+from jld_core.limit import Motion, Proof, State
+from jld_core.limit.analysis import FALLBACKS, Fallback, LimitAnalysis, ProofAttempt, insert_before
+from jld_core.limit.options import Model, Status
+from jld_core.limit.options import SolveOptions as SolveOptions
 from jld_core.limit.result import element_velocities
 from jld_core.loads import Loads
 from jld_core.mechanics.standard import local_hulls

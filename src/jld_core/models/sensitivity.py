@@ -29,7 +29,9 @@ import scipy.sparse as sp
 from jld_core import plugins, tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.options import Status
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.parameters import typed
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus, is_large

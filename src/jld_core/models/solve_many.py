@@ -12,7 +12,10 @@ from numpy.typing import ArrayLike
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly, Labels
 from jld_core.errors import ParameterError
-from jld_core.limit import BatchAnalysis, CaseBounds, Model, Result, Status, governing
+from jld_core.limit import CaseBounds, governing
+from jld_core.limit.batch import BatchAnalysis
+from jld_core.limit.options import Model, Status
+from jld_core.limit.result import Result
 from jld_core.mechanics import require_materials
 from jld_core.models.case_analysis import (
     Structure,

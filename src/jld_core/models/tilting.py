@@ -17,7 +17,8 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysisResult, Model, Status
+from jld_core.limit.options import Model, Status
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.loads import Loads
 from jld_core.models.rigid_blocks import limit_analysis, solve_labelling
 

@@ -1,6 +1,5 @@
 """Refinement of elements into cells, which makes any structure a grid of candidate faces.
 
-- `Refined`: refined scene, with the original element of each piece and notes
 - `arrangement`: cutting of planar elements by cells in one arrangement of lines
 - `bonds`: masonry bonds: head joints course by course, bonded corners, walls with openings
 - `crack_cells`: split the elements of a scene into cells along which blocks may crack
@@ -14,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.refinement.refine import Refined, refine
+from jld_core.refinement.refine import refine
 
 if TYPE_CHECKING:
     from jld_core.refinement import arrangement, bonds, voussoirs
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from jld_core.refinement.walls import prism_of
 
 __all__ = [
-    "Refined",
     "arrangement",
     "bonds",
     "crack_cells",

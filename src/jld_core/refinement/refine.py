@@ -11,7 +11,8 @@ import shapely
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, faces_of
-from jld_core.build import build_assembly, build_robust, cases_of_scene
+from jld_core.build import build_robust, cases_of_scene
+from jld_core.build.assemble import build_assembly
 from jld_core.build.materials import direction_of_weight
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import Faces
@@ -41,7 +42,8 @@ from jld_core.refinement.transfer import (
 )
 from jld_core.refinement.voussoirs import voussoir_cells
 from jld_core.refinement.walls import bed_joints, split_prism, split_walls
-from jld_core.scene import Scene, parse_scene
+from jld_core.scene.reading import parse_scene
+from jld_core.scene.schema import Scene
 from jld_core.scene.uncertain import Uncertain
 
 _LEAST: Final = 0.05  # share of a cell's area below which a piece joins its neighbour

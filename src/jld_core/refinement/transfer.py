@@ -17,8 +17,8 @@ from jld_core.assembly import Assembly, Interfaces
 from jld_core.build.loads import Boundary
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry.polyhedra import distance_from_face, distance_to, point_in_face
-from jld_core.scene import Scene
 from jld_core.scene.loads import FaceLoad, FacePlace
+from jld_core.scene.schema import Scene
 
 _CAPACITIES: Final = ("tension", "compression", "prestress", "shear")
 """Forces of a member, of which each share has its part."""

@@ -3,15 +3,11 @@
 - `FillLoad`: vertical load on the surface of the fill, spread over the structure below
 - `NeedsImport`: error for a drawing or a file of solids where a scene is expected
 - `PointLoad`: force and moment on one element
-- `Scene`: validated scene file
 - `Search`: candidates, limits and objectives of a search
 - `cracks`: crack models of a scene: along the faces of the grid, in finer cells, or by fields
 - `design`: keys of the design check, and named sets of partial factors with their sources
-- `load_scene`: read and validate a scene file
 - `loads`: define the keys of loads and of movements of supports in a scene file
 - `move`: keys of a scene for `jld move`: variables, limits and objective
-- `parse_cracks`: return the crack model that the option --cracks names
-- `parse_scene`: validate a scene given as a dictionary
 - `standard`: parameters of the standard criterion, stated once
 - `uncertain`: values with uncertainty, such as `{"mean": 0.6, "cov": 0.1, "kind": "lognormal"}`
 - `units`: units of force and length, and numbers as text with a unit: `"10 kN"`, `"2 kN/m²"`
@@ -22,10 +18,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.scene.cracks import parse_cracks
 from jld_core.scene.loads import PointLoad
-from jld_core.scene.reading import load_scene, parse_scene
-from jld_core.scene.schema import Scene
 from jld_core.scene.search import Search
 
 if TYPE_CHECKING:
@@ -37,15 +30,11 @@ __all__ = [
     "FillLoad",
     "NeedsImport",
     "PointLoad",
-    "Scene",
     "Search",
     "cracks",
     "design",
-    "load_scene",
     "loads",
     "move",
-    "parse_cracks",
-    "parse_scene",
     "standard",
     "uncertain",
     "units",

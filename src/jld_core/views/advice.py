@@ -9,7 +9,9 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import SolverError
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.options import Status
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.solvers import installed_solvers, make_solver
 
 _NAMED: Final = 6  # largest number of elements named; the others are counted

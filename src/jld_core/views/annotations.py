@@ -18,7 +18,8 @@ from matplotlib.transforms import ScaledTranslation
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly, blocks_of
-from jld_core.limit import LimitAnalysisResult, effects
+from jld_core.limit import effects
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.views import quantities
 from jld_core.views.look import (
     HATCH,

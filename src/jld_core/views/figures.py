@@ -26,8 +26,10 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly, faces_of
 from jld_core.errors import InputError
 from jld_core.files import whole_file
-from jld_core.limit import LimitAnalysisResult, Status, displacement
+from jld_core.limit import displacement
 from jld_core.limit.mechanism import result_of_faces
+from jld_core.limit.options import Status
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.views import annotations as notes
 from jld_core.views import quantities
 from jld_core.views.annotations import draw_members, member_handles

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysisResult
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.views import annotations as notes
 from jld_core.views.figures import draw_assembly, figure_for, finish
 from jld_core.views.look import FRONT, INK, PRESS, SOFT, TINTS

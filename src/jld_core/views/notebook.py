@@ -13,8 +13,8 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.build.plausibility import Resultant, resultant
-from jld_core.limit import LimitAnalysisResult, number
-from jld_core.limit.result import stands_in_words, tensions
+from jld_core.limit import number
+from jld_core.limit.result import LimitAnalysisResult, stands_in_words, tensions
 from jld_core.loads import resultants
 from jld_core.models.tilting import tilt_in_words
 from jld_core.program import Template

@@ -9,8 +9,9 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, blocks_of
-from jld_core.limit import LimitAnalysisResult, displacement
+from jld_core.limit import displacement
 from jld_core.limit.mechanism import Movement, face_motions
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.loads import resultants
 from jld_core.mechanics import scaling_of, yield_set
 

@@ -19,8 +19,8 @@ from matplotlib.text import Text
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.files import printable
-from jld_core.limit import LimitAnalysisResult
 from jld_core.limit.mechanism import result_of_faces
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.views import quantities
 from jld_core.views.look import INK, LOAD, PRESS, SOFT, WHITE
 from jld_core.views.structure import element_points, extent, painter_order, projection_of, visible_faces

@@ -10,19 +10,21 @@ import typer
 
 from jld_core import plugins
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build.assemble import build_assembly
 from jld_core.build.loads import settlements_of
 from jld_core.errors import InputError, error_context
 from jld_core.mechanics import require_materials
-from jld_core.models import require_cracks, require_memory, rigid
-from jld_core.scene import Scene, load_scene
+from jld_core.models import require_cracks, rigid
+from jld_core.models.costs import require_memory
+from jld_core.scene.reading import load_scene
+from jld_core.scene.schema import Scene
 from jld_explore.cli.options import AsJson, SceneFile, Strict
 from jld_explore.cli.streams import say, warn
 from jld_explore.verification import verify
 from jld_explore.verification.verify import Verified
 
 if TYPE_CHECKING:
-    from jld_explore.space import SearchSpace
+    from jld_explore.space.search_space import SearchSpace
 
 
 def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
@@ -48,7 +50,7 @@ def warn_of(path: Path, assembly: Assembly) -> None:
 
 def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
     """Return the search space of a scene; InputError for an impossible search."""
-    from jld_explore.space import search_space  # imported where a search is checked: it takes a tenth of a second
+    from jld_explore.space.search_space import search_space
 
     asked = "search" in scene.model_fields_set
     with error_context(path):

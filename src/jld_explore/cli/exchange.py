@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from jld_core.build import build_assembly
+from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.exchange.facts import lost
@@ -21,7 +21,7 @@ from jld_core.models import solve_rigid
 from jld_core.refinement import refine
 from jld_core.refinement.bonds import BONDS
 from jld_core.refinement.transfer import KINDS
-from jld_core.scene import load_scene, parse_scene
+from jld_core.scene.reading import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import (
     AsJson,

@@ -18,8 +18,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from jld_core import plugins
 from jld_core.errors import ParameterError, error_context
-from jld_core.limit import SolveOptions
-from jld_core.scene import Scene, load_scene
+from jld_core.limit.options import SolveOptions
+from jld_core.scene.reading import load_scene
+from jld_core.scene.schema import Scene
 from jld_core.tolerances import GAP
 from jld_explore import Exploration, explore
 from jld_explore.cli.ending import raise_on_signals

@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build.assemble import build_assembly
 from jld_core.build.plausibility import not_judged
 from jld_core.errors import InputError, ParameterError, error_context
-from jld_core.limit import LimitAnalysisResult, Model, Status
-from jld_core.scene import Scene, load_scene
+from jld_core.limit.options import Model, Status
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.scene.cracks import FieldCracks
+from jld_core.scene.reading import load_scene
+from jld_core.scene.schema import Scene
 from jld_explore.cli.streams import warn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from jld_explore.report import Exploration
+    from jld_explore.report.reading import Exploration
 
 _MOST: Final = 6  # largest number of layouts drawn side by side
 
@@ -43,7 +45,7 @@ def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> Lai
     """Return the layout that a command refers to; InputError for a rank that is not there."""
     source = best_of_design(source)
     if source.is_dir():
-        from jld_explore.report import read_folder  # slow to import; `jld solve` of a scene needs it not
+        from jld_explore.report.reading import read_folder
 
         done = read_folder(source)
         layout = done.layout(rank)
@@ -79,7 +81,7 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
         raise ParameterError("rank", f"{text!r} is wrong", "ranks, as 1,4") from None
     if not 1 <= len(ranks) <= _MOST:
         raise ParameterError("rank", f"{len(ranks)} layouts do not fit side by side", f"at most {_MOST}")
-    from jld_explore.report import read_folder
+    from jld_explore.report.reading import read_folder
 
     done = read_folder(source)
     target = out or source / f"layouts_{'_'.join(map(str, ranks))}.{ending}"

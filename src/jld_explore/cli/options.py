@@ -10,8 +10,9 @@ import typer
 from jld_core.errors import InputError
 from jld_core.files import write_text
 from jld_core.limit.options import Condense, Contacts
-from jld_core.mechanics import InnerBending
-from jld_core.scene import Scene, parse_cracks
+from jld_core.mechanics.standard import InnerBending
+from jld_core.scene.cracks import parse_cracks
+from jld_core.scene.schema import Scene
 from jld_core.solvers import SOLVERS
 
 Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]

@@ -7,16 +7,17 @@ from typing import Annotated, Literal
 
 import typer
 
-from jld_core.build import build_assembly
+from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.files import write_text
 from jld_core.models import solve_rigid
-from jld_core.scene import load_scene
+from jld_core.scene.reading import load_scene
 from jld_explore.cli.layout import best_of_design, layout_of, plot_ranks
 from jld_explore.cli.options import Source, refuse_itself
 from jld_explore.cli.streams import say
-from jld_explore.report import read_folder, write_pictures, write_report
-from jld_explore.report.page_of_study import scene_page
+from jld_explore.report.folder import write_pictures
+from jld_explore.report.page_of_study import scene_page, write_report
+from jld_explore.report.reading import read_folder
 
 
 def plot_command(

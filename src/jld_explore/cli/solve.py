@@ -17,11 +17,12 @@ from jld_core.build import build_robust
 from jld_core.build.loads import settlements_of
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
-from jld_core.limit import LimitAnalysisResult, Model, Result, Status
-from jld_core.limit.options import FLOOR_SECONDS, Friction, Start
+from jld_core.limit.options import FLOOR_SECONDS, Friction, Model, Start, Status
+from jld_core.limit.result import LimitAnalysisResult, Result
 from jld_core.mechanics import require_materials
-from jld_core.models import cost_estimate, require_cracks, require_model, rigid, sensitivities, solve_rigid
+from jld_core.models import cost_estimate, require_cracks, rigid, sensitivities, solve_rigid
 from jld_core.models.case_analysis import solve_cracked, under
+from jld_core.models.rigid_blocks import require_model
 from jld_core.models.sensitivity import geometry_sensitivities
 from jld_core.scene.cracks import FieldCracks
 from jld_core.tolerances import GAP

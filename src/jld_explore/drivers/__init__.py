@@ -2,7 +2,6 @@
 
 - `DRIVERS`: driver classes by name
 - `BufferedRandom`: random choices from numbers that are generated in batches
-- `Driver`: abstract base class of all search strategies
 - `DriverOptions`: base class of the options of a driver
 - `Genetic`: driver that breeds many children, and evaluates the most promising of a pool
 - `Register`: set of the classes that a driver has proposed
@@ -15,7 +14,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_explore.drivers.base import Driver, DriverOptions
+from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
 from jld_explore.drivers.operators.segmentations import operators
 from jld_explore.drivers.registry import DRIVERS, make_driver
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = [
     "DRIVERS",
     "BufferedRandom",
-    "Driver",
     "DriverOptions",
     "Genetic",
     "Register",

@@ -12,15 +12,15 @@ from pydantic import Field
 
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import checkpoint
-from jld_core.limit import LimitAnalysis
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.mechanism import Movements
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.operators.segmentations import Following
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.protocol import sort_key
-from jld_explore.space import SearchSpace, keys
+from jld_explore.evaluation.protocol import Evaluation, sort_key
+from jld_explore.space import keys
+from jld_explore.space.search_space import SearchSpace
 
 _FIRST_TEMPERATURE: Final = 0.04  # temperature at the start of a cycle, relative to the largest λ known
 _LAST_TEMPERATURE: Final = 1e-3  # temperature at the end of a cycle, relative to the largest λ known

@@ -15,9 +15,9 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.models.solve_many import BatchResult
 from jld_core.parameters import require_kind, typed
-from jld_explore.evaluation import Evaluation, Records
-from jld_explore.evaluation.protocol import evaluations_of
-from jld_explore.space import SearchSpace
+from jld_explore.evaluation import Records
+from jld_explore.evaluation.protocol import Evaluation, evaluations_of
+from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,8 +11,8 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
-from jld_core.limit import SolveOptions
 from jld_core.limit.case_relaxation import relaxation_of
+from jld_core.limit.options import SolveOptions
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.exact.context import PossibleBlocks, possible_blocks
 from jld_explore.drivers.exact.driver import Exact
@@ -21,8 +21,9 @@ from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
 from jld_explore.drivers.operators.segmentations import operators
 from jld_explore.drivers.registry import DRIVERS, make_driver, owners
-from jld_explore.space import SearchSpace, feasible
+from jld_explore.space import feasible
 from jld_explore.space.labelling import canonical
+from jld_explore.space.search_space import SearchSpace
 
 REACH: Final = 50  # most faces, dry or inner, for which the exact driver is the default
 

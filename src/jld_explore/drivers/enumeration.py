@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint
 from jld_explore.drivers.base import Driver
-from jld_explore.evaluation import Evaluation, Records
-from jld_explore.space import SearchSpace
+from jld_explore.evaluation import Records
+from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space.labelling import representatives
+from jld_explore.space.search_space import SearchSpace
 
 
 def breadth_first(space: SearchSpace) -> Ints:

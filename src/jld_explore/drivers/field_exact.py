@@ -18,7 +18,7 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.fields.mesh import Mesh
 from jld_core.files import whole_file
-from jld_core.limit import Status
+from jld_core.limit.options import Status
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.context import TargetSchedule, listed_blocks, without_formula
@@ -36,11 +36,12 @@ from jld_explore.drivers.field_proof import (
     refuting_step,
 )
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation import Evaluation, Records
+from jld_explore.evaluation import Records
 from jld_explore.evaluation.field_evaluator import TOGETHER, FieldPool
-from jld_explore.space import SearchSpace
+from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
+from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -28,8 +28,9 @@ from jld_explore.drivers.exact.proof_check import Claim, counts_of, front_count
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism
 from jld_explore.evaluation import Pool
 from jld_explore.evaluation.field_evaluator import FieldPool, FieldStep, step_of
-from jld_explore.space import Count, SearchSpace, registered, values_of
+from jld_explore.space import Count, registered, values_of
 from jld_explore.space.limits import Range
+from jld_explore.space.search_space import SearchSpace
 
 _BELOW: Final = 1e-9  # relative amount by which the goal lies below best / (1 − gap), for rounding of the gap
 

@@ -12,9 +12,8 @@ from pydantic import Field
 from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.drivers.base import Aim, DriverOptions
 from jld_explore.drivers.searcher import Pool, Searcher, Surrogate
-from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.protocol import Envelope, objectives, status_ranks
-from jld_explore.space import SearchSpace
+from jld_explore.evaluation.protocol import Envelope, Evaluation, objectives, status_ranks
+from jld_explore.space.search_space import SearchSpace
 
 _PAIRS: Final = 1 << 22  # largest number of pairs compared in one step; limits temporary memory to some 10 MB
 

@@ -14,9 +14,9 @@ from jld_core.assembly import with_members
 from jld_core.errors import ParameterError
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.protocol import objective_values, sort_key
-from jld_explore.space import LETTERS, SearchSpace, feasible, from_string, keys
+from jld_explore.evaluation.protocol import Evaluation, objective_values, sort_key
+from jld_explore.space import LETTERS, feasible, from_string, keys
+from jld_explore.space.search_space import SearchSpace
 
 _EVERY_RUN = -1  # owner index of the labelling at which all runs start
 

@@ -16,13 +16,14 @@ from pydantic import Field
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
-from jld_core.limit import Status
+from jld_core.limit.options import Status
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation import Evaluation, Records
-from jld_explore.evaluation.protocol import objectives
-from jld_explore.space import SearchSpace, keys, to_string
+from jld_explore.evaluation import Records
+from jld_explore.evaluation.protocol import Evaluation, objectives
+from jld_explore.space import keys, to_string
 from jld_explore.space.labelling import canonical
+from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
     import optuna

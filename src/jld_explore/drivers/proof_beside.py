@@ -15,18 +15,20 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import LimitAnalysis, SolveOptions, Status
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import applies_to
 from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
 from jld_core.limit.normal_caps import NormalCaps
+from jld_core.limit.options import SolveOptions, Status
 from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.context import listed_blocks
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings, Pool
+from jld_explore.evaluation import Evaluator, EvaluatorSettings, Pool
 from jld_explore.evaluation.cases import Standing
 from jld_explore.evaluation.pool import is_lost
-from jld_explore.space import SearchSpace
+from jld_explore.evaluation.protocol import Evaluation
+from jld_explore.space.search_space import SearchSpace
 
 LEAST_SECONDS: Final = 5.0  # shortest time of a search with a proof beside it; its process takes two seconds to start
 

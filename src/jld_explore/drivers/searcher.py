@@ -16,10 +16,10 @@ from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
 from jld_explore.drivers.operators.segmentations import Operators, operators
-from jld_explore.evaluation import Evaluation
-from jld_explore.evaluation.protocol import front_counts
-from jld_explore.space import SearchSpace, feasible, keys
+from jld_explore.evaluation.protocol import Evaluation, front_counts
+from jld_explore.space import feasible, keys
 from jld_explore.space.labelling import canonical
+from jld_explore.space.search_space import SearchSpace
 
 CORRELATION_LENGTH: Final = 0.1  # share of differing candidate faces at which the covariance is 1 / e
 

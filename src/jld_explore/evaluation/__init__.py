@@ -1,6 +1,5 @@
 """Evaluate labellings in worker processes and record the results on disk.
 
-- `Evaluation`: result of evaluating one labelling
 - `Evaluator`: evaluator of labellings of one assembly under one load
 - `EvaluatorSettings`: settings of an evaluator
 - `Pool`: threads, processes or workers of a cluster for tasks
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING
 from jld_core.lazy_exports import export_lazily
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.pool import Pool, raise_deferred
-from jld_explore.evaluation.protocol import Evaluation, EvaluatorSettings
+from jld_explore.evaluation.protocol import EvaluatorSettings
 from jld_explore.evaluation.records import Records
 
 if TYPE_CHECKING:
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from jld_explore.evaluation.protocol import Evaluator
 
 __all__ = [
-    "Evaluation",
     "Evaluator",
     "EvaluatorSettings",
     "Pool",

@@ -17,7 +17,9 @@ from jld_core.assembly import Assembly, without
 from jld_core.batch.batch_solver import FALLS
 from jld_core.deadline import Deadline
 from jld_core.errors import ParameterError
-from jld_core.limit import CaseBounds, LimitAnalysis, Motion, SolveOptions, State, Status, governing
+from jld_core.limit import CaseBounds, Motion, State, governing
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.options import SolveOptions, Status
 from jld_core.tolerances import ROUNDING
 from jld_explore.evaluation.protocol import (
     BOUND,
@@ -30,7 +32,7 @@ from jld_explore.evaluation.protocol import (
     SharedEvaluator,
     front_counts,
 )
-from jld_explore.space import SearchSpace
+from jld_explore.space.search_space import SearchSpace
 
 # Placeholder for a load case that is not solved because another case already decides the labelling
 _UNSOLVED: Final = Evaluation(Status.UNCERTIFIED, math.nan, math.nan, math.nan)

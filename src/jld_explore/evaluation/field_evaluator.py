@@ -16,7 +16,8 @@ from jld_core.deadline import Deadline
 from jld_core.fields.bounds import CoarseBounds, Fields, FieldSetting
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.transfer import FieldMechanism, FieldStresses
-from jld_core.limit import CaseBounds, Status, governing
+from jld_core.limit import CaseBounds, governing
+from jld_core.limit.options import Status
 from jld_core.refinement.refine import CrackCells
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of

@@ -22,10 +22,14 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError
-from jld_core.limit import BatchAnalysis, LimitAnalysis, Proof, SolveOptions, Status
+from jld_core.limit import Proof
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.batch import BatchAnalysis
+from jld_core.limit.options import SolveOptions, Status
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.models.solve_many import BatchResult
-from jld_explore.space import SearchSpace, count_named, values_of
+from jld_explore.space import count_named, values_of
+from jld_explore.space.search_space import SearchSpace
 
 SOLVE: Final = "solve"  # settled by a limit analysis of the labelling itself
 

@@ -15,7 +15,9 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import blocks_csv
 from jld_core.files import require_folder, require_writable, write_text
-from jld_core.limit import LimitAnalysisResult, Status, load_scale, number
+from jld_core.limit import load_scale, number
+from jld_core.limit.options import Status
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.models import cost_estimate
 from jld_core.refinement import crack_cells
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_to_json

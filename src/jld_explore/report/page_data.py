@@ -20,10 +20,11 @@ import numpy as np
 from jld_core._version import __version__
 from jld_core.arrays import Bools
 from jld_core.assembly import Assembly, faces_of
-from jld_core.limit import LimitAnalysisResult, effects
+from jld_core.limit import effects
 from jld_core.limit.mechanism import result_of_faces
-from jld_core.scene import Scene
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.scene.part import MemberKind
+from jld_core.scene.schema import Scene
 from jld_core.views import look, quantities
 from jld_explore.report.columns import DIGITS, ranked_by, rounded, rounded_each
 from jld_explore.report.page_contract import (

@@ -18,10 +18,10 @@ from jld_core.assembly import Assembly
 from jld_core.build import weight_facts
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.files import write_text
-from jld_core.limit import LimitAnalysisResult
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.models import CaseAnalysis
-from jld_core.scene import Scene
 from jld_core.scene.cracks import FieldCracks
+from jld_core.scene.schema import Scene
 from jld_core.views import facts_of_assembly, facts_of_result, notebook
 from jld_explore.report import words
 from jld_explore.report.page_contract import PageData, Picture, Solution
@@ -37,7 +37,8 @@ from jld_explore.report.page_data import (
     within,
 )
 from jld_explore.report.reading import Exploration, history_of
-from jld_explore.space import cut, search_space
+from jld_explore.space import cut
+from jld_explore.space.search_space import search_space
 
 if TYPE_CHECKING:
     import pandas as pd

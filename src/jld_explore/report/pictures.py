@@ -20,7 +20,8 @@ from matplotlib.ticker import MaxNLocator
 
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly, with_members
-from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.limit.options import Status
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.scene.search import Front
 from jld_core.views import figures as core
 from jld_core.views.annotations import frame

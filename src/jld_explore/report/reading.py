@@ -11,16 +11,19 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly, build_robust
+from jld_core.build import build_robust
+from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError, ParameterError
 from jld_core.exchange import Layout
-from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
+from jld_core.limit.options import SolveOptions, Status
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.models import solve_by_elements, solve_by_fields
 from jld_core.models.by_fields import FieldResult
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.parameters import require_kind, typed
-from jld_core.scene import Scene, load_scene
 from jld_core.scene.cracks import FieldCracks, cracks_in_short
+from jld_core.scene.reading import load_scene
+from jld_core.scene.schema import Scene
 from jld_core.solvers import SOLVERS
 from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import tables

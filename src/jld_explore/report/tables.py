@@ -19,7 +19,8 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.exchange.formats import harmless
 from jld_core.files import whole_file, write_text
-from jld_core.limit import Status, load_scale, relative_width
+from jld_core.limit import load_scale, relative_width
+from jld_core.limit.options import Status
 from jld_core.scene import Search
 from jld_core.tolerances import GAP
 from jld_explore.evaluation import Records
@@ -29,9 +30,10 @@ from jld_explore.evaluation.records import RefinedRecords
 from jld_explore.report.columns import csv_of
 from jld_explore.search.state import StopReason, versions
 from jld_explore.search.study import Study
-from jld_explore.space import Count, SearchSpace, count_named, registered, unpack
+from jld_explore.space import Count, count_named, registered, unpack
 from jld_explore.space.counts import counts, values_until
 from jld_explore.space.labelling import letters_of
+from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd

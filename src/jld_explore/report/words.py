@@ -8,10 +8,10 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.build import weight_facts
-from jld_core.limit import Status
+from jld_core.limit.options import Status
 from jld_core.models.tilting import tilt_in_words
-from jld_core.scene import Scene
 from jld_core.scene.cracks import cracks_in_words
+from jld_core.scene.schema import Scene
 from jld_core.views import facts_of_assembly
 from jld_core.views.notebook import aligned
 from jld_explore.evaluation.protocol import BOUND
@@ -20,7 +20,8 @@ from jld_explore.report.columns import COLUMN, ranked_by
 from jld_explore.report.languages import stronger_cut
 from jld_explore.report.reading import Exploration
 from jld_explore.report.tables import STANDS
-from jld_explore.space import SearchSpace, registered
+from jld_explore.space import registered
+from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,12 +11,15 @@ from typing import Final
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError, ParameterError
-from jld_core.models import require_cracks, require_memory, require_model
-from jld_core.scene import Scene
+from jld_core.models import require_cracks
+from jld_core.models.costs import require_memory
+from jld_core.models.rigid_blocks import require_model
 from jld_core.scene.cracks import FieldCracks
+from jld_core.scene.schema import Scene
 from jld_core.strengths import Route
 from jld_core.threads import memory_limit
-from jld_explore.drivers import Driver, make_driver
+from jld_explore.drivers import make_driver
+from jld_explore.drivers.base import Driver
 from jld_explore.drivers.choice import REACH, driver_for
 from jld_explore.drivers.enumeration import Enumeration, size_up_to
 from jld_explore.drivers.exact.certifying import check_certifiable
@@ -24,7 +27,7 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.drivers.registry import driver_named
 from jld_explore.search.settings import ExploreSettings
-from jld_explore.space import SearchSpace
+from jld_explore.space.search_space import SearchSpace
 
 CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 """Term "classes" with its explanation, used where it first appears."""

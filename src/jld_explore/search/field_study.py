@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.limit import Status
+from jld_core.limit.options import Status
 from jld_core.scene.cracks import FieldCracks
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.field_exact import FieldExact
-from jld_explore.evaluation import Evaluation
 from jld_explore.evaluation.field_evaluator import (
     COARSE_RATE,
     BestAim,
@@ -26,7 +25,7 @@ from jld_explore.evaluation.field_evaluator import (
     field_evaluation,
     mesh_seconds,
 )
-from jld_explore.evaluation.protocol import front_counts, keys_of, statuses
+from jld_explore.evaluation.protocol import Evaluation, front_counts, keys_of, statuses
 from jld_explore.evaluation.records import RefinedRecords
 from jld_explore.search.state import Progress, StopReason
 from jld_explore.search.study import Study

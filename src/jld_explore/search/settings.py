@@ -8,9 +8,9 @@ from typing import Any, Final, Literal
 
 from jld_core import plugins
 from jld_core.errors import ParameterError
-from jld_core.limit import SolveOptions
+from jld_core.limit.options import SolveOptions
 from jld_core.parameters import near, require_field_types
-from jld_explore.drivers import Driver
+from jld_explore.drivers.base import Driver
 from jld_explore.evaluation.cases import OwnObjective
 
 OBJECTIVES: Final = ("associative", "zero-dilation", "zero-dilation-floor", "experiment", "reliability")

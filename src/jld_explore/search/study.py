@@ -14,24 +14,26 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import Status, load_scale, relative_width
+from jld_core.limit import load_scale, relative_width
 from jld_core.limit.bounds import exceeds
+from jld_core.limit.options import Status
 from jld_core.models import cost_estimate
-from jld_core.scene import Scene
+from jld_core.scene.schema import Scene
 from jld_core.tolerances import GAP
-from jld_explore.drivers import Driver
+from jld_explore.drivers.base import Driver
 from jld_explore.drivers.choice import first_layout
 from jld_explore.drivers.proof_beside import ProofBeside
-from jld_explore.evaluation import Evaluation, EvaluatorSettings, Records, evaluator_of
+from jld_explore.evaluation import EvaluatorSettings, Records, evaluator_of
 from jld_explore.evaluation.cases import IncumbentFront, Standing, VoidStanding
 from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
-from jld_explore.evaluation.protocol import MakeEvaluator
+from jld_explore.evaluation.protocol import Evaluation, MakeEvaluator
 from jld_explore.evaluation.records import PendingEvaluations, RecordedEvaluator, RefinedRecords
 from jld_explore.evaluation.workers import HANG_SECONDS, Workers, WorkerSpec
 from jld_explore.search.settings import ExploreSettings
 from jld_explore.search.state import Progress, StopReason, name_of, versions
-from jld_explore.space import SearchSpace, cut, to_string, unpack
+from jld_explore.space import cut, to_string, unpack
 from jld_explore.space.labelling import canonical
+from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -3,7 +3,6 @@
 - `LETTERS`: the letters d (dry) and i (inner) of a labelling as text
 - `Count`: definition of a count of labellings
 - `Layouts`: labellings of an assembly with cached properties
-- `SearchSpace`: labellings that may be searched
 - `Terms`: count as a sum of binary terms
 - `count_named`: return a count by its name
 - `cut`: return the structure without the cells that a labelling leaves out, and its labels
@@ -13,7 +12,6 @@
 - `reasons_against`: return one sentence for each condition of the space that a labelling (m,) violates
 - `register`: add a count
 - `registered`: return all counts
-- `search_space`: build the space of a scene
 - `to_string`: convert a labelling to text
 - `unpack`: unpack bits to labellings
 - `unregister`: remove a count
@@ -27,7 +25,6 @@ from typing import TYPE_CHECKING
 from jld_core.lazy_exports import export_lazily
 from jld_explore.space.counts import Count, Layouts, Terms, count_named, register, registered, unregister, values_of
 from jld_explore.space.labelling import LETTERS, from_string, keys, to_string, unpack
-from jld_explore.space.search_space import SearchSpace, search_space
 
 if TYPE_CHECKING:
     from jld_explore.space.labelling import cut
@@ -37,7 +34,6 @@ __all__ = [
     "LETTERS",
     "Count",
     "Layouts",
-    "SearchSpace",
     "Terms",
     "count_named",
     "cut",
@@ -47,7 +43,6 @@ __all__ = [
     "reasons_against",
     "register",
     "registered",
-    "search_space",
     "to_string",
     "unpack",
     "unregister",

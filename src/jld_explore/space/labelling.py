@@ -14,8 +14,9 @@ from jld_core.assembly import DRY, Assembly, LoadCase, with_members, without
 from jld_core.batch.rows import Graph
 from jld_core.errors import InputError, ParameterError
 from jld_core.parameters import require_kind
-from jld_core.scene import PointLoad, Scene
+from jld_core.scene import PointLoad
 from jld_core.scene.loads import FaceLoad
+from jld_core.scene.schema import Scene
 from jld_core.strengths import Strengths
 
 # labellings as bits, (k, ceil(m / 8)); rows sort by the first face that differs, inner before dry

@@ -16,7 +16,8 @@ from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
 from jld_core.parameters import require_kind, typed
 from jld_core.plugins import part
-from jld_core.scene import Scene, Search
+from jld_core.scene import Search
+from jld_core.scene.schema import Scene
 from jld_explore.space.counts import Terms, count_named, values_of
 from jld_explore.space.labelling import Connectivity, Void, blocks_of, canonical, connectivity, void_of, with_sink
 from jld_explore.space.limits import CELLS, MEASURES, Limits, Measure, Range, block_sizes

@@ -15,10 +15,11 @@ from jld_core.assembly import Assembly, Elements, Interfaces, faces_of
 from jld_core.build import cases_of_scene
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
-from jld_core.mechanics import maps_criteria
-from jld_core.scene import PointLoad, Scene
+from jld_core.mechanics.compiled_rows import maps_criteria
+from jld_core.scene import PointLoad
 from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry, TiltLoad
+from jld_core.scene.schema import Scene
 from jld_core.scene.uncertain import Uncertain, UncertainVector, uncertain_values, written
 
 if TYPE_CHECKING:

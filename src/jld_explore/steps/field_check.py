@@ -16,14 +16,16 @@ from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.fields.problem import require_planar_fields
-from jld_core.limit import Status, number
+from jld_core.limit import number
+from jld_core.limit.options import Status
 from jld_core.models import CaseAnalysis
-from jld_core.scene import Scene
+from jld_core.scene.schema import Scene
 from jld_core.threads import one_thread
 from jld_explore.evaluation.field_evaluator import COARSE_RATE, mesh_seconds
-from jld_explore.report import Exploration
+from jld_explore.report.reading import Exploration
 from jld_explore.search.settings import ExploreSettings
-from jld_explore.space import SearchSpace, from_string
+from jld_explore.space import from_string
+from jld_explore.space.search_space import SearchSpace
 from jld_explore.steps.step import Step, StepContext, with_entries
 
 MOST: Final = 2.0

@@ -11,13 +11,12 @@ from typing import Any, ClassVar, Final
 from jld_core import plugins
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
-from jld_core.scene import Scene
-from jld_explore.report import Exploration
+from jld_core.scene.schema import Scene
 from jld_explore.report.folder import save_tables
-from jld_explore.report.reading import FIELD_PICTURE
+from jld_explore.report.reading import FIELD_PICTURE, Exploration
 from jld_explore.report.tables import Summary
 from jld_explore.search.settings import ExploreSettings
-from jld_explore.space import SearchSpace
+from jld_explore.space.search_space import SearchSpace
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.mechanics import Gauge, stated_rows
+from jld_core.mechanics import Gauge
+from jld_core.mechanics.compiled_rows import stated_rows
 from jld_core.scene.standard import key_of
 from jld_core.strengths import CRITERIA, STANDARD, Route
 

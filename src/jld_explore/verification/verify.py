@@ -15,10 +15,11 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build.assemble import build_assembly
 from jld_core.build.elements import faces_of_pairs
 from jld_core.errors import InputError
-from jld_core.scene import Scene, parse_scene
+from jld_core.scene.reading import parse_scene
+from jld_core.scene.schema import Scene
 from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, at_least, read
 

@@ -11,12 +11,10 @@ from typing import Any, Final, Literal
 import numpy as np
 import shapely
 
-from jld_core import Assembly, Floats, InputError, ParameterError
-from jld_core.build import build_assembly
+from jld_core import Assembly, Floats, InputError, ParameterError, Scene, build_assembly, parse_scene
 from jld_core.exchange import ImportOptions, forces
 from jld_core.geometry import unions
 from jld_core.refinement import prism_of, voussoirs
-from jld_core.scene import Scene, parse_scene
 from jld_practice.laying.order import LAID
 
 SIDES: Final = ("top", "bottom", "left", "right")

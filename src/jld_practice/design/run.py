@@ -12,15 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from jld_core import Bits, Deadline, InputError, files, one_thread
-from jld_core.build import build_assembly
-from jld_core.limit import Status
+from jld_core import Bits, Deadline, InputError, Scene, Status, build_assembly, files, one_thread
 from jld_core.models import solve_rigid
-from jld_core.scene import Scene
-from jld_explore import ExploreSettings, Interrupted, busy_factor, explore
+from jld_explore import Exploration, ExploreSettings, Interrupted, busy_factor, explore, search_space
 from jld_explore.evaluation import Pool
-from jld_explore.report import Exploration
-from jld_explore.space import feasible, from_string, search_space
+from jld_explore.space import feasible, from_string
 from jld_geometry import move_joints
 from jld_practice.design.options import DesignOptions
 from jld_practice.design.outline import read_outline

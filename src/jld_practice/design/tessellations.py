@@ -14,13 +14,24 @@ import shapely
 from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.linalg import spsolve
 
-from jld_core import Assembly, Deadline, Floats, InputError, Ints, ParameterError, Route, blocks_of
-from jld_core.build import build_assembly, materials
+from jld_core import (
+    Assembly,
+    Deadline,
+    Floats,
+    InputError,
+    Ints,
+    ParameterError,
+    Route,
+    Scene,
+    blocks_of,
+    build_assembly,
+    parse_scene,
+)
+from jld_core.build import materials
 from jld_core.fields import bounds, problem
 from jld_core.geometry import unions
 from jld_core.refinement import arrangement, refine
 from jld_core.refinement import voussoirs as refinement_voussoirs
-from jld_core.scene import Scene, parse_scene
 from jld_practice.design.options import DesignOptions, side_of, with_loads
 
 _SMOOTH: Final = 0.8  # length over which stresses are averaged, relative to a cell

@@ -14,17 +14,27 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Deadline, DeadlinePassed, InputError, files
-from jld_core.build import build_assembly, cases_of_scene
+from jld_core import (
+    Assembly,
+    Bits,
+    Deadline,
+    DeadlinePassed,
+    InputError,
+    Scene,
+    Status,
+    build_assembly,
+    files,
+    parse_scene,
+)
+from jld_core.build import cases_of_scene
 from jld_core.fields import governing_bounds
-from jld_core.limit import Status, number
+from jld_core.limit import number
 from jld_core.models import solve_rigid
-from jld_core.scene import Scene, parse_scene, units
-from jld_explore import most_without_cuts
+from jld_core.scene import units
+from jld_explore import most_without_cuts, search_space
 from jld_explore.drivers import Genetic
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of, field_evaluator
 from jld_explore.report import languages
-from jld_explore.space import search_space
 from jld_geometry import MovedScene, vertex_mesh
 from jld_practice.design.options import LOW_FRICTION, DesignOptions
 from jld_practice.design.outline import Outline

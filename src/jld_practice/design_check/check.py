@@ -13,15 +13,28 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from jld_core import Assembly, Bits, Floats, InputError, LoadCase, Loads, Route, one_thread
-from jld_core.build import build_assembly
-from jld_core.limit import FIELD_SECONDS, CaseBounds, LimitAnalysisResult, SolveOptions, Status, number
+from jld_core import (
+    Assembly,
+    Bits,
+    Floats,
+    InputError,
+    LimitAnalysisResult,
+    LoadCase,
+    Loads,
+    Route,
+    Scene,
+    SolveOptions,
+    Status,
+    build_assembly,
+    one_thread,
+)
+from jld_core.limit import FIELD_SECONDS, CaseBounds, number
 from jld_core.mechanics import require_materials
 from jld_core.models import by_fields as models_by_fields
 from jld_core.models import limit_analysis, require_cracks, solve_by_fields, solve_rigid
 from jld_core.program import ConicProgram, Template
 from jld_core.refinement import crack_cells
-from jld_core.scene import Scene, cracks
+from jld_core.scene import cracks
 from jld_core.scene import design as scene_design
 from jld_core.solvers import make_solver
 from jld_practice.design_check.design_values import at_design_values

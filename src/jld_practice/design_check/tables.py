@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 import jld_core
-from jld_core import blocks_of, tolerances
+from jld_core import Status, blocks_of, tolerances
 from jld_core.build import materials, weight_facts
-from jld_core.limit import Status, effects, number
+from jld_core.limit import effects, number
 from jld_core.scene import cracks as scene_cracks
 from jld_core.scene import design as scene_design
 from jld_core.scene import standard, uncertain

@@ -9,9 +9,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Floats, one_thread, tolerances
+from jld_core import (
+    Assembly,
+    Bits,
+    Floats,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    SolveOptions,
+    Status,
+    one_thread,
+    tolerances,
+)
 from jld_core.build import loads as built
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, SolveOptions, Status, number, relative_width
+from jld_core.limit import Proof, number, relative_width
 from jld_core.mechanics import Scaling, equilibrium_matrix, reference_load, require_materials, scaling_of, yield_set
 from jld_core.program import Beside, Template
 

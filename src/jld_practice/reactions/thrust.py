@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Floats, Ints, ParameterError, Route, one_thread, tolerances
+from jld_core import Assembly, Bits, Floats, Ints, LimitAnalysis, ParameterError, Route, one_thread, tolerances
 from jld_core.geometry import moment_about
-from jld_core.limit import LimitAnalysis, State, number, without_idle
+from jld_core.limit import State, number, without_idle
 from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, used, yield_set
 from jld_practice.reactions.force_range import ForceFunction, Thrust, extreme_value
 

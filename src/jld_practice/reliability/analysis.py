@@ -8,9 +8,8 @@ from typing import Any, Final
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from jld_core import Assembly, Bits, Floats, InputError, ParameterError
+from jld_core import Assembly, Bits, Floats, InputError, ParameterError, Scene
 from jld_core.batch import batch_solver
-from jld_core.scene import Scene
 from jld_practice.reliability.monte_carlo import (
     CONFIDENCE,
     Form,

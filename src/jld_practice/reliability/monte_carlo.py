@@ -10,9 +10,9 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from scipy.special import betaincinv, ndtr, ndtri
 
-from jld_core import Bools, Floats, Ints, one_thread
+from jld_core import Bools, Floats, Ints, LimitAnalysis, Status, one_thread
 from jld_core.batch import batch_solver
-from jld_core.limit import LimitAnalysis, Proof, Status
+from jld_core.limit import Proof
 from jld_core.mechanics import FrictionSet
 from jld_core.scene import standard
 from jld_explore.evaluation import Pool

@@ -9,13 +9,30 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Bools, Floats, InputError, Ints, Loads, Route, Strengths, one_thread
+from jld_core import (
+    Assembly,
+    Bits,
+    Bools,
+    Floats,
+    InputError,
+    Ints,
+    LimitAnalysis,
+    Loads,
+    Route,
+    Scene,
+    SolveOptions,
+    Status,
+    Strengths,
+    build_assembly,
+    one_thread,
+    parse_scene,
+)
 from jld_core.batch import batch_solver
-from jld_core.build import build_assembly, build_geometry
-from jld_core.limit import LimitAnalysis, Proof, SampleAnalysis, SolveOptions, Status, crossed
+from jld_core.build import build_geometry
+from jld_core.limit import Proof, SampleAnalysis, crossed
 from jld_core.mechanics import require_materials
 from jld_core.models import limit_analysis, solve_labelling
-from jld_core.scene import Scene, parse_scene, standard, uncertain
+from jld_core.scene import standard, uncertain
 
 _FARTHEST: Final = 1e3  # largest size of a standard normal variable
 

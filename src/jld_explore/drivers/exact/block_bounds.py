@@ -15,7 +15,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.limit import LimitAnalysis
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, Choice, applies_to
 from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_of
 from jld_core.threads import one_thread
@@ -23,7 +23,7 @@ from jld_explore.drivers.exact.context import BlockTables, CheckedProof, Possibl
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
 from jld_explore.evaluation import Pool
 from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster
-from jld_explore.space import SearchSpace
+from jld_explore.space.search_space import SearchSpace
 
 SOLO_PROGRAMS: Final = 40  # programs solved in this process before the worker process starts, which takes two seconds
 

@@ -12,13 +12,13 @@ from typing import Final, Literal
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
-from jld_core.limit import LimitAnalysis
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, Choice, applies_to
 from jld_explore.drivers.exact.block_bounds import BlockBoundPool
 from jld_explore.drivers.exact.context import BlockTables, PossibleBlocks, ProofContext
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
-from jld_explore.space import SearchSpace
+from jld_explore.space.search_space import SearchSpace
 
 Possible = Callable[[Ints, Bits], bool]  # returns whether any labelling with labels (k,) on faces (k,) is left
 

@@ -13,9 +13,11 @@ from pysat.solvers import Solver
 from jld_core._version import __version__
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import ParameterError
-from jld_core.limit import LimitAnalysis, SolveOptions, load_scale
+from jld_core.limit import load_scale
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.case_relaxation import relaxation_of
-from jld_core.scene import Scene
+from jld_core.limit.options import SolveOptions
+from jld_core.scene.schema import Scene
 from jld_core.solvers import make_solver
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.exact.conflict_generation import conflict_of
@@ -23,8 +25,9 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import InnerPaths
 from jld_explore.drivers.exact.proof_check import refutation
 from jld_explore.drivers.exact.proof_state import Conflict
-from jld_explore.space import SearchSpace, feasible, to_string
+from jld_explore.space import feasible, to_string
 from jld_explore.space.labelling import blocks_of
+from jld_explore.space.search_space import SearchSpace
 from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, write
 from jld_explore.verification.verify import Checker, Labellings

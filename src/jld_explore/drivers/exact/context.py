@@ -14,13 +14,14 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
-from jld_core.limit import LimitAnalysis
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
 from jld_core.limit.work_balance import DualBound
 from jld_explore.drivers.base import Driver
-from jld_explore.evaluation import Evaluation
-from jld_explore.space import Count, SearchSpace
+from jld_explore.evaluation.protocol import Evaluation
+from jld_explore.space import Count
 from jld_explore.space.limits import SizeOf
+from jld_explore.space.search_space import SearchSpace
 
 MOST: Final = 20_000
 """Number of possible blocks above which they are not listed."""

@@ -39,10 +39,11 @@ from jld_explore.drivers.exact.proof_check import (
 )
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence, Mechanism, ProofState
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation import Evaluation, Records
-from jld_explore.evaluation.protocol import may_meet_requirement, meets_requirement
-from jld_explore.space import Count, SearchSpace, count_named, values_of
+from jld_explore.evaluation import Records
+from jld_explore.evaluation.protocol import Evaluation, may_meet_requirement, meets_requirement
+from jld_explore.space import Count, count_named, values_of
 from jld_explore.space.limits import Range
+from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,9 +17,10 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.deadline import checkpoint
 from jld_explore.drivers.exact.context import PossibleBlocks
 from jld_explore.drivers.exact.proof_state import Conflict
-from jld_explore.space import Count, SearchSpace, count_named
+from jld_explore.space import Count, count_named
 from jld_explore.space.labelling import blocks_of, canonical
 from jld_explore.space.limits import Range
+from jld_explore.space.search_space import SearchSpace
 
 Pairs = tuple[tuple[int, bool], ...]  # faces and labels (True = dry) that no labelling above some scaled λ has together
 

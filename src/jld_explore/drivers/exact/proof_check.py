@@ -13,15 +13,16 @@ from pysat.solvers import Solver
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.limit import Status
 from jld_core.limit.bounds import exceeds
+from jld_core.limit.options import Status
 from jld_explore.drivers.exact.block_bounds import BlockConflictCheck
 from jld_explore.drivers.exact.context import CheckedProof, PossibleBlocks
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, Mechanism, ProofState
-from jld_explore.evaluation import Evaluation
-from jld_explore.space import Count, SearchSpace, count_named, values_of
+from jld_explore.evaluation.protocol import Evaluation
+from jld_explore.space import Count, count_named, values_of
 from jld_explore.space.limits import Range
+from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,8 +14,8 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.limit.block_relaxation import BlockMechanism
 from jld_explore.evaluation import Records
-from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import canonical
+from jld_explore.space.search_space import SearchSpace
 
 
 class Evidence(IntEnum):

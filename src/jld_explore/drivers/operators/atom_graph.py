@@ -10,8 +10,8 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bools, Ints
-from jld_explore.space import SearchSpace
 from jld_explore.space.limits import CELLS, EXEMPT, Range, Sized
+from jld_explore.space.search_space import SearchSpace
 
 Parts = list[int]  # partition: the name, any integer, of the part of each atom
 

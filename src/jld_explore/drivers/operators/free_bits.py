@@ -10,8 +10,9 @@ import numpy as np
 from jld_core.arrays import Bits, Ints
 from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.cutting import Cutter, Repair
-from jld_explore.space import SearchSpace, feasible
+from jld_explore.space import feasible
 from jld_explore.space.labelling import blocks_of
+from jld_explore.space.search_space import SearchSpace
 
 
 class FreeBits:

@@ -15,8 +15,8 @@ from jld_core.deadline import checkpoint
 from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, PartLimits, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.cutting import Cutter, Repair
 from jld_explore.drivers.operators.free_bits import FreeBits
-from jld_explore.space import SearchSpace
 from jld_explore.space.labelling import blocks_of
+from jld_explore.space.search_space import SearchSpace
 
 THRESHOLD: Final = 0.5  # a pair with a key above it is separated, a pair with a lower key is joined
 
