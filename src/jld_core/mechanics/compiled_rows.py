@@ -13,7 +13,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.mechanics.criteria import FaceRows, Gauge, geometry_of, rows_of
 from jld_core.mechanics.equilibrium import Scaling
-from jld_core.mechanics.polytopes import Vector, corners, enclosing_rows, exact_corners
+from jld_core.mechanics.polytopes import corners, enclosing_rows
 from jld_core.mechanics.row_yield import LabelRows, RowYield
 from jld_core.mechanics.standard import (
     ROUTE_OF_ROWS,
@@ -116,20 +116,8 @@ def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
     return bool(np.allclose(numbers[to], numbers, rtol=1e-9, atol=0.0))
 
 
-def exact_sets(assembly: Assembly) -> dict[tuple[int, bool], tuple[tuple[Vector, ...], tuple[Gauge, ...]]]:
-    """Return the yield sets that criteria of plug-ins state, in stresses, exact for the numbers of their rows.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        A planar or spatial structure.
-
-    Returns
-    -------
-    dict
-        For each face and label, True = dry, with a criterion: vertices (x w, w) and rays (x, 0) of the core as
-        integers, and gauges with numbers of this face.
-    """
+def stated_rows(assembly: Assembly) -> dict[tuple[int, bool], FaceRows]:
+    """Return what criteria state of a face, by face and label (True = dry), for those who compute with it apart."""
     numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
     if assembly.dimension == 3:
         none = np.zeros(len(assembly.interfaces), dtype=bool)
@@ -139,7 +127,7 @@ def exact_sets(assembly: Assembly) -> dict[tuple[int, bool], tuple[tuple[Vector,
         for which, rows in _rows(assembly, numbers, bending, dry)[1:]:
             for place, face in enumerate(which.tolist()):
                 gauges = tuple(_taken(gauge, np.arange(len(which)) == place) for gauge in rows.gauges)
-                found[face, dry] = exact_corners(rows.C[place], rows.d[place]), gauges
+                found[face, dry] = FaceRows(rows.C[place], rows.d[place], gauges)
     return found
 
 

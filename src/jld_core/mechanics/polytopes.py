@@ -36,19 +36,14 @@ def corners(rows: Floats, constants: Floats) -> tuple[Floats, Floats]:
     Both are exact for the numbers given, then rounded. A ray has N = 1 where its N is positive, else size 1. Rows of
     zeros are ignored. The set must hold no line.
     """
-    found = exact_corners(rows, constants)
+    used = np.any(rows != 0.0, axis=1)
+    table = np.column_stack([rows[used], constants[used]])
+    found = _corners(np.vstack([table, np.eye(table.shape[1])[-1:]]).tobytes(), table.shape[1])
     ends: list[list[list[float]]] = [[], []]
     for *point, w in found:
         size = w or (point[0] if point[0] > 0 else max(map(abs, point)))
         ends[w == 0].append([float(Fraction(x, size)) for x in point])
     return tuple(np.array(many).reshape(-1, rows.shape[1]) for many in ends)  # type: ignore[return-value]
-
-
-def exact_corners(rows: Floats, constants: Floats) -> tuple[Vector, ...]:
-    """Return the vertices and extreme rays of `corners` as integers."""
-    used = np.any(rows != 0.0, axis=1)
-    table = np.column_stack([rows[used], constants[used]])
-    return _corners(np.vstack([table, np.eye(table.shape[1])[-1:]]).tobytes(), table.shape[1])
 
 
 @lru_cache(maxsize=4096)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from operator import mul
 from typing import Final
 
 import numpy as np
@@ -15,7 +14,7 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.mechanics import Gauge
-from jld_core.mechanics.compiled_rows import exact_sets
+from jld_core.mechanics.compiled_rows import stated_rows
 from jld_core.scene.standard import key_of
 from jld_core.strengths import CRITERIA, STANDARD, Route
 
@@ -66,7 +65,7 @@ class Balances:
         self._finite = np.isfinite(numbers).T.tolist()
         table, self._digits = whole(np.nan_to_num(numbers, nan=0.0, posinf=0.0))
         self._numbers: list[list[int]] = [list(column) for column in zip(*table, strict=True)]
-        self._stated = exact_sets(assembly) if assembly.face_strengths.criteria else {}
+        self._stated = stated_rows(assembly) if assembly.face_strengths.criteria else {}
         self._lay_out()
 
     def _lay_out(self) -> None:
@@ -190,7 +189,7 @@ class Balances:
 
     def _stated_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
         """Return the dissipation of a face under a criterion of a plug-in, (2.19), rounded up; None if infinite."""
-        ends, gauges = self._stated[face, dry]
+        rows = self._stated[face, dry]
         area, l1, l2, arm = (Fraction(number, 1 << self._digits) for number in self._numbers[face][:4])
         half = [l1 / 2] if self._planar else [l2 / 2, l1 / 2, arm]
         core = [
@@ -198,16 +197,16 @@ class Balances:
             *(x * size for x, size in zip(jump[-len(half) :], half, strict=True)),
         ]
         spent = Fraction(0)
-        for gauge in gauges:
+        for gauge in rows.gauges:
             capacity, friction = (Fraction(float(np.squeeze(part))) for part in (gauge.capacity, gauge.friction))
             slip = _slip(gauge, core)
             spent, core[0] = spent + capacity * slip, core[0] - friction * slip
-        if not self._planar and len(ends[0]) == 4:
+        if not self._planar and rows.C.shape[1] == 3:
             core = [core[0], core[3], core[4]]
-        work = [(Fraction(sum(map(mul, core, end))), end[-1]) for end in ends]
-        if any(power < 0 for power, w in work if w == 0):
+        work = _work(rows.C, rows.d, core)
+        if work is None:
             return None
-        spent += max(-power / w for power, w in work if w)
+        spent += work
         return math.ceil(spent * area * (_PARTS << (3 if self._planar else 4) * self._digits))
 
     def _spatial_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
@@ -230,6 +229,42 @@ class Balances:
         if not (known[4] and known[5]) or 6 * (opening - rough * slip) < turn:
             return None
         return _PARTS * area * ((shear * slip << digits) + tension * (opening - rough * slip))
+
+
+def _work(rows: Floats, sides: Floats, jump: Sequence[Fraction]) -> Fraction | None:
+    """Return the greatest work −x·jump of forces with C x + d ≥ 0; None if infinite."""
+    # It is the least d·y of all y ≥ 0 with Cᵀ y = jump, by the simplex method in fractions; any such y is a bound.
+    # Costs are pairs, first those of the artificial columns that it begins with; Bland's rule ends it.
+    used = np.any(rows != 0.0, axis=1)
+    columns = [[Fraction(x) for x in row] for row in rows[used].tolist()]
+    count, own = len(columns), len(jump)
+    none, one = Fraction(0), Fraction(1)
+    costs = [(none, Fraction(d)) for d in sides[used].tolist()] + [(one, none)] * own
+    table = []
+    for i, value in enumerate(jump):
+        sign = -1 if value < 0 else 1
+        table.append([*(sign * column[i] for column in columns), *(Fraction(i == j) for j in range(own)), sign * value])
+    basis = list(range(count, count + own))
+
+    def reduced(place: int) -> tuple[Fraction, Fraction]:
+        parts = [(costs[name], row[place]) for name, row in zip(basis, table, strict=True) if row[place]]
+        first, second = (costs[place][k] - sum((cost[k] * x for cost, x in parts), none) for k in (0, 1))
+        return first, second
+
+    while (enters := next((j for j in range(count) if j not in basis and reduced(j) < (none, none)), None)) is not None:
+        ratios = [(row[-1] / row[enters], basis[i], i) for i, row in enumerate(table) if row[enters] > 0]
+        if not ratios:
+            return None
+        leaves = min(ratios)[2]
+        pivot = table[leaves][enters]
+        table[leaves] = [x / pivot for x in table[leaves]]
+        for i, row in enumerate(table):
+            if i != leaves and (factor := row[enters]):
+                table[i] = [x - factor * y for x, y in zip(row, table[leaves], strict=True)]
+        basis[leaves] = enters
+    if any(name >= count and row[-1] for name, row in zip(basis, table, strict=True)):
+        return None
+    return sum((costs[name][1] * row[-1] for name, row in zip(basis, table, strict=True)), none)
 
 
 def _slip(gauge: Gauge, jump: Sequence[Fraction]) -> Fraction:
