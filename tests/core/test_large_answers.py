@@ -20,7 +20,7 @@ from jld_core.solvers import LARGE
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
 from jld_practice.reactions.thrust import least_share, shrunk
-from jld_samples.planar import arch
+from jld_samples import arch
 
 
 def wall(edge: int, *, friction: float = 0.75) -> tuple[Assembly, np.ndarray]:

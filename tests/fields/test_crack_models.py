@@ -12,10 +12,9 @@ from studies.crack_models import HALVES, VORONOI, finer
 
 from cases import grid_document
 from command import Command
-from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.loads import loaded_mesh, thickness_of
-from jld_core.limit.options import Status
 from jld_core.models import require_cracks, solve_by_fields
 from jld_core.refinement import crack_cells
 

@@ -11,14 +11,13 @@ import pytest
 
 from cases import all_inner, box, prism, rotation
 from command import Command
-from jld_core import Assembly, InputError, build_assembly, parse_scene
+from jld_core import Assembly, InputError, Status, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds, FieldStatus, stress_power
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.problem import material_of, problem_of, units_of
 from jld_core.fields.solids import loaded_solids
 from jld_core.fields.upper import UpperBound
-from jld_core.limit.options import Status
 from jld_core.models import solve_by_fields
 
 STRONG = {"tensile_strength": 1e3, "shear_strength": 1e3}
