@@ -113,7 +113,7 @@ def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
     for part in parts:
         size = float(np.ptp(surface_of(part.solid)[0], axis=0).max())
         tried = []
-        for tolerance in (1e-6, 1e-5, 1e-4, 0.0):
+        for tolerance in (0.0, 1e-7, 1e-6, 1e-5):
             surface = as_written(part.solid, unit, tolerance * size)
             volume = solid_of(unit * surface[0], surface[1]).volume()
             error = abs(volume / part.solid.volume() - 1.0)
