@@ -93,7 +93,7 @@ def column() -> Any:
                 ball.translate((0, 0, 1.15))
                 + ball.scale((0.7, 0.7, 0.7))
                 .rotate((0, 0, 90 * k))
-                .translate((0.75 * np.cos(k * np.pi / 2), 0.75 * np.sin(k * np.pi / 2), 2.1))
+                .translate((0.5 * np.cos(k * np.pi / 2), 0.5 * np.sin(k * np.pi / 2), 2.1))
             ).hull()
         )
     return Manifold.batch_boolean(parts, OpType.Add) ^ block(-2, -2, 0, 2, 2, 2.15)

@@ -286,7 +286,7 @@ def convex_pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
 def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
     pieces = [region]
     if not _is_convex(region, bent):
-        pieces = [one for one in _triangles(region) if one.area > 0.0]
+        pieces = [one for one in triangles_of(region) if one.area > 0.0]
     merging = True
     while merging and len(pieces) > 1:
         merging = False
@@ -309,7 +309,8 @@ def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
     return [_inscribed(one) for one in pieces if one.area > least]
 
 
-def _triangles(region: Any) -> list[Any]:
+def triangles_of(region: Any) -> list[Any]:
+    """Split a polygon into triangles."""
     try:
         return list(shapely.get_parts(shapely.constrained_delaunay_triangles(region)))
     except shapely.errors.GEOSException:  # a ring that touches itself

@@ -177,7 +177,8 @@ def cut(
 
     def write(proved: bool) -> dict[str, Any]:
         """Write the best so far; a run that is stopped later leaves it."""
-        chosen = _choose(families, wish, scale * options.clearance, say)
+        end = time.perf_counter() + left(0.4)
+        chosen = _choose(families, wish, scale * options.clearance, end, say)
         summary = _summary(chosen, families, solid, options)
         _write(chosen, summary, out, scale)
         if proved:
@@ -202,7 +203,7 @@ def _refuse_thin(solid: Any, clearance: float) -> None:
             raise InputError("--clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
 
 
-def _choose(families: list[Family], wish: Wish, clearance: float, say: Callable[[str], None]) -> Chosen:
+def _choose(families: list[Family], wish: Wish, clearance: float, end: float, say: Callable[[str], None]) -> Chosen:
     """Return the strongest layout on convex cells among the best that fit and can be laid."""
     judged: list[tuple[tuple[Any, ...], Any]] = []
     uncut: tuple[float | None, float | None] = (None, None)
@@ -210,17 +211,20 @@ def _choose(families: list[Family], wish: Wish, clearance: float, say: Callable[
         best = candidates(family)
         if not best or (family.key[:2] > families[0].key[:2]):
             continue
-        truth = Truth(family, wish.setting)
-        blocks = []
-        for run, labelling, _ in best:
+        family.truth = family.truth or Truth(family, wish.setting)
+        truth: Truth = family.truth
+        uncut = truth.solve(np.zeros(len(family.cutting.cells), dtype=np.int64)) if uncut == (None, None) else uncut
+        count = 0
+        for run, labelling, coarse in best:
+            if judged and time.perf_counter() > end:
+                break
             layout = Layout(run.scene, run.assembly, from_string(labelling))
-            blocks.append(layout.block_of[: len(family.cutting.cells)])
-        brackets = truth.solve([*blocks, np.zeros(len(family.cutting.cells), dtype=np.int64)])
-        uncut = brackets[-1] if uncut == (None, None) else uncut
-        say(f"{family.name:<8} {truth.cells} cells whose inner faces may crack, {len(best)} layouts")
-        for one, block, bracket in zip(best, blocks, brackets, strict=False):
+            block = layout.block_of[: len(family.cutting.cells)]
+            bracket = truth.solve(block)
             low = np.inf if bracket[1] is None and bracket[0] is not None else bracket[0] or -np.inf
-            judged.append(((low, one[2]), (family, truth, *one, bracket, block)))
+            judged.append(((low, coarse), (family, truth, run, labelling, coarse, bracket, block)))
+            count += 1
+        say(f"{family.name:<8} {truth.cells} cells whose inner faces may crack, {count} of {len(best)} layouts")
     judged.sort(key=lambda one: one[0], reverse=True)
     made = None
     for _, (family, truth, run, labelling, coarse, bracket, block) in judged:

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 
 from jld_core import Bools, Floats, ParameterError
+from jld_cut.cells import lifted, sides_of, triangles_of
 from jld_cut.meshes import surface_of
 
 
@@ -102,14 +104,27 @@ class Facet:
     normals: Floats  # (k, 3) outward units
 
 
-def outside(cell: Any, planes: list[Floats], size: float) -> Facet:
-    """Return the triangles of a cell that lie in no plane of a cut."""
+def outside(cell: Any, solid: Any, planes: list[Floats], size: float) -> Facet:
+    """Return the triangles of a cell that are of the surface of the solid."""
     points, triangles = surface_of(cell)
     corners = points[triangles]
     cut = np.zeros(len(triangles), dtype=bool)
+    found = []
     for plane in planes:
-        cut |= (np.abs(points @ plane[:3] - plane[3]) < 1e-8 * size)[triangles].all(axis=1)
-    return facet_of(corners[~cut], size)
+        lies = (np.abs(points @ plane[:3] - plane[3]) < 1e-8 * size)[triangles].all(axis=1)
+        if not (lies & ~cut).any():
+            continue
+        cut |= lies
+        # a cut may run along a face of the solid
+        own, whole = sides_of(cell, plane, size), sides_of(solid, plane, size)
+        for turn, mine, all_of in zip((1, -1), own, whole, strict=True):
+            common = shapely.get_parts(shapely.intersection(mine, all_of, grid_size=1e-10 * size))
+            for region in common[shapely.get_type_id(common) == 3].tolist():
+                for triangle in triangles_of(region):
+                    ring = lifted(shapely.orient_polygons(triangle), plane)
+                    found.append(ring[::turn])
+    flat = [ring[[0, k, k + 1]] for ring in found for k in range(1, len(ring) - 1)]
+    return facet_of(np.concatenate([corners[~cut], np.array(flat).reshape(-1, 3, 3)]), size)
 
 
 def facet_of(corners: Floats, size: float) -> Facet:

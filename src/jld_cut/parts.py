@@ -112,13 +112,17 @@ def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
     surfaces = []
     for part in parts:
         size = float(np.ptp(surface_of(part.solid)[0], axis=0).max())
-        for tolerance in (1e-6, 1e-5, 1e-4, 1e-3):
-            points, triangles = as_written(part.solid, unit, tolerance * size)
-            part.watertight = doubled_edges(points, triangles) == 0
-            if part.watertight:
+        tried = []
+        for tolerance in (0.0, 1e-7, 1e-6, 1e-5):
+            surface = as_written(part.solid, unit, tolerance * size)
+            volume = solid_of(unit * surface[0], surface[1]).volume()
+            error = abs(volume / part.solid.volume() - 1.0)
+            tried.append((doubled_edges(*surface) > 0, error > 1e-6, error, len(tried), surface))
+            if not any(tried[-1][:2]):
                 break
-        again = solid_of(points * unit, triangles)
-        part.error = abs(again.volume() / part.solid.volume() - 1.0)
+        # a file that is true comes before one that is watertight
+        open_, _, part.error, _, (points, triangles) = min(tried, key=lambda one: (one[1], one[0], one[2:4]))
+        part.watertight = not open_
         (folder / "parts" / f"{part.name}.stl").write_bytes(stl_bytes(points, triangles))
         files.write_text(folder / "parts" / f"{part.name}.obj", obj_text(points, triangles, part.name))
         turned = points @ part.bed.T

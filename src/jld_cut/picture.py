@@ -40,12 +40,17 @@ def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
             middle = (points.min(axis=0) + points.max(axis=0)) / 2
             axes.text(*middle, str(part.number), fontsize=9, fontweight="bold", ha="center", zorder=1000)
     axes.add_collection3d(
-        Poly3DCollection(np.concatenate(corners), facecolors=np.concatenate(paints), edgecolors="none")
+        Poly3DCollection(
+            np.concatenate(corners),
+            facecolors=np.concatenate(paints),
+            edgecolors=np.concatenate(paints),
+            linewidths=0.4,
+        )
     )
     points = np.concatenate(all_points)
     low, high = points.min(axis=0), points.max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(np.maximum(high - low, 1e-9), zoom=1.45)
+    axes.set_box_aspect(np.maximum(high - low, 1e-9), zoom=0.9)
     axes.view_init(22, -62)
     axes.set_axis_off()
 
@@ -56,7 +61,8 @@ def figure_of_parts(parts: list[Part], title: str, path: Path) -> None:
     moves = 0.45 * (middles - middles.mean(axis=0))
     moves[:, 2] -= moves[:, 2].min()
     figure = Figure(figsize=(9, 6.5))
-    _draw(figure.add_subplot(projection="3d"), parts, moves, numbers=True)
+    # wider than the figure: axes in space clip to their own box
+    _draw(figure.add_axes((-0.25, -0.2, 1.5, 1.4), projection="3d"), parts, moves, numbers=True)
     figure.suptitle(title, fontsize=10, y=0.97)
     figures.save_figure(figure, path)
 

@@ -128,7 +128,7 @@ def scene_of(
                     {"elements": [support, title], "polygon": lifted(piece, ground.plane).tolist()}
                     for piece in convex_pieces(part, 1e-7 * size, bent)
                 ]
-    facets = [outside(cell, cut_planes, size) for cell in cells]
+    facets = [outside(cell, cutting.solid, cut_planes, size) for cell in cells]
     live: list[dict[str, Any]] = []
     for load in setting.loads:
         if load.body:

@@ -33,6 +33,7 @@ class Family:
     document: dict[str, Any]
     found: list[Exploration] = field(default_factory=list)
     error: str = ""
+    truth: Any = None  # made once
 
     @property
     def key(self) -> tuple[float, float, float]:
@@ -154,6 +155,7 @@ class Truth:
             self.document = {key: value for key, value in family.document.items() if key != "search"}
             self.assembly = build_assembly(parse_scene(self.document))
         self.cells = len(self.of)
+        self._known: dict[bytes, tuple[float | None, float | None]] = {}
 
     def labels(self, block: Ints) -> Any:
         """Return labels (m,) of the pieces' faces, True = dry, for parts (n,) of the cells."""
@@ -168,13 +170,14 @@ class Truth:
         cells = [one | {"block": name} for one, name in zip(self.document["elements"], names, strict=False)]
         return self.document | {"elements": cells + self.document["elements"][len(cells) :]}
 
-    def solve(self, blocks: list[Ints]) -> list[tuple[float | None, float | None]]:
-        """Return the brackets of layouts by the parts of the cells."""
-        found = solve_many(self.assembly, np.array([self.labels(block) for block in blocks]))
-        return [
-            (_end(low), None if status == "locked" else _end(high))
-            for status, low, high in zip(map(str, found.status), found.low, found.high, strict=True)
-        ]
+    def solve(self, block: Ints) -> tuple[float | None, float | None]:
+        """Return the bracket of a layout by the parts (n,) of the cells."""
+        key = block.tobytes()
+        if key not in self._known:
+            found = solve_many(self.assembly, self.labels(block)[None])
+            high = None if str(found.status[0]) == "locked" else _end(found.high[0])
+            self._known[key] = _end(found.low[0]), high
+        return self._known[key]
 
 
 def _end(value: float) -> float | None:
