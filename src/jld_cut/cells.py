@@ -145,7 +145,6 @@ def _at(plane: Floats, point: Floats) -> Any:
 
 
 def union(cells: list[Any]) -> Any:
-    """Return the union of bodies."""
     return cells[0] if len(cells) == 1 else manifold3d().Manifold.batch_boolean(cells, manifold3d().OpType.Add)
 
 

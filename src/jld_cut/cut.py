@@ -218,7 +218,6 @@ def _summary(
     options: Options,
     seconds: float,
 ) -> dict[str, Any]:
-    """Return the facts of a cut solid."""
     exact = [one for one in chosen.family.found if one.summary.driver == "exact"]
     last = exact[-1].summary if exact else None
     low, high = chosen.truth

@@ -17,7 +17,6 @@ from jld_cut.parts import Part
 
 
 def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
-    """Draw parts, each moved by a vector."""
     light = np.array([0.35, -0.5, 0.8])
     light /= np.linalg.norm(light)
     colours = colormaps["tab20"](np.arange(len(parts)) % 20)

@@ -229,7 +229,6 @@ def _search(
     announce: Callable[[str], None] | None,
     started: float | None,
 ) -> Exploration:
-    """Run a search with complete settings, see `explore`."""
     deadline = Deadline(settings.seconds, started)
     check_folder(folder, settings.resume)
     if settings.cluster is not None:

@@ -606,7 +606,6 @@ def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
 
 
 def _edges(loop: Sequence[int]) -> list[tuple[int, int]]:
-    """Return the edges of a loop, each with ordered ends."""
     return [(min(a, b), max(a, b)) for a, b in zip(loop, (*loop[1:], loop[0]), strict=True)]
 
 
