@@ -31,15 +31,14 @@ $(VENV)/.runs: $(SOURCES)
 
 # What tests, checks and documentation need besides, named one by one: to install jld again takes 3 s of a core. And the
 # variant that the best one is compared with: each takes 25 s of a core, so those between them wait for `make bench`.
-# Modules are imported once, so that their compiled files exist: where Python is told to write none, each process would
-# compile all that it imports, 1.4 s of processor time for a search.
+# Tests are collected once, so that what they import is compiled once, themselves too: each of the processes that run them
+# would do it again, 15 s of a core.
 $(VENV)/.done: $(VENV)/.runs
 	$(PYTHON) src/jld_core/batch/build.py --in-place --ends & compiler=$$!; \
 	$(BIN)/python -c 'import tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 		print(*project["optional-dependencies"]["dev"], sep="\n")' >$(VENV)/dev.txt && \
 	$(BIN)/python -m pip install $(PIP) -r $(VENV)/dev.txt || { kill $$compiler; exit 1; }; \
-	$(BIN)/python -c "import pandas, pyarrow.parquet, matplotlib.figure, jld_explore.cli.explore, \
-		jld_practice.designing, jld_geometry.moving, jld_practice.laying.command, jld_explore.report.page_of_study"; \
+	$(BIN)/python -m pytest -n 0 --collect-only -q >/dev/null; \
 	wait $$compiler || echo "make: the batch solver was not compiled in its base variant"
 	touch $@
 

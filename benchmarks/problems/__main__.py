@@ -107,10 +107,10 @@ def drivers(names: Sequence[str], seconds: float) -> None:
     path = RESULTS / "problems.csv"
     rows: dict[str, Any] = {}
     if path.exists():
-        rows = {one["problem"]: one for one in pd.read_csv(path).to_dict("records")}
+        rows = {one["problem"]: one for one in pd.read_csv(path, dtype=str).to_dict("records")}
     for name in names:
         scene = load_scene(FOLDER / f"{name}.json")
-        row: dict[str, Any] = {"problem": name, "seconds": seconds, "best_known": records[name]["best"]}
+        row: dict[str, Any] = {"problem": name, "seconds": f"{seconds:g}", "best_known": f"{records[name]['best']:.7g}"}
         for driver in DRIVERS:
             start = time.perf_counter()
             with tempfile.TemporaryDirectory() as folder:
@@ -135,7 +135,7 @@ def drivers(names: Sequence[str], seconds: float) -> None:
         rows[name] = row
         found = pd.DataFrame([rows[one] for one in COMPARED if one in rows])
         found.to_csv(path, index=False)
-        lines = [[f"{one:.7g}" if isinstance(one, float) else str(one) for one in row] for row in found.to_numpy()]
+        lines = [[str(one) for one in row] for row in found.to_numpy()]
         text = table(list(found.columns), lines)
         head = f"{TITLE}{machine()}. {load_of_machine()} {versions(['highspy', 'ortools', 'pymoo'])}\n\n"
         files.write_text(RESULTS / "problems.md", head + text + "\n")

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, Ints
-from jld_cut.meshes import manifold3d, surface_of
+from jld_cut.meshes import as_written, doubled_edges, manifold3d, solid_of, surface_of
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
@@ -27,6 +27,7 @@ class Limits:
 
     fit: Floats  # (3,) sides of the box, ascending
     volume: float
+    aim: int = 24  # cells, where nothing else decides
     cells: int = 60
     faces: int = 100
 
@@ -145,7 +146,26 @@ def _at(plane: Floats, point: Floats) -> Any:
 
 
 def union(cells: list[Any]) -> Any:
-    return cells[0] if len(cells) == 1 else manifold3d().Manifold.batch_boolean(cells, manifold3d().OpType.Add)
+    """Return the union of bodies that touch, without walls of no thickness between them where possible."""
+    if len(cells) == 1:
+        return cells[0]
+    whole, best = sum(cell.volume() for cell in cells), None
+    # corners that differ by rounding leave such walls: a fine grid makes them equal
+    for grid in (0.0, 2.0**-40, 2.0**-36, 2.0**-30):
+        bodies = [_snapped(cell, grid) for cell in cells] if grid else cells
+        body = manifold3d().Manifold.batch_boolean(bodies, manifold3d().OpType.Add)
+        walls = doubled_edges(*as_written(body, 1.0))
+        if (best is None or walls < best[0]) and (not grid or abs(body.volume() - whole) <= 1e-8 * whole):
+            best = walls, body
+        if best is not None and not best[0]:
+            break
+    assert best is not None
+    return best[1]
+
+
+def _snapped(cell: Any, grid: float) -> Any:
+    points, triangles = surface_of(cell)
+    return solid_of(np.round(points / grid) * grid, triangles)
 
 
 def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
@@ -178,13 +198,12 @@ def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
         boxes[other], volume[other] = box, volume[other] + volume[small]
         alive.remove(small)
         group = [other if name == small else name for name in group]
-        for table in (area, pieces):
-            for old in [one for one in table if small in one]:
-                third = old[0] if old[1] == small else old[1]
-                value = table.pop(old)
-                if third != other:
-                    new = min(third, other), max(third, other)
-                    table[new] = table.get(new, 0) + value  # type: ignore[assignment]
+        for old in [one for one in area if small in one]:
+            third = old[0] if old[1] == small else old[1]
+            size, number = area.pop(old), pieces.pop(old)
+            if third != other:
+                new = min(third, other), max(third, other)
+                area[new], pieces[new] = area.get(new, 0.0) + size, pieces.get(new, 0) + number
     return group
 
 
@@ -205,7 +224,7 @@ def sides_of(cell: Any, plane: Floats, size: float) -> tuple[Any, Any]:
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     below, above = turn > 1e-14 * size**2, turn < -1e-14 * size**2
-    return tuple(shapely.union_all(shapely.polygons(corners[side])) for side in (below, above))  # type: ignore[return-value]
+    return tuple(shapely.union_all(shapely.polygons(corners[side])) for side in (below, above))
 
 
 def _sections(cells: list[Any], plane: Floats, size: float) -> list[tuple[int, int, Any]]:
@@ -257,10 +276,17 @@ def lifted(polygon: Any, plane: Floats) -> Floats:
 
 def convex_pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
     """Split a polygon into convex pieces of at most eight corners; a piece may exceed it by a share `bent`."""
-    region = shapely.simplify(shapely.orient_polygons(region), tolerance)
+    pieces = _pieces(shapely.simplify(shapely.orient_polygons(region), tolerance), tolerance, bent)
+    total = sum(piece.area for piece in pieces)
+    if total - shapely.union_all(pieces).area > 1e-9 * total:  # hulls of bent pieces overlap
+        return _pieces(region, tolerance, 1e-6)
+    return pieces
+
+
+def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
     pieces = [region]
     if not _is_convex(region, bent):
-        pieces = [one for one in shapely.get_parts(shapely.constrained_delaunay_triangles(region)) if one.area > 0.0]
+        pieces = [one for one in _triangles(region) if one.area > 0.0]
     merging = True
     while merging and len(pieces) > 1:
         merging = False
@@ -281,6 +307,14 @@ def convex_pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
                 break
     least = 1e-4 * region.area
     return [_inscribed(one) for one in pieces if one.area > least]
+
+
+def _triangles(region: Any) -> list[Any]:
+    try:
+        return list(shapely.get_parts(shapely.constrained_delaunay_triangles(region)))
+    except shapely.errors.GEOSException:  # a ring that touches itself
+        within = shapely.intersection(shapely.get_parts(shapely.delaunay_triangles(region)), region)
+        return [one for one in shapely.get_parts(within) if one.geom_type == "Polygon"]
 
 
 def _is_convex(polygon: Any, bent: float) -> bool:

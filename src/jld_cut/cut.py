@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,9 +23,10 @@ from jld_cut.meshes import read_solid
 from jld_cut.parts import Part, lay, parts_of, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts
 from jld_cut.scene import Matter, Setting
-from jld_cut.search import Family, Truth, Wish, candidates, search
+from jld_cut.search import Family, Truth, Wish, anneal, candidates, cut_ways, prove
 from jld_explore import Exploration
 from jld_explore.report import csv_of
+from jld_explore.report.page_of_study import write_report
 from jld_explore.space import from_string
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
@@ -53,6 +56,8 @@ class Options:
         Gap of joints, in the unit of the file.
     families : tuple of str
         Ways to cut that are tried.
+    cells : int
+        Cells that a way to cut aims at.
     unit : str
         Unit of the file: mm, cm, m, in or ft.
     seconds : float
@@ -70,6 +75,7 @@ class Options:
     matter: Matter = field(default_factory=Matter)
     clearance: float = 0.0
     families: tuple[str, ...] = tuple(FAMILIES)
+    cells: int = 24
     unit: str = "m"
     seconds: float = 60.0
     seed: int = 0
@@ -79,7 +85,13 @@ class Options:
         if self.unit not in UNITS:
             raise ParameterError("unit", f"{self.unit!r} is no unit", ", ".join(UNITS))
         scale = UNITS[self.unit]
-        positive = {"require": self.require, "seconds": self.seconds, "mass": self.mass, "parts": self.parts}
+        positive = {
+            "require": self.require,
+            "seconds": self.seconds,
+            "mass": self.mass,
+            "parts": self.parts,
+            "cells": self.cells,
+        }
         for name, value in [*positive.items(), *(("fit", side) for side in self.fit)]:
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise ParameterError(name, f"{value:g} is too small", "a number above 0")
@@ -93,7 +105,7 @@ class Options:
         loads = [parse_load(text, scale) for text in self.loads]
         patches = [parse_region("support", text, scale) for text in self.support]
         volume = np.inf if self.mass is None else self.mass / self.matter.density
-        limits = Limits(scale * np.sort(np.array(self.fit, dtype=float)), volume)
+        limits = Limits(scale * np.sort(np.array(self.fit, dtype=float)), volume, self.cells)
         setting = Setting(self.matter, loads, patches)
         return Wish(setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, self.seed)
 
@@ -103,10 +115,11 @@ class Chosen:
     """Layout that is written: its parts, order and brackets."""
 
     family: Family
+    fine: Truth
     run: Exploration
-    labelling: str
     coarse: float
-    truth: tuple[float | None, float | None]
+    bracket: tuple[float | None, float | None]  # on convex cells
+    uncut: tuple[float | None, float | None]
     block: Ints
     layout: Layout
     laying: Any
@@ -155,12 +168,29 @@ def cut(
     solid = read_solid(path, scale if path.suffix.lower() != ".3mf" else 1.0)
     _refuse_thin(solid, scale * options.clearance)
     out.mkdir(parents=True, exist_ok=True)
-    families, number = search(solid, path.stem, out, wish, say)
-    chosen, uncut = _choose(families, wish, scale * options.clearance, say)
-    summary = _summary(chosen, families, uncut, number, solid, options, time.perf_counter() - start)
-    _write(chosen, summary, out, scale)
-    summary["seconds"] = time.perf_counter() - start
-    files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
+
+    def left(share: float) -> float:
+        """Return a share of the time that is left, s."""
+        return share * (options.seconds - (time.perf_counter() - start))
+
+    families = cut_ways(solid, path.stem, wish, say)
+    anneal(families, out, wish, left(0.45), say)
+
+    def write(proved: bool) -> dict[str, Any]:
+        """Write the best so far; a run that is stopped later leaves it."""
+        chosen = _choose(families, wish, scale * options.clearance, say)
+        summary = _summary(chosen, families, solid, options)
+        _write(chosen, summary, out, scale)
+        if proved:
+            summary["by_fields"] = _by_fields(chosen, out, left(0.8))
+            _draw(chosen, summary, out, left(0.8))
+        summary["seconds"] = time.perf_counter() - start
+        files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
+        return summary
+
+    say(write(False)["verdict"])
+    prove(families, out, wish, left(0.6), say)
+    summary = write(True)
     say(summary["verdict"])
     return summary
 
@@ -173,15 +203,13 @@ def _refuse_thin(solid: Any, clearance: float) -> None:
             raise InputError("--clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
 
 
-def _choose(
-    families: list[Family], wish: Wish, clearance: float, say: Callable[[str], None]
-) -> tuple[Chosen, tuple[float | None, float | None]]:
-    """Return the strongest layout on convex cells among the best that fit and can be laid, and λ uncut."""
+def _choose(families: list[Family], wish: Wish, clearance: float, say: Callable[[str], None]) -> Chosen:
+    """Return the strongest layout on convex cells among the best that fit and can be laid."""
     judged: list[tuple[tuple[Any, ...], Any]] = []
     uncut: tuple[float | None, float | None] = (None, None)
     for family in families[:2]:
         best = candidates(family)
-        if not best or (judged and family.key[:2] > families[0].key[:2]):
+        if not best or (family.key[:2] > families[0].key[:2]):
             continue
         truth = Truth(family, wish.setting)
         blocks = []
@@ -193,34 +221,27 @@ def _choose(
         say(f"{family.name:<8} {truth.cells} cells whose inner faces may crack, {len(best)} layouts")
         for one, block, bracket in zip(best, blocks, brackets, strict=False):
             low = np.inf if bracket[1] is None and bracket[0] is not None else bracket[0] or -np.inf
-            judged.append(((low, one[2]), (family, *one, bracket, block)))
+            judged.append(((low, one[2]), (family, truth, *one, bracket, block)))
     judged.sort(key=lambda one: one[0], reverse=True)
     made = None
-    for _, (family, run, labelling, coarse, bracket, block) in judged:
+    for _, (family, truth, run, labelling, coarse, bracket, block) in judged:
         layout = Layout(run.scene, run.assembly, from_string(labelling))
         laying = plugins.part("assembly_order")(run.assembly, layout.labels)
         parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
         fits = sum(lay(part, wish.limits.fit) for part in parts) == len(parts)
-        one = Chosen(family, run, labelling, coarse, bracket, block, layout, laying, parts, fits)
-        if fits and one.can_be_laid:
-            return one, uncut
-        made = made or one
+        tried = Chosen(family, truth, run, coarse, bracket, uncut, block, layout, laying, parts, fits)
+        if fits and tried.can_be_laid:
+            return tried
+        made = made or tried
     assert made is not None
-    return made, uncut
+    return made
 
 
-def _summary(
-    chosen: Chosen,
-    families: list[Family],
-    uncut: tuple[float | None, float | None],
-    number: int,
-    solid: Any,
-    options: Options,
-    seconds: float,
-) -> dict[str, Any]:
+def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
+    """Return the facts of a cut solid."""
     exact = [one for one in chosen.family.found if one.summary.driver == "exact"]
     last = exact[-1].summary if exact else None
-    low, high = chosen.truth
+    low, high = chosen.bracket
     coarse = chosen.coarse if np.isfinite(chosen.coarse) else None
     # the bound of the exact search holds for all layouts of so many parts on these cells
     proven = bool(last and last.proven and (last.best is None or coarse is None or coarse >= last.best * (1 - 1e-4)))
@@ -234,7 +255,7 @@ def _summary(
         "load_factor_of_cells": coarse,
         "proven": proven,
         "bound": None if last is None else last.bound,
-        "uncut": list(uncut),
+        "uncut": list(chosen.uncut),
         "require": options.require,
         "meets": low is not None and low >= options.require * (1 - 1e-6),
         "fits": chosen.fits,
@@ -263,7 +284,6 @@ def _summary(
         "volume_error": abs(sum(volumes) - solid.volume()) / solid.volume(),
         "largest_box": (box.max(axis=0) / UNITS[options.unit]).tolist(),
         "largest_mass": max(part.mass for part in chosen.parts),
-        "searched_seconds": seconds,
     }
     summary["verdict"] = verdict(summary)
     return summary
@@ -316,12 +336,28 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> 
         export(chosen.layout, "step", out / "parts.step")
     except InputError as error:
         summary["warnings"] = [str(error)]
-    page = chosen.run.folder / "report.html"
-    if page.exists():
-        files.write_text(out / "page.html", page.read_text(encoding="utf-8"))
+    files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")
+
+
+def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, seconds: float) -> None:
+    """Write the pictures, and the page, whose slider pulls the parts apart."""
     figure_of_parts(chosen.parts, summary["verdict"], out / "parts.png")
     if chosen.can_be_laid:
         figure_of_order(chosen.parts, out / "order.png")
+    write_report(chosen.run, out, patience=max(1.0, seconds - 3.0))
+
+
+def _by_fields(chosen: Chosen, out: Path, seconds: float) -> list[float | None] | None:
+    """Return the bracket of λ by fields from a process that the clock ends; None where it did not finish."""
+    if not chosen.fine.convex or seconds < 5.0:
+        return None
+    order = [sys.executable, "-m", "jld_explore", "solve", str(out / "scene.json"), "--cracks", "fields:0.1", "--json"]
+    try:
+        done = subprocess.run(order, capture_output=True, timeout=seconds, check=False)
+        found = json.loads(done.stdout)["bracket"]
+    except (subprocess.TimeoutExpired, ValueError, KeyError):
+        return None
+    return [None if end is None else float(end) for end in found]
 
 
 def table_of(parts: list[Part], scale: float) -> pd.DataFrame:

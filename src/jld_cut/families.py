@@ -13,9 +13,6 @@ from jld_cut.cells import Cutting, Limits, concave_edges
 from jld_cut.elastic import compressed
 from jld_cut.meshes import surface_of
 
-AIM: Final = 30  # cells of a family, where limits leave the choice
-POINTS: Final = 20  # cuts across compression
-
 
 @dataclass(frozen=True)
 class Body:
@@ -47,9 +44,9 @@ def grid(body: Body) -> Cutting | None:
                 near = np.unique(np.round(places[:, axis], 12))
                 near = near[np.abs(near - at) < 0.25 * step]
                 cutting.through(np.eye(3)[axis], float(near[np.argmin(abs(near - at))]) if len(near) else at)
-        if best is None or len(cutting.cells) <= 1.5 * AIM:
+        if best is None or len(cutting.cells) <= 1.5 * body.limits.aim:
             best = cutting
-        if len(cutting.cells) >= AIM:
+        if len(cutting.cells) >= body.limits.aim:
             return best
         numbers[np.argmax(sides / numbers)] += 1
 
@@ -72,7 +69,9 @@ def radial(body: Body) -> Cutting | None:
     along = points @ axis
     radius = float(np.linalg.norm(points - np.outer(along, axis), axis=1).max())
     levels = max(1, int(np.ceil(np.ptp(along) / body.limits.extent - 1e-9)), 4 if whole else 1)
-    sectors = max(int(np.ceil(span * radius / body.limits.extent)), 8 if whole else AIM // (2 * levels))
+    sectors = max(
+        int(np.ceil(span * radius / body.limits.extent)), 8 if whole else max(4, 5 * body.limits.aim // 8) // levels
+    )
     sectors += sectors % 2 if whole else 0
     cutting = Cutting(body.solid)
     for k in range(1, levels):
@@ -94,14 +93,20 @@ def axis_of(solid: Any) -> tuple[Floats, Floats] | None:
     keep = area > 1e-12 * area.max()
     corners, area = corners[keep], area[keep]
     normal = normal[keep] / area[:, None]
-    facets, place = np.unique(np.round(normal, 3), axis=0, return_inverse=True)
-    share = np.bincount(place.reshape(-1), area) / area.sum()
-    curved = share[place.reshape(-1)] < 0.08
+    middle, size = corners.mean(axis=1), float(np.ptp(points, axis=0).max())
+    offset = np.einsum("ij,ij->i", normal, middle) / size
+    facets, first, place = np.unique(
+        np.round(np.column_stack([normal, offset]), 3), axis=0, return_index=True, return_inverse=True
+    )
+    whole = np.bincount(place.reshape(-1), area)
+    middle = np.array([np.bincount(place.reshape(-1), area * side) for side in middle.T]).T / whole[:, None]
+    normal, area = normal[first], whole
+    curved = area < 0.08 * area.sum()
     if len(facets) < 12 or area[curved].sum() < 0.15 * area.sum():
         return None
-    normal, area, middle = normal[curved], area[curved], corners[curved].mean(axis=1)
-    best = None
-    candidates = [*np.eye(3), np.linalg.eigh((normal * area[:, None]).T @ normal)[1][:, 0]]
+    normal, area, middle = normal[curved], area[curved], middle[curved]
+    best, pairs = None, np.random.default_rng(0)
+    candidates = [*np.eye(3)[::-1], np.linalg.eigh((normal * area[:, None]).T @ normal)[1][:, 0]]
     for axis in candidates:
         flat = normal - np.outer(normal @ axis, axis)
         length = np.linalg.norm(flat, axis=1)
@@ -109,14 +114,18 @@ def axis_of(solid: Any) -> tuple[Floats, Floats] | None:
         if area[good].sum() < 0.3 * area.sum():
             continue
         across, at, weight = np.cross(axis, flat[good] / length[good, None]), middle[good], area[good]
-        centre, miss = _nearest(axis, across, at, weight)
-        # plane ends and caps that pass for curved are left out once
-        close = miss <= 2 * np.median(miss) + 1e-9
-        centre, miss = _nearest(axis, across[close], at[close], weight[close])
-        error = float(weight[close] @ miss / weight[close].sum()) / float(np.ptp(points, axis=0).max())
-        if best is None or error < best[0] - 1e-4:
-            best = error, centre, axis
-    return None if best is None or best[0] > 0.03 else (best[1], best[2])
+        # the point that most of the surface turns about is one where two of its normals meet
+        for first, second in pairs.integers(len(at), size=(200, 2)).tolist():
+            two = [first, second]
+            if abs(across[first] @ across[second]) > 0.99:
+                continue
+            centre, _ = _nearest(axis, across[two], at[two], weight[two])
+            close = np.abs(np.einsum("ij,ij->i", across, at - centre)) < 0.005 * size
+            share = float(weight[close].sum() / area.sum())
+            turns = len(np.unique(np.round(across[close], 2), axis=0))
+            if turns > 5 and (best is None or share > 1.15 * best[0]):
+                best = share, _nearest(axis, across[close], at[close], weight[close])[0], axis
+    return None if best is None or best[0] < 0.25 else (best[1], best[2])
 
 
 def _nearest(axis: Floats, across: Floats, at: Floats, weight: Floats) -> tuple[Floats, Floats]:
@@ -135,7 +144,7 @@ def stress(body: Body) -> Cutting | None:
     away = np.linalg.norm(middles[strong] - middles[chosen[0]], axis=1)
     cutting = Cutting(body.solid)
     reach = float((body.box[3:] - body.box[:3]).max())
-    for _ in range(POINTS):
+    for _ in range(max(1, body.limits.aim - 4)):
         at = chosen[-1]
         cutting.locally(middles[at] + 1e-6 * reach * direction[at], direction[at])
         chosen.append(int(strong[np.argmax(away)]))

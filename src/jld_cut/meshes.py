@@ -141,6 +141,29 @@ def open_edges(triangles: Ints) -> Ints:
     return np.asarray(edges[(names[at] != back) | (counts[at] != used)])
 
 
+def as_single(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    """Return a surface as a binary STL file holds it: single precision, equal corners merged, no faces back to back."""
+    single = points.astype(np.float32).astype(float)
+    _, first, place = np.unique(single, axis=0, return_index=True, return_inverse=True)
+    triangles = place.reshape(-1)[triangles]
+    a, b, c = triangles.T
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
+    _, kind, count = np.unique(np.sort(triangles, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return single[first], triangles[count[kind.reshape(-1)] != 2]
+
+
+def as_written(solid: Any, unit: float, tolerance: float = 0.0) -> tuple[Floats, Ints]:
+    """Return the surface of a solid as a file of lengths × `unit` holds it."""
+    points, triangles = surface_of(solid.simplify(tolerance) if tolerance else solid)
+    return as_single(points / unit, triangles)
+
+
+def doubled_edges(points: Floats, triangles: Ints) -> int:
+    """Return the number of edges that other than two faces of a surface meet at."""
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    return int((np.unique(edges, axis=0, return_counts=True)[1] != 2).sum()) if len(points) else 1
+
+
 def _crossing(points: Floats, triangles: Ints) -> Floats | None:
     """Return a point (3,) at which an edge passes through a face that it shares no corner with; None if none."""
     corners = points[triangles]

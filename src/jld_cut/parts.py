@@ -11,7 +11,7 @@ import shapely
 
 from jld_core import Floats, InputError, Ints, files
 from jld_cut.cells import Joint, union
-from jld_cut.meshes import obj_text, open_edges, solid_of, stl_bytes, surface_of, write_3mf
+from jld_cut.meshes import as_single, as_written, doubled_edges, obj_text, solid_of, stl_bytes, surface_of, write_3mf
 
 _SPLINTER: Final = 1e-6  # of the volume of a part
 _LOST: Final = 0.5  # share of its volume that clearance may take of a part
@@ -60,10 +60,10 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
     found = []
     for k, (group, whole, solid) in enumerate(zip(members, exact, solids, strict=True)):
         pieces = [one for one in solid.decompose() if one.volume() > _SPLINTER * whole.volume()]
-        if len(pieces) != 1 or pieces[0].volume() < _LOST * whole.volume():
+        if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
             raise InputError("--clearance", problem, "a smaller clearance")
-        found.append(Part(k + 1, group, whole, pieces[0], density * whole.volume()))
+        found.append(Part(k + 1, group, whole, union(pieces), density * whole.volume()))
     return found
 
 
@@ -113,26 +113,16 @@ def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
     for part in parts:
         size = float(np.ptp(surface_of(part.solid)[0], axis=0).max())
         for tolerance in (1e-6, 1e-5, 1e-4, 1e-3):
-            points, triangles = surface_of(part.solid.simplify(tolerance * size))
-            points, triangles = merged_as_single(points / unit, triangles)
-            part.watertight = not len(open_edges(triangles)) and len(triangles) > 3
+            points, triangles = as_written(part.solid, unit, tolerance * size)
+            part.watertight = doubled_edges(points, triangles) == 0
             if part.watertight:
                 break
         again = solid_of(points * unit, triangles)
         part.error = abs(again.volume() / part.solid.volume() - 1.0)
         (folder / "parts" / f"{part.name}.stl").write_bytes(stl_bytes(points, triangles))
         files.write_text(folder / "parts" / f"{part.name}.obj", obj_text(points, triangles, part.name))
-        lying = points @ part.bed.T
-        lying = merged_as_single(lying - lying.min(axis=0), triangles)
+        turned = points @ part.bed.T
+        lying = as_single(turned - turned.min(axis=0), triangles)
         (folder / "bed" / f"{part.name}.stl").write_bytes(stl_bytes(*lying))
         surfaces.append((part.name, points * (1e3 * unit), triangles))
     write_3mf(folder / "parts.3mf", surfaces)
-
-
-def merged_as_single(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return a surface as a binary STL file holds it: corners in single precision, equal ones merged."""
-    single = points.astype(np.float32).astype(float)
-    _, first, place = np.unique(single, axis=0, return_index=True, return_inverse=True)
-    triangles = place.reshape(-1)[triangles]
-    a, b, c = triangles.T
-    return single[first], triangles[(a != b) & (b != c) & (c != a)]

@@ -17,9 +17,12 @@ from jld_cut.parts import Part
 
 
 def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
+    """Draw parts, each moved by a vector."""
     light = np.array([0.35, -0.5, 0.8])
     light /= np.linalg.norm(light)
-    colours = colormaps["tab20"](np.arange(len(parts)) % 20)
+    colours = colormaps["tab20"](np.array([part.number - 1 for part in parts]) % 20)
+    # seen from there; faces that look away are hidden by those of the same part
+    eye = np.array([np.cos(np.radians(-62)), np.sin(np.radians(-62)), np.tan(np.radians(22))])
     corners, paints, all_points = [], [], []
     for part, move, colour in zip(parts, moves, colours, strict=True):
         points, triangles = surface_of(part.exact)
@@ -27,12 +30,14 @@ def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
         faces = points[triangles]
         normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        seen = normal @ eye > 0.0
+        faces, normal = faces[seen], normal[seen]
         shade = 0.55 + 0.45 * np.clip(normal @ light, 0.0, 1.0)
         corners.append(faces)
         paints.append(np.column_stack([colour[:3] * shade[:, None], np.ones(len(faces))]))
         all_points.append(points)
         if numbers:
-            middle = points.mean(axis=0)
+            middle = (points.min(axis=0) + points.max(axis=0)) / 2
             axes.text(*middle, str(part.number), fontsize=9, fontweight="bold", ha="center", zorder=1000)
     axes.add_collection3d(
         Poly3DCollection(np.concatenate(corners), facecolors=np.concatenate(paints), edgecolors="none")
@@ -40,7 +45,7 @@ def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
     points = np.concatenate(all_points)
     low, high = points.min(axis=0), points.max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(np.maximum(high - low, 1e-9))
+    axes.set_box_aspect(np.maximum(high - low, 1e-9), zoom=1.45)
     axes.view_init(22, -62)
     axes.set_axis_off()
 

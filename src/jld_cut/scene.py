@@ -32,7 +32,12 @@ class Matter:
         return {
             "density": self.density,
             "dry": {"friction_angle": self.friction_angle, **crushing},
-            "inner": {"tensile_strength": self.tensile, "shear_strength": self.shear, **crushing},
+            "inner": {
+                "tensile_strength": self.tensile,
+                "shear_strength": self.shear,
+                "friction_angle": self.friction_angle,
+                **crushing,
+            },
         }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,17 +10,16 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from jld_core import Assembly, InputError, Ints, build_assembly, parse_scene, plugins, solve_many
-from jld_core.exchange import Layout
+from jld_core import InputError, Ints, build_assembly, parse_scene, solve_many
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.families import FAMILIES, Body
 from jld_cut.loads import Facet, facet_of, shares
 from jld_cut.meshes import surface_of
 from jld_cut.scene import Setting, grounds_of, scene_of
 from jld_explore import Exploration, ExploreSettings, explore
-from jld_explore.space import from_string
 
 BEST: Final = 10  # layouts that are judged on convex cells
+SMALL: Final = 12  # joints up to which every layout is looked at
 PIECES: Final = 150  # most convex cells
 
 
@@ -149,8 +147,13 @@ class Truth:
         fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
         joints = joints_of(pieces, fine.planes, fine.size, 1e-3)
         self.document = scene_of(family.document["name"], fine, joints, setting, 1e-3, fine.planes)
-        self.assembly = build_assembly(parse_scene(self.document))
-        self.cells = len(pieces)
+        try:
+            self.assembly = build_assembly(parse_scene(self.document))
+        except InputError:  # splinters of bisector planes may leave joints that no face bears out
+            self.of, self.convex = np.arange(len(cutting.cells)), False
+            self.document = {key: value for key, value in family.document.items() if key != "search"}
+            self.assembly = build_assembly(parse_scene(self.document))
+        self.cells = len(self.of)
 
     def labels(self, block: Ints) -> Any:
         """Return labels (m,) of the pieces' faces, True = dry, for parts (n,) of the cells."""
@@ -158,6 +161,12 @@ class Truth:
         part = np.full(len(elements), -1)
         part[: self.cells] = block[self.of]
         return part[faces.a] != part[faces.b]
+
+    def scene(self, block: Ints) -> dict[str, Any]:
+        """Return the scene of the convex cells with the parts (n,) of the cells as blocks."""
+        names = [f"part {block[cell] + 1}" for cell in self.of.tolist()]
+        cells = [one | {"block": name} for one, name in zip(self.document["elements"], names, strict=False)]
+        return self.document | {"elements": cells + self.document["elements"][len(cells) :]}
 
     def solve(self, blocks: list[Ints]) -> list[tuple[float | None, float | None]]:
         """Return the brackets of layouts by the parts of the cells."""
@@ -172,45 +181,42 @@ def _end(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def blocks_from(assembly: Assembly, scene: Any, labelling: str, cells: int) -> tuple[Layout, Ints]:
-    """Return a layout of a labelling, and the part (n,) of each cell, from 0."""
-    layout = Layout(scene, assembly, from_string(labelling))
-    return layout, layout.block_of[:cells]
-
-
-def order_of(layout: Layout) -> Any:
-    """Return an order of laying by translations."""
-    return plugins.part("assembly_order")(layout.assembly, layout.labels)
-
-
-def search(solid: Any, title: str, out: Path, wish: Wish, say: Callable[[str], None]) -> tuple[list[Family], int]:
-    """Cut a solid in all ways and search each; return the families, the best first, and the fewest parts."""
-    start = time.perf_counter()
+def cut_ways(solid: Any, title: str, wish: Wish, say: Callable[[str], None]) -> list[Family]:
+    """Cut a solid in all ways; InputError where no way is left."""
     body = body_of(solid, wish)
     families = []
     for name in wish.families:
         family = family_of(name, title, body, wish)
-        if family is None:
-            say(f"{name:<8} no such way to cut this solid")
-            continue
-        say(f"{name:<8} {len(family.cutting.cells)} cells, {len(family.joints)} joints")
-        families.append(family)
-    left = wish.seconds - (time.perf_counter() - start)
+        cells = "no such way to cut this solid"
+        if family is not None:
+            families.append(family)
+            cells = f"{len(family.cutting.cells)} cells, {len(family.joints)} joints"
+        say(f"{name:<8} {cells}")
+    if not families:
+        raise InputError("jld cut", f"the solid cannot be cut by {', '.join(wish.families)}", "a further family")
+    return families
+
+
+def anneal(families: list[Family], out: Path, wish: Wish, seconds: float, say: Callable[[str], None]) -> None:
+    """Search all families for the fewest parts that carry, and put the best first; InputError where none stands."""
     for family in families:
-        run(family, out / family.name, "anneal", max(2.0, 0.45 * left / len(families)), wish.seed)
+        driver = "anneal" if len(family.joints) > SMALL else "enumeration"
+        run(family, out / family.name, driver, max(2.0, seconds / len(families)), wish.seed)
         say(f"{family.name:<8} {_told(family)}")
     families.sort(key=lambda one: one.key)
-    best = families[0].rows() if families else pd.DataFrame()
-    if not len(best):
-        reasons = "; ".join(f"{one.name}: {one.error}" for one in families if one.error) or "every layout falls"
+    if not len(families[0].rows()):
+        reasons = "; ".join(f"{one.name}: {one.error or 'every layout falls'}" for one in families)
         raise InputError("jld cut", f"no layout was found ({reasons})", "a larger box, more time or other supports")
-    parts = int(best.iloc[0]["blocks"])
-    left = wish.seconds - (time.perf_counter() - start)
-    for family in families[:2]:
-        run(family, out / f"{family.name}-exact", "exact", max(2.0, 0.3 * left), wish.seed, parts)
+
+
+def prove(families: list[Family], out: Path, wish: Wish, seconds: float, say: Callable[[str], None]) -> None:
+    """Search the strongest layouts of as few parts with proof, on the two best families."""
+    equal = [one for one in families[:2] if one.key[:2] == families[0].key[:2]]
+    parts = int(equal[0].rows().iloc[0]["blocks"])
+    for family in equal:
+        run(family, out / f"{family.name}-exact", "exact", max(2.0, seconds / len(equal)), wish.seed, parts)
         say(f"{family.name:<8} exact: {_told(family)}")
     families.sort(key=lambda one: one.key)
-    return families, parts
 
 
 def _told(family: Family) -> str:

@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import Any, Final
 
 from jld_core import InputError, Route, Scene, build_assembly
+from jld_core.scene import loads as scene_loads
 from jld_core.scene import uncertain
 from jld_geometry.box_certificate import BoxClaim, Pair
 
@@ -177,8 +178,8 @@ class BoxStructure:
         per_area = dict(start)
         points: list[tuple[int, Vector, Vector, Fraction]] = []
         for entry in entries:
-            if "body" in entry:
-                x, y = (Fraction(value) for value in entry["body"])
+            if (body := scene_loads.body_of(entry)) is not None:
+                x, y = (Fraction(value) for value in body)
                 for k, size in sizes.items():
                     old = per_area.get(k, (Fraction(0), Fraction(0)))
                     per_area[k] = (old[0] + size * x, old[1] + size * y)

@@ -52,7 +52,7 @@ def map_(
         jobs = jobs or os.cpu_count() or 1
         table = sweep(given, points.axes, explore=explore, jobs=jobs, fields=fields, seconds=seconds)
         took = time.perf_counter() - start
-        edges = None if explore or given.cracks != "faces" else borders(given, points.axes, table)
+        edges = None if explore or len(grid) > 2 or given.cracks != "faces" else borders(given, points.axes, table)
         assembly = build_assembly(given) if explore else points.assembly(points.middle)
     out.mkdir(parents=True, exist_ok=True)
     files.write_text(out / "map.csv", csv_of(table))

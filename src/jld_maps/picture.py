@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -93,13 +93,14 @@ def _curve(ax: Axes, shown: pd.DataFrame, key: str, assembly: Assembly) -> None:
             ax.axvspan(
                 ends[j], ends[j + 1], fc=look.TINTS[k % len(look.TINTS)], hatch=_HATCHES[k % _MOST], ec="#FFFFFF", lw=0
             )
-    ax.plot(x, y, color=look.INK, lw=1.6)
+    (line,) = ax.plot(x, y, color=look.INK, lw=1.6, label="λ by faces")
+    drawn: list[Any] = [line]
     if "fields_lo" in shown:
         low, high = (shown[name].to_numpy(dtype=float) for name in ("fields_lo", "fields_hi"))
-        ax.fill_between(x, low, high, color=look.PRESS, alpha=0.4, lw=0)
+        drawn.append(ax.fill_between(x, low, high, color=look.PRESS, alpha=0.4, lw=0, label="λ by fields"))
     ax.set_xlabel(label_of(key, assembly.units), fontsize=9)
     ax.set_ylabel("load factor λ", fontsize=9)
-    _legend(ax, list(dict.fromkeys(names)))
+    _legend(ax, list(dict.fromkeys(names)), drawn)
 
 
 def _contours(figure: Figure, ax: Axes, grid: list[Floats], values: Floats) -> None:
@@ -156,12 +157,14 @@ def _widest(mask: Any) -> tuple[int, int]:
     return row, int(longest[len(longest) // 2])
 
 
-def _legend(ax: Axes, names: list[str]) -> None:
-    handles = [
+def _legend(ax: Axes, names: list[str], drawn: Sequence[Any] = ()) -> None:
+    handles: list[Any] = [
         Patch(fc=look.TINTS[k % len(look.TINTS)], hatch=_HATCHES[k % _MOST], ec="#A9A9A9", lw=0.4, label=name)
         for k, name in enumerate(names)
     ]
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8, frameon=False)
+    ax.legend(
+        handles=[*drawn, *handles], loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8, frameon=False
+    )
 
 
 def figure_of_layouts(table: pd.DataFrame, assembly: Assembly) -> Figure | None:

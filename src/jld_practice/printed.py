@@ -22,6 +22,7 @@ from jld_core.build import cases_of_scene, weight_facts
 from jld_core.exchange import Layout
 from jld_core.geometry import area_vector, outlines
 from jld_core.geometry import outlines as polygons
+from jld_core.scene import loads as scene_loads
 from jld_core.scene import uncertain, units
 from jld_core.views import figures as views_figures
 from jld_core.views import look, writing
@@ -225,9 +226,9 @@ def _load(
 ) -> tuple[str, str]:
     """Describe one load or a group of parallel forces, and λ times it."""
     entry = group[0]
-    if "body" in entry:
-        value = float(np.linalg.norm(entry["body"]))
-        vector = ", ".join(f"{one + 0.0:.4g}" for one in entry["body"])
+    if (body := scene_loads.body_of(entry)) is not None:
+        value = float(np.linalg.norm(body))
+        vector = ", ".join(f"{one + 0.0:.4g}" for one in body)
         return f"({vector}) {words['body']}", finite(factor * value, lambda x: f"{x:.4g}")
     if "force" in entry:
         value = sum(float(np.linalg.norm(one["force"])) for one in group)

@@ -15,7 +15,7 @@ from jld_surfaces.section import resultants, shape_of
 
 _NAMES: Final = {2: ("N", "V", "M"), 3: ("N", "V1", "V2", "M1", "M2", "MT")}
 
-_MOST: Final = 120  # vertices and rays of a polytope
+_MOST: Final = 600_000  # groups of vertices and rays that are tried for facets of a polytope
 
 Limits = tuple[Floats, Floats]
 """Rows C (k, r, q) and constants d (k, r) of C x + d ≥ 0, in stresses."""
@@ -117,9 +117,10 @@ class _Parts:
 
     def _polytope(self, vertices: Floats, rays: Floats) -> Limits:
         """Return the rows of vertices (p, q) and rays, multiples of the reference strength, in what they name."""
-        if len(vertices) + len(rays) > _MOST:
-            raise InputError(".vertices", f"{len(vertices)} vertices with their mirror images", f"at most {_MOST}")
         used = np.any(vertices != 0.0, axis=0) | np.any(rays != 0.0, axis=0)
+        count = len(vertices) + len(rays)
+        if math.comb(count, int(used.sum())) > _MOST:
+            raise InputError(".vertices", f"{count} with mirror images, of {used.sum()} resultants", "fewer, or rows")
         spread = np.vstack([vertices[1:] - vertices[0], rays])[:, used]
         if np.linalg.matrix_rank(spread) < used.sum():
             raise InputError(".vertices", "they are flat in the resultants that they name", "a solid")

@@ -15,7 +15,7 @@ import jld_core
 import jld_experiment
 import jld_explore
 from command import ROOT
-from jld_explore.cli import ending as overview
+from jld_explore.cli import overview
 
 DOCS = ROOT / "docs"
 GUIDE = sorted(DOCS.glob("guide/*.md"))
@@ -128,7 +128,7 @@ def _run(program: str, folder: Path) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
-OFTEN = ("plot of a result", "notebook output of an assembly", "plot of a search", "table of many")
+OFTEN = ("notebook output of an assembly", "plot of a search")
 """What each kind of object is asked first; the others wait for `make bench`."""
 
 

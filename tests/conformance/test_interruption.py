@@ -27,7 +27,6 @@ from cases import grid_document
 from command import Command, Outcome, command, environment, process
 from jld_core.batch.library import SWITCH
 from jld_explore.drivers import DRIVERS
-from jld_explore.evaluation.records import RECORDS_FILE
 
 EXPLORE = ("explore", "--check-fields", "0")
 """What blocks that crack anywhere carry, test_field_searches.py tests."""
@@ -72,9 +71,9 @@ Row = tuple[Any, ...]
 
 def records(folder: Path, columns: str = "*") -> list[Row]:
     """The evaluations on record, in order; also while a run writes them, or after it was killed."""
-    if not (folder / RECORDS_FILE).exists():
+    if not (folder / "records.sqlite3").exists():
         return []
-    file = sqlite3.connect(folder / RECORDS_FILE)
+    file = sqlite3.connect(folder / "records.sqlite3")
     try:
         return file.execute(f"SELECT {columns} FROM evaluations").fetchall()
     except sqlite3.OperationalError:  # no table yet
@@ -286,24 +285,24 @@ def test_signals(
 
 def copy_of(folder: Path, target: Path) -> Path:
     target.mkdir()
-    (target / RECORDS_FILE).write_bytes((folder / RECORDS_FILE).read_bytes())
+    (target / "records.sqlite3").write_bytes((folder / "records.sqlite3").read_bytes())
     return target
 
 
 def test_torn_or_damaged(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     """A record that is cut, overwritten or no record at all is named in one line, and left as it is."""
-    content = (deferred_signals / RECORDS_FILE).read_bytes()
+    content = (deferred_signals / "records.sqlite3").read_bytes()
     rng = random.Random(11)
     half = len(content) // 2
     broken = [content[:half], content[:half] + rng.randbytes(half), b"{}", rng.randbytes(5000)]
     for number, text in enumerate(broken):
         folder = tmp_path / str(number)
         folder.mkdir()
-        (folder / RECORDS_FILE).write_bytes(text)
+        (folder / "records.sqlite3").write_bytes(text)
         outcome = jld(*EXPLORE, scene, "--out", folder, "--resume", "--jobs", "1", "--json")
         assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
-        assert outcome.err.startswith(f"jld: {folder / RECORDS_FILE}: it is damaged")
-        assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]
+        assert outcome.err.startswith(f"jld: {folder / 'records.sqlite3'}: it is damaged")
+        assert [path.name for path in folder.iterdir()] == ["records.sqlite3"]
 
 
 @pytest.mark.usefixtures("without_pictures")
@@ -311,7 +310,7 @@ def test_begun_and_nothing_more(scene: Path, tmp_path: Path, jld: Command) -> No
     """Killed before anything was written: nothing was finished, and --resume begins."""
     folder = tmp_path / "out"
     folder.mkdir()
-    (folder / RECORDS_FILE).write_bytes(b"")
+    (folder / "records.sqlite3").write_bytes(b"")
     outcome = jld(*(*EXPLORE, scene, "--out", folder, "--resume"), *("--jobs", "1", "--budget", "5", "--json"))
     assert outcome.code == 0, outcome.err
     assert json.loads(outcome.out)["solved"] == 5
@@ -370,7 +369,7 @@ def other_scene(scene: Path, tmp_path: Path) -> Path:
 def test_another_study_is_refused(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     """--resume with another seed, scene or driver names what differs, and leaves the folder as it is."""
     folder = copy_of(deferred_signals, tmp_path / "out")
-    content = (folder / RECORDS_FILE).read_bytes()
+    content = (folder / "records.sqlite3").read_bytes()
     tries: list[tuple[str, list[str | Path]]] = [
         ("seed", [scene, "--seed", "4"]),
         ("scene", [other_scene(scene, tmp_path)]),
@@ -379,10 +378,10 @@ def test_another_study_is_refused(scene: Path, deferred_signals: Path, tmp_path:
     for word, arguments in tries:
         outcome: Outcome = jld(*EXPLORE, *arguments, "--out", folder, "--resume", "--jobs", "1")
         assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
-        assert f"{folder / RECORDS_FILE}: it was made with {word} " in outcome.err
+        assert f"{folder / 'records.sqlite3'}: it was made with {word} " in outcome.err
         assert f"expected the same {word} to resume" in outcome.err
-        assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]
-        assert (folder / RECORDS_FILE).read_bytes() == content
+        assert [path.name for path in folder.iterdir()] == ["records.sqlite3"]
+        assert (folder / "records.sqlite3").read_bytes() == content
     outcome = jld(*EXPLORE, scene, "--out", folder)
     assert outcome.code == 2
     assert "--resume" in outcome.err

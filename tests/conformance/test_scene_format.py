@@ -85,6 +85,7 @@ SCENES_IN_UNITS = (1, 3, 7, 8, 10, 13, 14, 15, 19, 22, 24, 34, 39, 45, 48, 51, 5
 """Seeds of quick scenes: in space and in the plane, with crushing, cohesion, load cases, voids and without weight."""
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SCENES_IN_UNITS)
 def test_load_factor_does_not_depend_on_units(seed: int) -> None:
     tally = Tally(units.CLAIM)

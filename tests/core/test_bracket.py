@@ -275,6 +275,7 @@ def spatial(share: float, friction: float) -> Assembly:
 SHARES = [(1e-4, 1.0 - 1e-9), (1e-6, 1.0 - 1e-7), (1e-8, 1.0 - 1e-5), (1e-10, 0.999), (1e-12, 0.5), (1e-13, 0.5)]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("make", [planar, spatial])
 @pytest.mark.parametrize(("share", "friction"), SHARES)
 def test_small_share_of_the_live_load_is_not_taken_as_rounding(make: Make, share: float, friction: float) -> None:

@@ -35,7 +35,7 @@ from jld_core.refinement import refine
 from jld_core.views import quantities
 from jld_core.views.quantities import utilisation
 from jld_explore import ExploreSettings, explore, search_space
-from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers import DRIVERS
 from jld_explore.verification import verify
 from proofs import flow_rule, load_factor_in_space
 
@@ -490,7 +490,7 @@ def test_exact_with_cohesion_and_inner_friction_in_space(tmp_path: Path) -> None
     }
     cubes = [cases.box(f"{i}{k}", [i, 0, k], [i + 1, 1, k + 1], support=k == 0) for i in (0, 1) for k in (0, 1, 2)]
     scene = parse_scene(cases.scene_in_space(cubes, materials=materials, live=[{"body": [1.0, 0.3, 0.0]}]))
-    assert Exact(search_space(scene, build_assembly(scene)), 0).name == "exact"
+    assert DRIVERS["exact"](search_space(scene, build_assembly(scene)), 0).name == "exact"
     every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False))
     found = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact", pictures=False))
     assert found.summary.proven is True

@@ -266,6 +266,7 @@ def test_cells_that_reach_beyond_two_elements_are_snapped_past_the_corner_betwee
     assert found.volume[found.free] == pytest.approx([0.9, 0.1, 0.1, 0.9])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("rows", [["#abc#"], ["#abcde#"], ["#ab#"], ["#abc#", "#abc#"]])
 @pytest.mark.parametrize("at", [None, "edge"])
 def test_a_force_at_a_common_corner_of_cells_is_shared(rows: list[str], at: str | None) -> None:

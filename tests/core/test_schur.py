@@ -130,6 +130,7 @@ def test_large_assemblies_use_the_schur_solver_by_default() -> None:
     assert LimitAnalysis(SPATIAL["stools"]()).first_solver.name == "clarabel"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["arch", "weak arch", "wall", "overhang", "crushable arch", "very strong"])
 def test_repairs_of_large_assemblies(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """States inside, openings, rays and λ = 0 by the Schur route as well, as where every assembly is large."""

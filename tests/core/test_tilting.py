@@ -56,6 +56,14 @@ def test_sliding_with_cohesion(cohesion: float) -> None:
     assert angle(found) == pytest.approx(expected, rel=1e-8)
 
 
+def test_a_bond_at_the_apex_of_friction_is_no_cone() -> None:
+    """c = μ σt: W sin θ = μ (W cos θ + σt A), although rows moved to the apex have no strength."""
+    bond = 0.2 * 5000.0
+    found = solve(block(4.0, 0.5, cohesion=0.5 * bond, tensile_strength=bond))
+    expected = brentq(lambda x: math.sin(x) - 0.5 * (math.cos(x) + 0.2), 0.0, 1.5)
+    assert angle(found) == pytest.approx(expected, rel=1e-8)
+
+
 def test_opening_of_an_inner_face() -> None:
     """A glued block opens where W sin θ h/2 = (σt A + W cos θ) l/6."""
     document = grid_document(["a", "#"], tension=2e3, shear=1e6, live=[{"tilt": {"towards": [-1, 0]}}])
@@ -153,3 +161,16 @@ def test_what_does_not_turn_is_refused() -> None:
         parse_scene(filled)
     with pytest.raises(InputError, match="nothing is tilted"):
         explore(grid_document(["ab", "##"]), objective="tilt_angle")
+
+
+def test_files_hold_a_tilt_as_a_body_load(jld: Command, tmp_path: Path) -> None:
+    """A file of another program knows no table: its load is that at λ = 1, along the direction."""
+    document, written = grid_document(["ab", "##"]), []
+    del document["materials"]["inner"]
+    for name, entry in (("tilt", {"tilt": {"towards": [-2, 0]}}), ("body", {"body": [-1, 0]})):
+        document["loads"]["live"] = [entry]
+        path = tmp_path / f"{name}.json"
+        path.write_text(json.dumps(document), encoding="utf-8")
+        assert jld("export", path, "--format", "compas", "-o", tmp_path / f"{name}.out").code == 0
+        written.append((tmp_path / f"{name}.out").read_text(encoding="utf-8"))
+    assert written[0] == written[1]

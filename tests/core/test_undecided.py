@@ -100,6 +100,7 @@ def test_bound_of_a_whole_labelling_is_its_load_factor(name: str) -> None:
             assert relaxation.bound(labels, nothing) == pytest.approx(proof.high, rel=1e-6, abs=1e-8)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", [*SOME[:-1], pytest.param(SOME[-1], marks=pytest.mark.long)])
 def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> None:
     assembly = assemblies()[name]
@@ -487,6 +488,7 @@ def test_confined_assemblies_have_no_relaxation_by_blocks() -> None:
     assert applies_to(LimitAnalysis(grid_assembly(["#aa#"], live=DOWN, crush_dry=1e5, crush_inner=1e5)))
 
 
+@pytest.mark.sampled(2)
 def test_the_batch_solver_proves_the_same_as_clarabel(case: Case) -> None:
     assert case.wedges or not case.relaxation.batched
     if not case.relaxation.batched:

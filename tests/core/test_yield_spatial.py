@@ -112,6 +112,7 @@ def row_slacks(sets: Any, forces: Array, labels: NDArray[np.bool_]) -> Array:
     return least
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "bending"), CASES)
 def test_rows_hold_exactly_where_slack_is_not_negative(name: str, bending: InnerBending) -> None:
     built, sets = faces_under(name, bending, COPIES)

@@ -17,7 +17,7 @@ from cases import scene_in_space as scene
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.mechanics import scaling_of, yield_set
-from jld_core.mechanics.compiled_rows import row_yield
+from jld_core.mechanics.compiled_rows import maps_criteria, row_yield
 from jld_explore import ExploreSettings, explore
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances
@@ -221,6 +221,18 @@ def test_sets_of_six_resultants() -> None:
     assert finite > 10
 
 
+def test_maps_of_grooves() -> None:
+    """A turn by 90° maps grooves alike both ways alone, a mirror those along or across it."""
+    for second, way, turns, mirrors in ((0.6, 0, True, True), (0.3, 0, False, True), (0.3, 2, False, False)):
+        direction = [1, way, 0]
+        friction = {"coefficients": [0.6, second], "direction": direction, "cone": "product"}
+        document = with_surface(scene([GROUND, box("a", [-1, -1, 0], [1, 1, 1])]), "dry", friction=friction, bending={})
+        assembly = build_assembly(parse_scene(document))
+        turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        assert maps_criteria(assembly, np.array([0]), turn) is turns
+        assert maps_criteria(assembly, np.array([0]), np.diag([-1.0, 1.0, 1.0])) is mirrors
+
+
 # --- searches and proofs -----------------------------------------------------------------------------------
 
 GROOVED = with_surface(
@@ -240,11 +252,10 @@ SURFACES = {
         "inner",
         section={"polygons": [TEE], "tensile_strength": 2e3, "compressive_strength": 3e4, "shear_strength": 3e3},
     ),
-    "rock": with_surface(PLANAR, "inner", hoek_brown={"compressive_strength": 4e3, "m": 8.0}),
 }
 
 
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("name", ["grooves and locks", "ellipse", "tee"])
 def test_proofs_and_certificates(name: str, tmp_path: Path) -> None:
     document, certificate = SURFACES[name], tmp_path / "proof.jld"
     settings = ExploreSettings(check_fields=0, pictures=False, seconds=20)
@@ -316,6 +327,9 @@ BAD: dict[str, tuple[str, Document, str]] = {
     "no torsion": ("space", {"cones": [{"shear": [1, 1], "friction": 1}], "bending": {}}, "and 0 limit torsion"),
     "rock in space": ("space", {"hoek_brown": {"compressive_strength": 1, "m": 5}}, "hoek_brown: it is for planar"),
     "beyond the face": ("plane", {"section": {"polygons": [[[0, 0], [2, 0], [1, 1]]]}}, "section: it reaches beyond"),
+    "many": ("space", {"symmetric": ["V1", "V2", "M1", "M2", "MT"],
+                       "vertices": [{"N": 9, "V1": 1, "V2": 1, "M1": 1, "M2": 1, "MT": 1}, {"N": -1}]},
+             "vertices: .* of 6 resultants; expected fewer"),
     "no area": ("plane", {"section": {"polygons": [[[0, 0], [1, 1], [1, 0], [0, 1]]]}}, "its polygons hold no area"),
 }  # fmt: skip
 

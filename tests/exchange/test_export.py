@@ -135,6 +135,7 @@ ROUND = [("dxf", False, name) for name in ("wall", "arch", "grid", "ferris")]
 ROUND += [("compas", True, name) for name in ("dome", "shelf", "cubes")]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("kind", "cells", "name"), ROUND)
 def test_there_and_back_is_the_same_assembly(kind: str, cells: bool, name: str, tmp_path: Path) -> None:
     """Interfaces, labels and λ to 1e-9, and materials and loads with them: nothing is told to the reader."""

@@ -233,6 +233,7 @@ def test_svg_groups_are_layers_and_y_turns_up(tmp_path: Path) -> None:
     assert len(assembly.interfaces) == 5
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("page", "metres", "unit"),
     [

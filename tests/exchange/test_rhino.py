@@ -24,6 +24,7 @@ SCENES_THERE = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", SCENES_THERE)
 def test_there_and_back_is_the_same_assembly(name: str, tmp_path: Path) -> None:
     """Names, supports, faces, labels, materials and loads: λ to 1e-9 and the width of both brackets."""

@@ -465,6 +465,7 @@ def test_gltf_has_a_mesh_for_each_block(name: str, tmp_path: Path) -> None:
     assert low[1] == pytest.approx(made.assembly.elements.lower[:, -1].min(), abs=1e-5)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("kind", "ending"), [("dxf", "dxf"), ("obj", "obj"), ("stl", "stl"), ("ply", "ply"), ("3dm", "3dm")]
 )

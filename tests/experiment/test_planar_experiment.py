@@ -42,6 +42,7 @@ def plateau(found: Push) -> float:
     return float(found.load_factor[found.distance > 0.75 * found.distance[-1]].mean())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("joints", [ASSOCIATIVE, NO_DILATION])
 @pytest.mark.parametrize(
     ("friction", "tension", "shear", "expected"),
@@ -285,6 +286,7 @@ TWO_CUBES = [(0.9, 3.0, 0.2), (0.25, 3.0, 0.6), (0.9, 0.0, 0.6), (0.9, 4.0, 0.9)
 
 
 # all ways to fail in one direction askew, one of them in the other directions
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("friction", "tension", "shear", "degrees"),
     [

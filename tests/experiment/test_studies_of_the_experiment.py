@@ -18,7 +18,7 @@ from command import SCENES as SCENES_of_command
 from command import Command
 from jld_core import Scene, build_assembly, load_scene, parse_scene, solve
 from jld_experiment import experiments as module
-from jld_experiment.experiments import FILE, Experiments, with_experiments
+from jld_experiment.experiments import Experiments, with_experiments
 from jld_explore import ExploreSettings, explore
 
 STRONGEST = "iiidididddddiididdidiiid"
@@ -138,7 +138,7 @@ def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     facts = json.loads(done.out)["experiment"]
     assert facts["runs"] == 3
     assert facts["best"] == pytest.approx(best["experiment"].max())
-    kept = (out / FILE).read_bytes()
+    kept = (out / "experiments.csv").read_bytes()
 
     def refuse(*_: object) -> None:
         raise AssertionError("run again")
@@ -146,7 +146,7 @@ def test_a_column_for_the_best(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(module, "one_experiment", refuse)
     again = jld("explore", path, "--out", out, *options, "--resume")
     assert again.code == 0, again.err
-    assert (out / FILE).read_bytes() == kept
+    assert (out / "experiments.csv").read_bytes() == kept
     assert pd.read_csv(out / "results.csv", dtype={"labelling": str})["experiment"].notna().sum() == 3
 
 

@@ -19,7 +19,7 @@ from jld_core import Deadline, DeadlinePassed, InputError, Scene, build_assembly
 from jld_core.exchange import Layout
 from jld_core.scene import Search
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
-from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers import DRIVERS
 from jld_explore.report.pictures import front_picture
 from jld_explore.space import Count, Layouts, Terms, feasible, register, registered, unregister
 from jld_explore.space.counts import BlockShapes, counts, values_until
@@ -109,7 +109,7 @@ def test_the_exact_driver_proves_the_count_it_is_asked_for(count: Count, tmp_pat
 
 def test_a_proof_under_a_limit_that_is_no_sum_is_by_enumeration(count: Count) -> None:
     space = limited_space(None, 1)
-    driver = Exact(space, 0)
+    driver = DRIVERS["exact"](space, 0)
     rows = driver.ask()
     assert driver.exhaustive is (count.terms is None)
     assert feasible(space, rows).all()

@@ -45,14 +45,13 @@ from jld_explore import __main__ as entry
 from jld_explore.cli import command, ending, streams
 from jld_explore.cli.command import main
 from jld_explore.cli.ending import raise_on_signals
-from jld_explore.drivers import BufferedRandom, Genetic, operators
+from jld_explore.drivers import DRIVERS, BufferedRandom, Genetic, operators
 from jld_explore.drivers.choice import first_layout
 from jld_explore.drivers.exact.context import possible_blocks
-from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator, raise_deferred
 from jld_explore.evaluation.field_evaluator import FieldPool
-from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
+from jld_explore.evaluation.records import recorded_driver
 from jld_explore.report import folder, page_of_study
 from jld_explore.report.folder import write_pictures
 from jld_explore.report.page_of_study import write_report
@@ -176,9 +175,9 @@ def test_nothing_found_in_time_is_one_line_and_no_folder(tmp_path: Path) -> None
 
 def evaluated(folder: Path) -> int:
     """How many labellings a search has on record, also while it writes them."""
-    if not (folder / RECORDS_FILE).exists():
+    if not (folder / "records.sqlite3").exists():
         return 0
-    with closing(sqlite3.connect(folder / RECORDS_FILE)) as file:
+    with closing(sqlite3.connect(folder / "records.sqlite3")) as file:
         try:
             return int(file.execute("SELECT count(*) FROM evaluations").fetchone()[0])
         except sqlite3.OperationalError:  # no table yet
@@ -204,7 +203,8 @@ def test_an_interrupted_search_leaves_its_page_and_says_the_best(tmp_path: Path)
     assert (out / "report.html").exists()
 
 
-@pytest.mark.parametrize("seed", [21, *(pytest.param(seed, marks=pytest.mark.long) for seed in (16, 19, 188))])
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [21, 16, 19, 188])
 def test_a_small_share_of_the_claim_that_time_limits_are_kept(seed: int) -> None:
     """The claim itself is tested on 200 scenes by `python -m benchmarks.claims time_limits`, on an idle machine.
 
@@ -342,7 +342,7 @@ def test_the_exact_driver_lists_blocks_in_a_share_of_the_time() -> None:
     found = []
     for deadline in (Deadline(), Deadline(0.0)):
         with deadline.enforced():
-            driver = Exact(space, search=0)
+            driver = DRIVERS["exact"](space, search=0)
         while len(asked := driver.ask()):
             driver.tell(asked, evaluator.evaluate_all(asked))
         found.append((driver.context.blocks is not None, driver.finished, driver.found[None].load_factor))
@@ -506,7 +506,7 @@ def test_a_search_goes_on_with_the_driver_that_it_has(tmp_path: Path) -> None:
     done = explore(scene, tmp_path / "out", settings, resume=True)
     assert (done.summary.facts["driver"], done.summary.proven) == ("random", True)
     assert explore(scene, tmp_path / "other", settings).summary.facts["driver"] == "enumeration"
-    assert recorded_driver(tmp_path / "out" / RECORDS_FILE) == "random"
+    assert recorded_driver(tmp_path / "out" / "records.sqlite3") == "random"
     (tmp_path / "broken").write_bytes(b"no record at all")
     assert recorded_driver(tmp_path / "broken") is None
 

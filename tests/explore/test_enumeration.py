@@ -31,8 +31,7 @@ from command import Command
 from jld_core import InputError, Scene, Status, build_assembly, load_scene, parse_scene
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, DriverOptions
-from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
-from jld_explore.drivers.optuna import FILE, Optuna
+from jld_explore.drivers.enumeration import Tally, size_up_to
 from jld_explore.evaluation.protocol import FAILED
 from jld_explore.space import feasible, to_string
 from jld_explore.space.labelling import canonical
@@ -95,7 +94,7 @@ def brute_force(space: SearchSpace) -> list[str]:
 
 
 def everything(space: SearchSpace, rows: int | None = None) -> tuple[np.ndarray, list[int]]:
-    parts = list(Enumeration(space, rows=rows).batches())
+    parts = list(DRIVERS["enumeration"](space, rows=rows).batches())
     labellings = [labels for labels, _ in parts] or [np.empty((0, len(space.fixed)), dtype=bool)]
     return np.concatenate(labellings), [n for _, multiplicity in parts for n in multiplicity.tolist()]
 
@@ -109,7 +108,7 @@ def check(space: SearchSpace) -> int:
     images = [sorted({to_string(row[g]) for g in space.group}) for row in found]
     assert [len(image) for image in images] == multiplicity
     assert sorted(itertools.chain(*images)) == expected
-    assert Enumeration(space).count() == Tally(len(expected), len(found))
+    assert DRIVERS["enumeration"](space).count() == Tally(len(expected), len(found))
     return len(expected)
 
 
@@ -240,10 +239,10 @@ def test_several_faces_between_two_elements(segmentation: bool) -> None:
 )
 def test_connected_partitions_of_square_grids(side: int, number: int) -> None:
     space = grid_space(["a" * side] * side + ["#" * side], DOWN)
-    tally = Enumeration(space).count()
+    tally = DRIVERS["enumeration"](space).count()
     assert tally.labellings == number
     plain = grid_space(["a" * side] * side + ["#" * side], DOWN, symmetry="none")
-    assert Enumeration(plain).count() == Tally(number, number)
+    assert DRIVERS["enumeration"](plain).count() == Tally(number, number)
 
 
 @pytest.mark.parametrize(
@@ -257,7 +256,7 @@ def test_connected_partitions_of_square_grids(side: int, number: int) -> None:
 )
 def test_known_partitions_into_equal_blocks(rows: list[str], cells: int, number: int) -> None:
     space = grid_space([*rows, "#" * len(rows[0])], block_cells=[cells, cells])
-    assert Enumeration(space).count().labellings == number
+    assert DRIVERS["enumeration"](space).count().labellings == number
 
 
 def flagship() -> SearchSpace:
@@ -266,7 +265,7 @@ def flagship() -> SearchSpace:
 
 
 def test_flagship_counts() -> None:
-    driver = Enumeration(flagship())
+    driver = DRIVERS["enumeration"](flagship())
     assert driver.count() == Tally(12694, 6382)
     assert size_up_to(flagship(), 6382) == 6382
     assert driver.size_up_to(6381) is None
@@ -277,7 +276,7 @@ def test_order_depends_on_the_space_alone() -> None:
     whole = everything(space)[0]
     assert np.array_equal(everything(space, rows=97)[0], whole)
     for portions in ([1, 3, 500, 10000, 1], [None], [6382]):
-        driver, parts = Enumeration(space), []
+        driver, parts = DRIVERS["enumeration"](space), []
         for limit in itertools.cycle(portions):
             driver.count()  # looking at the whole does not disturb the asking
             part = driver.ask(limit)
@@ -298,13 +297,13 @@ def test_order_depends_on_the_space_alone() -> None:
 @pytest.mark.long
 def test_large_spaces_are_called_large_at_once() -> None:
     space = grid_space(["a" * 7] * 7 + ["#" * 7], block_cells=[2, 3])
-    assert Enumeration(space).size_up_to(2000) is None
-    assert len(Enumeration(space).ask(5)) == 5
+    assert DRIVERS["enumeration"](space).size_up_to(2000) is None
+    assert len(DRIVERS["enumeration"](space).ask(5)) == 5
 
 
 def test_a_space_with_one_labelling() -> None:
     space = grid_space(["a", "#"])
-    driver = Enumeration(space)
+    driver = DRIVERS["enumeration"](space)
     assert driver.count() == Tally(1, 1)
     assert np.array_equal(driver.ask(), space.fixed[None])
     assert len(driver.ask()) == 0
@@ -460,7 +459,9 @@ def searched(folder: Path, budget: int) -> None:
 
 
 def trials(folder: Path) -> list[tuple[int, str | None, dict[str, float]]]:
-    study = optuna.load_study(study_name=None, storage=JournalStorage(JournalFileBackend(str(folder / FILE))))
+    study = optuna.load_study(
+        study_name=None, storage=JournalStorage(JournalFileBackend(str(folder / "optuna.journal")))
+    )
     return [(trial.number, trial.user_attrs.get("labelling"), trial.params) for trial in study.trials]
 
 
@@ -469,11 +470,11 @@ def test_a_torn_line_and_a_lock_left_behind_are_made_good(tmp_path: Path) -> Non
     searched(tmp_path / "whole", 40)
     torn = tmp_path / "torn"
     searched(torn, 20)
-    journal = torn / FILE
+    journal = torn / "optuna.journal"
     journal.write_bytes(journal.read_bytes()[:-40])
-    journal.with_name(f"{FILE}.lock").write_text("")
+    journal.with_name(f"{'optuna.journal'}.lock").write_text("")
     searched(torn, 40)
-    assert not journal.with_name(f"{FILE}.lock").exists()
+    assert not journal.with_name(f"{'optuna.journal'}.lock").exists()
     assert trials(torn) == trials(tmp_path / "whole")
 
 
@@ -482,7 +483,7 @@ def test_a_damaged_journal_is_written_again(content: bytes, tmp_path: Path) -> N
     """It is a copy of what is on record, and does not stand in the way of going on."""
     searched(tmp_path / "whole", 20)
     searched(tmp_path / "a", 10)
-    (tmp_path / "a" / FILE).write_bytes(content)
+    (tmp_path / "a" / "optuna.journal").write_bytes(content)
     searched(tmp_path / "a", 20)
     assert trials(tmp_path / "a") == trials(tmp_path / "whole")
 
@@ -491,7 +492,7 @@ def test_every_trial_of_a_class_is_finished() -> None:
     """Trials of a class that were asked for while another of it was evaluated stayed running for ever."""
     scene = parse_scene(SCENE)
     space = search_space(scene, build_assembly(scene))
-    driver = Optuna(space, 0, size=16)  # few classes: many trials propose one that is waiting
+    driver = DRIVERS["optuna"](space, 0, size=16)  # few classes: many trials propose one that is waiting
     rows = driver.propose()
     waiting = driver._study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
     assert len(waiting) > len(driver._waiting)

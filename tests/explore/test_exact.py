@@ -19,11 +19,10 @@ from cases import DOWN, box, every_layout, grid_document
 from cases import scene_in_space as scene
 from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space
-from jld_explore.drivers import make_driver
+from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.drivers.exact.block_bounds import BlockBoundTightening, TightenedBound
 from jld_explore.drivers.exact.conflict_generation import windows_of
 from jld_explore.drivers.exact.context import ProofContext, possible_blocks
-from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Records
 from jld_explore.space import count_named, feasible, values_of
@@ -68,7 +67,7 @@ def search(rows: list[str], options: dict[str, Any], folder: Path, driver: str, 
     if own.keys() <= {"aim"}:
         return explore(scene, folder, ExploreSettings(pictures=False, driver=driver, options=own, **settings))
     space = search_space(scene, build_assembly(scene))
-    return explore(scene, folder, ExploreSettings(pictures=False, **settings), driver=Exact(space, **own))
+    return explore(scene, folder, ExploreSettings(pictures=False, **settings), driver=DRIVERS["exact"](space, **own))
 
 
 Enumerated = Callable[[list[str], dict[str, Any]], Exploration]
@@ -281,7 +280,7 @@ def test_faces_no_block_contains_are_dry_in_every_bound(
     document["grid"]["cell"] = cell
     scene = parse_scene(document)
     every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration")).summary.facts
-    alone = Exact(search_space(scene, build_assembly(scene)), search=0)  # the proof alone finds it
+    alone = DRIVERS["exact"](search_space(scene, build_assembly(scene)), search=0)  # the proof alone finds it
     found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False), driver=alone).summary.facts
     assert found["proven"] is True
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
@@ -365,8 +364,8 @@ def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(tmp_path: P
     scale = LimitAnalysis(space.assembly).template.scaling.load
     for number, best in enumerate((1e-3 * np.random.default_rng(4).random(30)).tolist()):
         records = Records(tmp_path / str(number), {}, len(space.fixed))
-        Exact(space, search=0).start(None, lambda: None, records)
-        driver = Exact(space, search=0)
+        DRIVERS["exact"](space, search=0).start(None, lambda: None, records)
+        driver = DRIVERS["exact"](space, search=0)
         driver.restore(known, [Evaluation(Status.COLLAPSE, best, best, best)])
         records.add_conflicts(decided[None], values[None], [driver.least(None) / scale], [0])
         driver.start(None, lambda: None, records)
@@ -394,7 +393,7 @@ def test_the_block_relaxation_bounds_the_root_except_for_certificates() -> None:
     scene = parse_scene(grid_document(["aaaa"] * 5 + ["####"], **options))
     space, bounds = search_space(scene, build_assembly(scene)), []
     for by_faces in (False, True):
-        driver = Exact(space, search=0, programs=1)
+        driver = DRIVERS["exact"](space, search=0, programs=1)
         if by_faces:
             driver.disable_block_bounds()
         driver.start(None, lambda: None)
@@ -564,7 +563,7 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
     every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
     monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._RELAXATIONS", (0.0, 0.0))
     monkeypatch.setattr("jld_explore.drivers.exact.block_tree._BLOCKS_PER_ELEMENT", 0)  # no tree
-    driver = Exact(space, search=0)
+    driver = DRIVERS["exact"](space, search=0)
     found = explore(scene, tmp_path / "found", ExploreSettings(pictures=False, small=0), driver=driver)
     assert driver._tightening.solves > 0
     assert found.summary.proven is True
@@ -600,7 +599,7 @@ def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, mon
 def test_a_certificate_is_of_faces_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scenes()["weak"]
     monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._RELAXATIONS", (0.0, 0.0))
-    driver = Exact(search_space(scene, build_assembly(scene)), search=0)
+    driver = DRIVERS["exact"](search_space(scene, build_assembly(scene)), search=0)
     settings = ExploreSettings(pictures=False, small=0, certificate=tmp_path / "proof.jld")
     found = explore(scene, tmp_path / "out", settings, driver=driver)
     assert driver._tightening.solves == 0

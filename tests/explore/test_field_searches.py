@@ -22,7 +22,7 @@ from jld_core.fields.bounds import CoarseBounds, Fields, FieldSetting, PartialUp
 from jld_core.limit import CaseBounds, governing
 from jld_core.refinement import crack_cells
 from jld_explore import Exploration, ExploreSettings, Interrupted, Progress, explore, read_folder, search_space
-from jld_explore.drivers.field_exact import CONFLICTS_FILE, FieldExact
+from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conflict
 from jld_explore.evaluation import pool as task_pool
 from jld_explore.evaluation.field_evaluator import (
@@ -34,7 +34,6 @@ from jld_explore.evaluation.field_evaluator import (
     mesh_seconds,
     time_rate,
 )
-from jld_explore.evaluation.records import REFINED_FILE
 from jld_explore.report import words
 from jld_explore.report.page_of_study import study_data
 from jld_explore.space import from_string
@@ -107,7 +106,7 @@ def test_an_interrupted_proof_is_resumed(proven: Exploration, tmp_path: Path) ->
     scene = parse_scene(document() | {"cracks": FIELDS})
     with pytest.raises(Interrupted):
         explore(scene, tmp_path / "out", settings, stop)
-    assert (tmp_path / "out" / CONFLICTS_FILE).exists()
+    assert (tmp_path / "out" / "conflicts.npz").exists()
     done = searched(tmp_path / "out", driver="exact", resume=True)
     assert done.summary.facts["race"]["decided"]
     assert done.summary.best <= proven.summary.bound * (1 + 1e-9)
@@ -118,7 +117,7 @@ def test_an_interrupted_proof_is_resumed(proven: Exploration, tmp_path: Path) ->
 
 def test_a_damaged_file_of_conflicts_is_named(proven: Exploration, tmp_path: Path) -> None:
     shutil.copytree(proven.folder, tmp_path / "out")
-    path = tmp_path / "out" / CONFLICTS_FILE
+    path = tmp_path / "out" / "conflicts.npz"
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(InputError, match=r"conflicts\.npz.*damaged"):
         searched(tmp_path / "out", driver="exact", resume=True)
@@ -127,7 +126,7 @@ def test_a_damaged_file_of_conflicts_is_named(proven: Exploration, tmp_path: Pat
 def test_conflicts_on_disk_are_weighed_and_not_believed(proven: Exploration, tmp_path: Path) -> None:
     """A velocity field that was scaled down in one triangle proves less, or nothing; it never proves more."""
     shutil.copytree(proven.folder, tmp_path / "out")
-    path = tmp_path / "out" / CONFLICTS_FILE
+    path = tmp_path / "out" / "conflicts.npz"
     with np.load(path) as file:
         content = {name: file[name] for name in file.files}
     content["velocity"][::7] *= 0.5
@@ -142,7 +141,7 @@ def test_a_race_is_resumed(tmp_path: Path) -> None:
     searched(tmp_path / "out", WIDE, seconds=0.0, driver="enumeration")
     done = searched(tmp_path / "out", WIDE, resume=True, driver="enumeration")
     whole = searched(tmp_path / "whole", WIDE, driver="enumeration")
-    assert (tmp_path / "out" / REFINED_FILE).exists()
+    assert (tmp_path / "out" / "refined.npz").exists()
     assert done.summary.facts["race"]["decided"]
     assert done.summary.best <= whole.summary.bound * (1 + 1e-9)
     assert len(done.results) == len(whole.results)

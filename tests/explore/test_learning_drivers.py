@@ -16,17 +16,14 @@ from command import SCENES
 from jld_core import Deadline, LimitAnalysis, SolveOptions, Status, build_assembly, load_scene, parse_scene
 from jld_core.limit.mechanism import Movements
 from jld_explore import Evaluation, ExploreSettings, SearchSpace, explore, search_space
-from jld_explore.drivers import BufferedRandom, Genetic, make_driver, operators
-from jld_explore.drivers.anneal import Anneal
+from jld_explore.drivers import DRIVERS, BufferedRandom, Genetic, make_driver, operators
 from jld_explore.drivers.choice import driver_for
 from jld_explore.drivers.exact.context import TargetSchedule
-from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.genetic import crowding_of, fronts_of
 from jld_explore.drivers.operators.segmentations import Following
 from jld_explore.drivers.searcher import SLOTS, Pool, Surrogate
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.protocol import FAILED, ORDER, objectives, sort_key, status_ranks
-from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.search import driver_choice
 from jld_explore.space import feasible, keys
 
@@ -204,7 +201,7 @@ def test_evaluations_decide_what_is_next_and_no_clock() -> None:
     solver = Evaluator(space.assembly, EvaluatorSettings())
     asked = []
     for portion in (None, 7):
-        driver, rows = Anneal(space, 3, chains=4), []
+        driver, rows = DRIVERS["anneal"](space, 3, chains=4), []
         while sum(map(len, rows)) < 300:
             rows.append(driver.ask(portion))
             driver.tell(rows[-1], [solver.evaluate(labels) for labels in rows[-1]])
@@ -215,7 +212,7 @@ def test_evaluations_decide_what_is_next_and_no_clock() -> None:
 def test_half_of_the_chains_begin_every_cycle_at_the_best() -> None:
     """At the end of the greedy cycles no chain did, where more chains join."""
     scene = parse_scene(grid_document(WALL, **OPTIONS))
-    driver = Anneal(search_space(scene, build_assembly(scene)), 0, chains=8)
+    driver = DRIVERS["anneal"](search_space(scene, build_assembly(scene)), 0, chains=8)
     best = driver.operators.draw(1, driver.rng)[0]
     driver._best = (-1.0, best, 0)
     counts = []
@@ -343,7 +340,7 @@ def test_a_proof_begins_with_the_genetic_driver() -> None:
     scene = parse_scene(grid_document(ROWS, block_cells=[2, 4]))
     space = search_space(scene, build_assembly(scene))
     chosen = driver_for(space, 3, SolveOptions(), None, {}, many=False)
-    assert isinstance(chosen, Exact)
+    assert isinstance(chosen, DRIVERS["exact"])
     np.testing.assert_array_equal(chosen.ask(48), Genetic(space, 3).ask(48))
 
 
@@ -368,7 +365,7 @@ def test_the_default_driver_does_what_the_genetic_one_does(tmp_path: Path) -> No
         settings = ExploreSettings(driver=driver, budget=100, jobs=1, pictures=False, check_fields=0)
         done = explore(scene, tmp_path / str(driver), settings)
         facts.append([done.summary.facts[key] for key in ("driver", "evaluated", "best", "classes")])
-        with closing(sqlite3.connect(done.folder / RECORDS_FILE)) as file:
+        with closing(sqlite3.connect(done.folder / "records.sqlite3")) as file:
             orders.append(file.execute("SELECT labelling FROM evaluations ORDER BY id").fetchall())
     assert facts[0] == facts[1] == ["genetic", 100, facts[0][2], None]
     assert orders[0] == orders[1]

@@ -20,7 +20,6 @@ from jld_core.exchange import Layout, export
 from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS
-from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.report.page_contract import PageData
 from jld_explore.space import from_string
@@ -410,7 +409,7 @@ def test_a_tree_of_blocks_under_cases_proves_the_same_as_enumeration(name: str) 
     scene = scene_of(name)
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
-    driver = Exact(space, by_blocks="on", search=0)
+    driver = DRIVERS["exact"](space, by_blocks="on", search=0)
     evaluator = evaluator_of(assembly, EvaluatorSettings())
     while len(rows := driver.ask()):
         driver.tell(rows, evaluator.evaluate_all(rows))

@@ -25,7 +25,6 @@ from jld_experiment import experiments
 from jld_explore import Evaluation, ExploreSettings, explore, read_folder, search_space
 from jld_explore.evaluation import Records
 from jld_explore.evaluation.protocol import BOUND, record_type, rows_of
-from jld_explore.evaluation.records import RECORDS_FILE
 from jld_explore.report import csv_of, tables
 from jld_explore.report import tables as result_files
 from jld_explore.report.tables import write_results
@@ -59,7 +58,7 @@ def filled(folder: Path, count: int = 6) -> Path:
     records.append(labellings(count)[:2], [1, 2], evaluations(count)[:2])
     records.append(labellings(count)[2:], [1] * (count - 2), evaluations(count)[2:])
     records.close()
-    return folder / RECORDS_FILE
+    return folder / "records.sqlite3"
 
 
 def change(path: Path, statement: str, *values: object) -> None:
@@ -78,14 +77,14 @@ def test_written_records_are_found(tmp_path: Path) -> None:
     assert len(records) == 6
     assert records.rows["multiplicity"].tolist() == [1, 2, 1, 1, 1, 1]
     records.close()
-    assert [path.name for path in tmp_path.iterdir()] == [RECORDS_FILE]
+    assert [path.name for path in tmp_path.iterdir()] == ["records.sqlite3"]
 
 
 def test_records_are_readable_by_sqlite_alone(tmp_path: Path) -> None:
     """With nothing but SQLite, also while the study runs."""
     records = Records(tmp_path, HEADER, FACES)
     records.append(labellings(3), [1, 1, 1], evaluations(3))
-    file = sqlite3.connect(f"file:{tmp_path / RECORDS_FILE}?mode=ro", uri=True)
+    file = sqlite3.connect(f"file:{tmp_path / 'records.sqlite3'}?mode=ro", uri=True)
     rows = file.execute("SELECT hex(labelling), status, low, settled FROM evaluations ORDER BY id").fetchall()
     assert rows == [
         ("0000", "collapse", -0.5, "solve"),
@@ -112,12 +111,12 @@ def test_records_are_never_changed(tmp_path: Path) -> None:
 
 def test_another_header_is_refused_by_name(tmp_path: Path) -> None:
     filled(tmp_path)
-    before = (tmp_path / RECORDS_FILE).read_bytes()
+    before = (tmp_path / "records.sqlite3").read_bytes()
     with pytest.raises(InputError, match="seed 1, not 2"):
         Records(tmp_path, HEADER | {"seed": 2}, FACES)
     with pytest.raises(InputError, match="faces 11, not 12"):
         Records(tmp_path, HEADER, 12)
-    assert (tmp_path / RECORDS_FILE).read_bytes() == before
+    assert (tmp_path / "records.sqlite3").read_bytes() == before
 
 
 def said_or_held(folder: Path) -> str | list[str]:
@@ -144,11 +143,11 @@ def test_cut_anywhere_or_full_of_garbage(tmp_path: Path) -> None:
     folder = tmp_path / "damaged"
     folder.mkdir()
     for text in damaged:
-        (folder / RECORDS_FILE).write_bytes(text)
+        (folder / "records.sqlite3").write_bytes(text)
         found = said_or_held(folder)
         if isinstance(found, str):
             refused += 1
-            assert found.startswith(f"{folder / RECORDS_FILE}: ")
+            assert found.startswith(f"{folder / 'records.sqlite3'}: ")
             assert "\n" not in found
         else:
             assert found == [repr(expected) for expected in evaluations(6)]
@@ -184,22 +183,22 @@ def test_a_forged_status_with_a_right_checksum_is_refused(tmp_path: Path) -> Non
 
 
 def test_an_empty_record_beside_a_scene_is_refused(tmp_path: Path) -> None:
-    (tmp_path / RECORDS_FILE).touch()
+    (tmp_path / "records.sqlite3").touch()
     records = Records(tmp_path, HEADER, FACES)
     assert records.began_anew  # killed before anything was finished; the summary says so
     records.close()
-    (tmp_path / RECORDS_FILE).unlink()
-    (tmp_path / RECORDS_FILE).touch()
+    (tmp_path / "records.sqlite3").unlink()
+    (tmp_path / "records.sqlite3").touch()
     (tmp_path / "scene.json").touch()
     with pytest.raises(InputError, match="it is empty"):
         Records(tmp_path, HEADER, FACES)
-    assert (tmp_path / RECORDS_FILE).stat().st_size == 0
-    (tmp_path / RECORDS_FILE).unlink()
+    assert (tmp_path / "records.sqlite3").stat().st_size == 0
+    (tmp_path / "records.sqlite3").unlink()
     (tmp_path / "scene.json").unlink()
     filled(tmp_path)
     (tmp_path / "scene.json").write_text("{}")
-    (tmp_path / RECORDS_FILE).unlink()
-    with closing(sqlite3.connect(tmp_path / RECORDS_FILE)) as file:
+    (tmp_path / "records.sqlite3").unlink()
+    with closing(sqlite3.connect(tmp_path / "records.sqlite3")) as file:
         file.execute("PRAGMA journal_mode=WAL")
     with pytest.raises(InputError, match="no tables"):
         Records(tmp_path, HEADER, FACES)
@@ -224,7 +223,7 @@ def test_a_full_disk_is_named(tmp_path: Path) -> None:
     rows = labellings(2000)
     with pytest.raises(OSError, match="No space left on device") as error:
         records.append(rows, [1] * 2000, evaluations(2000))
-    assert error.value.filename == str(tmp_path / RECORDS_FILE)
+    assert error.value.filename == str(tmp_path / "records.sqlite3")
     assert len(records) == 6
     records.close()
     records = Records(tmp_path, HEADER, FACES)

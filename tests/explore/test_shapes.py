@@ -276,7 +276,7 @@ def test_enumeration_and_the_exact_driver_keep_the_limits(name: str, tmp_path: P
     assert found.summary.proven
     assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
     for driver in ("genetic", "random", "hillclimb", "anneal"):
-        some = explore(scene, tmp_path / driver, ExploreSettings(pictures=False, driver=driver, budget=40))
+        some = explore(scene, tmp_path / driver, ExploreSettings(pictures=False, driver=driver, budget=15))
         labellings = some.results["labelling"].tolist()
         assert set(labellings) <= set(every.results["labelling"])
         assert len(labellings)

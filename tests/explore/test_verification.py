@@ -611,6 +611,7 @@ CHANGES: dict[str, Callable[[list[dict[str, Any]]], object]] = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CHANGES)
 def test_both_checkers_refuse_changed_certificates(name: str, tall: list[dict[str, Any]], tmp_path: Path) -> None:
     lines = json.loads(json.dumps(tall))
@@ -726,6 +727,7 @@ def _document(seed: int) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(k, marks=pytest.mark.long) for k in range(12, 150))])
 def test_a_certificate_verifies_or_is_refused_in_one_line(seed: int, tmp_path: Path) -> None:
     path = tmp_path / "proof.jld"

@@ -18,7 +18,7 @@ from cases import grid_document
 from fatal_labelling import FatalLabelling
 from jld_core import Assembly, Deadline, InputError, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, ExploreSettings, Progress, explore, search_space
-from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.evaluation.workers import Workers, WorkerSpec, batch_size, evaluate_batch
 
@@ -30,7 +30,7 @@ def wall() -> tuple[Assembly, Any, np.ndarray]:
     scene = parse_scene(grid_document(["aaa", "aaa", "###"]))
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
-    return assembly, space, Enumeration(space).ask(90)
+    return assembly, space, DRIVERS["enumeration"](space).ask(90)
 
 
 def everything(workers: Workers, rows: np.ndarray) -> list[Evaluation]:

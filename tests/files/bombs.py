@@ -100,7 +100,7 @@ def _fan(space: Any) -> None:
 def _hatch_of_lines(space: Any) -> None:
     hatch = space.add_hatch()
     edges = hatch.paths.add_edge_path()
-    count = 2500
+    count = 1500
     for k in range(count):
         j = k * 2579 % count  # in no order
         edges.add_line((j, (j % 2) * 0.5), ((j + 1) % count, ((j + 1) % 2) * 0.5))
@@ -108,7 +108,7 @@ def _hatch_of_lines(space: Any) -> None:
 
 def _hatch_of_squares(space: Any) -> None:
     hatch = space.add_hatch()
-    for k in range(6000):
+    for k in range(3000):
         hatch.paths.add_polyline_path([(x + 2 * (k % 80), y + 2 * (k // 80)) for x, y in SQUARE], is_closed=True)
 
 
@@ -118,7 +118,7 @@ def _circles(space: Any) -> None:
 
 
 def _spline(space: Any) -> None:
-    space.add_open_spline([(k, (k % 2) * 1000) for k in range(3000)], degree=3)
+    space.add_open_spline([(k, (k % 2) * 1000) for k in range(1500)], degree=3)
 
 
 def _dxf() -> dict[str, tuple[Callable[[Path], None], str]]:
@@ -222,14 +222,14 @@ def _solids() -> dict[str, tuple[Callable[[Path], None], str]]:
         "mapped.ifc": (_ifc(_mapped(10, 10)), "mapped items unfold"),
         "mapped_two.ifc": (_ifc(_mapped(30, 2)), "mapped items unfold"),
         "clipped.ifc": (_ifc(_clipped(3000)), "cut 3000 times"),
-        "cuts.ifc": (_ifc(_clipped(150)), ""),
+        "cuts.ifc": (_ifc(_clipped(80)), ""),
         "blocks.3dm": (_rhino(10, 10), "too many"),
         "blocks_two.3dm": (_rhino(15, 2), "too many"),
         "assembly.step": (_text(lambda: _step(30, 2)), "too many parts"),
         "assembly_ten.step": (_text(lambda: _step(12, 10)), "too many parts"),
         "brackets.step": (_text(lambda: deep), "too deeply"),
         "face.obj": (
-            _text(lambda: "v 0 0 0\nv 1 0 0\nv 0 1 0\nf" + " 1 2 3" * 400_000 + "\n"),
+            _text(lambda: "v 0 0 0\nv 1 0 0\nv 0 1 0\nf" + " 1 2 3" * 150_000 + "\n"),
             "",
         ),
         "faces.obj": (_text(lambda: "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "f 1 2 3\n" * 400_000), "too many faces"),
@@ -240,7 +240,7 @@ def _solids() -> dict[str, tuple[Callable[[Path], None], str]]:
         "claims.ply": (lambda path: path.write_bytes(ply) and None, ""),
         "deep.json": (_text(lambda: '{"node":' + "[" * 500_000), "nested too deeply"),
         "nodes.json": (
-            _text(lambda: json.dumps({"node": {str(k): {"block": {}} for k in range(200_000)}})),
+            _text(lambda: json.dumps({"node": {str(k): {"block": {}} for k in range(70_000)}})),
             "",
         ),
         "rows.csv": (_text(lambda: "id,x,y\n" + "a,1,2\n" * 400_000), "too many corners"),

@@ -72,6 +72,7 @@ KINDS = [*{(Path(file.name).suffix, bool(file.refused), bool(file.doubtful)): fi
 """One file of the shelf for each format, and for those of each format that are refused or doubtful."""
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("file", KINDS, ids=[file.name for file in KINDS])
 def test_every_kind_of_file_is_shown_or_one_line(local: Local, file: File, tmp_path: Path) -> None:
     path = tmp_path / file.name

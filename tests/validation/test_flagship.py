@@ -32,14 +32,14 @@ from jld_core import (
 from jld_core.mechanics import equilibrium_matrix, load_vectors
 from jld_core.solvers import SOLVERS
 from jld_explore import search_space
-from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers import DRIVERS
 from proofs import load_factor_in_space, noisy, reference_load_factor
 
 
 def classes(scene: Scene) -> tuple[Assembly, np.ndarray, np.ndarray]:
     """The assembly, one labelling of every class, and how many labellings each stands for."""
     assembly = build_assembly(scene)
-    batches = list(Enumeration(search_space(scene, assembly)).batches())
+    batches = list(DRIVERS["enumeration"](search_space(scene, assembly)).batches())
     labellings, multiplicity = (np.concatenate(part) for part in zip(*batches, strict=True))
     return assembly, labellings, multiplicity
 

@@ -15,7 +15,7 @@ from jld_core.exchange.formats import formats
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import rounded
 from jld_core.plugins import part
-from jld_core.scene.loads import Case, Loads
+from jld_core.scene.loads import Case, Loads, body_of
 from jld_core.scene.schema import Scene
 from jld_core.scene.uncertain import with_means
 
@@ -124,8 +124,8 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
     """Return a load entry with the names and the dimension of the file; lift: extruded."""
-    if "body" in entry:
-        return {"body": _lifted(entry["body"]) if lift else entry["body"]}
+    if (body := body_of(entry)) is not None:
+        return {"body": _lifted(body) if lift else body}
     element = layout.assembly.elements.index[entry["element"]]
     found: dict[str, Any] = {"element": names(entry["element"])}
     if entry.get("force") is not None:

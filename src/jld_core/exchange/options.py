@@ -20,6 +20,7 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import area_vector
 from jld_core.parameters import require_field_types
+from jld_core.scene.loads import body_of
 from jld_core.scene.schema import Scene
 from jld_core.scene.units import METRES
 
@@ -458,7 +459,7 @@ def _fits(entry: dict[str, Any], ids: set[str], dimension: int) -> bool:
     """Return True if a load entry of another scene can be used in this one."""
     if "face" in entry:
         return dimension == 2 if "along" in entry["face"] else entry["face"]["between"][0] in ids
-    vector = entry.get("body") or entry.get("force") or []
+    vector = body_of(entry) or entry.get("force") or []
     return entry.get("element") in (None, *ids) and len(vector) in (0, dimension)
 
 

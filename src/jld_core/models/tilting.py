@@ -47,8 +47,8 @@ def tilt_bracket(assembly: Assembly, labels: Bits, model: Model, towards: Floats
     It stands without live load, and up to a load factor between low and high, infinite where it is locked.
     """
     analysis = limit_analysis(assembly, model, reference=labels, single_labelling=True)
-    sets = analysis.template.yield_set
-    if not sets.strength(labels).any() and not math.isinf(low):
+    cones = assembly.members.bond is None and not analysis.template.yield_set.strength(labels).any()
+    if cones and not math.isinf(low):
         return _degrees(low), _degrees(high)
     if model.friction != "associative" or model.effective_area:
         return math.nan, math.nan  # the states are not convex

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Final, Self
 
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
@@ -152,6 +153,11 @@ class TiltLoad(Part):
         """Return the unit vector of the direction, by which weights are multiplied at λ = 1."""
         size = math.hypot(*self.tilt.towards)
         return [component / size for component in self.tilt.towards]
+
+
+def body_of(entry: Mapping[str, Any]) -> list[float] | None:
+    """Return the vector by which a load entry of a document multiplies weights; None for another load."""
+    return TiltLoad.model_validate(entry).body if "tilt" in entry else entry.get("body")
 
 
 # Kinds of load entries by the key that tells them apart; others are point loads

@@ -16,6 +16,7 @@ _GROUPS: Final = {
     "Find the best layout": {
         "design": "the blocks of an outline: cells tried, joints searched and moved, the best checked",
         "explore": "search the layouts of a scene for the strongest: table, front, pictures, page",
+        "cut": "cut a solid to the fewest parts that fit a machine, go together and carry a load",
         "move": "move the joints of a layout for the largest load factor, or prove the best in a box",
         "verify": "check the certificate of a proof",
     },
@@ -26,6 +27,8 @@ _GROUPS: Final = {
         "check-design": "partial factors: utilisation, reactions, joints near their limit, and a page to file",
         "reliability": "reliability index of a layout whose strengths and loads have distributions",
         "experiment": "load a layout in a virtual experiment until it comes down",
+        "map": "λ and mechanisms over values of a scene, or the strongest layout at each",
+        "benchmark": "problems with proven answers, and the check of layouts that others found",
     },
     "Show and build it": {
         "studio": "move joints by hand and see the proven load follow, in a browser",

@@ -78,12 +78,12 @@ function entries(form, structure, path, title, take, live = false) {
   if (!list.length && !live) return [];
   const rows = list.map((/** @type {any} */ load, /** @type {number} */ k) => {
     const place = [...path, k];
-    const title = load.body ? "all bodies" : load.on_fill ? "fill" : load.face ? `faces of ${load.face.between?.[0] ?? `a line of ${load.face.along?.length} points`}` : load.element;
+    const title = load.body ? "all bodies" : load.tilt ? "a tilting table" : load.on_fill ? "fill" : load.face ? `faces of ${load.face.between?.[0] ?? `a line of ${load.face.along?.length} points`}` : load.element;
     const vector = (/** @type {string} */ key, /** @type {string} */ name, /** @type {string} */ unit) => [
       ...axes.map((axis, i) => form.text(`${name}${axis}`, [...place, ...within(load, key), i], { more: live ? { "data-load": k } : {}, unit: i === axes.length - 1 ? unit : "" }))];
     const pressure = Array.isArray(load.pressure?.mean ?? load.pressure) ? [0, 1].map((i) => form.text(`pressure ${i ? "last" : "first"}`, [...place, ...within(load, "pressure"), i], { unit: i ? `${force}/${length}²` : "" }))
       : [form.text("pressure", [...place, ...within(load, "pressure")], { unit: `${force}/${length}²` })];
-    const fields = load.body ? vector("body", "", "× weight") : load.face ? pressure : load.on_fill ? [
+    const fields = load.body ? vector("body", "", "× weight") : load.tilt ? axes.map((axis, i) => form.text(`towards ${axis}`, [...place, "tilt", "towards", i])) : load.face ? pressure : load.on_fill ? [
       form.text("at", [...place, "on_fill", "at"], { unit: length }), form.text("width", [...place, "on_fill", "width"], { unit: length, hint: "0" }),
       form.text("weight", [...place, ...within(load, "weight")], { unit: force })] : [
       ...(load.force ? vector("force", "", force) : []),

@@ -1,0 +1,198 @@
+"""Cutting solids: exact cells and joints, closed forms of λ, files that are read again, bad input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+from manifold3d import Manifold
+
+from jld_core import InputError, ParameterError
+from jld_cut import Options, cut
+from jld_cut.cells import Cutting, Limits, concave_edges, convex_parts, joints_of
+from jld_cut.elastic import compressed
+from jld_cut.families import axis_of
+from jld_cut.loads import facet_of, parse_load, shares
+from jld_cut.meshes import read_solid, solid_of, stl_bytes, surface_of, write_3mf
+
+DOWN = ("0,0,-1000",)
+
+
+def box(x: float, y: float, z: float, at: tuple[float, float, float] = (0, 0, 0)) -> Any:
+    return Manifold.cube((x, y, z)).translate(at)
+
+
+def bench() -> Any:
+    return box(1.8, 0.4, 0.1, (0, 0, 0.4)) + box(0.2, 0.4, 0.41, (0.1, 0, 0)) + box(0.2, 0.4, 0.41, (1.5, 0, 0))
+
+
+def written(solid: Any, path: Path) -> Path:
+    path.write_bytes(stl_bytes(*surface_of(solid)))
+    return path
+
+
+def test_a_pillar_in_two_parts_tips_as_in_closed_form(tmp_path: Path) -> None:
+    """A pillar 1 × 1 × 2 tilts at half its width over half its height, whatever cuts it level."""
+    options = Options((1.2, 1.2, 1.2), ("body:1,0,0",), require=0.1, families=("grid",), cells=4, seconds=20.0)
+    found = cut(written(box(1.0, 1.0, 2.0), tmp_path / "pillar.stl"), options, tmp_path / "out")
+    assert found["parts"] == 2
+    assert found["fits"]
+    assert found["can_be_laid"]
+    assert found["load_factor"] == pytest.approx(0.5, rel=1e-4)
+
+
+def test_a_bench_is_cut_to_whole_files(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    options = Options((0.95,) * 3, DOWN, clearance=0.002, cells=6, seconds=20.0, mass=200.0, families=("grid",))
+    found = cut(written(bench(), tmp_path / "bench.stl"), options, out)
+    table = pd.read_csv(out / "parts.csv")
+    assert found == json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert len(table) == found["parts"]
+    assert found["volume_error"] < 1e-12
+    assert found["file_error"] < 1e-6
+    assert table["mass"].max() <= 200.0 * (1 + 1e-9)
+    assert table["volume"].sum() == pytest.approx(found["volume"], rel=1e-9)
+    assert (table["volume_with_clearance"] < table["volume"]).all()
+    meshes = [trimesh.load_mesh(out / name) for name in table["file"]]
+    assert all(mesh.is_watertight for mesh in meshes)
+    assert [mesh.volume for mesh in meshes] == pytest.approx(table["volume_with_clearance"].tolist(), rel=1e-6)
+    solids = [solid_of(mesh.vertices, mesh.faces) for mesh in meshes]
+    assert all((a ^ b).volume() < 1e-9 for k, a in enumerate(solids) for b in solids[:k])
+    assert sorted(table["step"]) == list(range(1, len(table) + 1))
+    for name in ("parts.3mf", "parts.step", "parts.png", "order.png", "report.html", "scene.json"):
+        assert (out / name).stat().st_size > 500
+    assert read_solid(out / "bed" / "part_01.stl", 1.0).volume() == pytest.approx(meshes[0].volume, rel=1e-5)
+
+
+def test_cells_and_joints_are_exact() -> None:
+    solid = bench()
+    cutting = Cutting(solid)
+    for normal, at in ((np.array([1.0, 0, 0]), 0.9), (np.array([0, 0, 1.0]), 0.4), (np.array([0.6, 0, 0.8]), 0.5)):
+        cutting.through(normal, at)
+    assert sum(cell.volume() for cell in cutting.cells) == pytest.approx(solid.volume(), rel=1e-12)
+    joints = joints_of(cutting.cells, cutting.planes, cutting.size)
+    upright = [joint for joint in joints if abs(joint.normal[0]) == 1.0]
+    assert sum(joint.area for joint in upright) == pytest.approx(0.4 * 0.1, rel=1e-9)
+    assert sum(joint.area for joint in joints if abs(joint.normal[2]) == 1.0) == pytest.approx(2 * 0.2 * 0.4, rel=1e-9)
+    cutting.halve(Limits(np.full(3, 0.3), 1.0))
+    sides = np.array([np.ptp(np.array(cell.bounding_box()).reshape(2, 3), axis=0) for cell in cutting.cells])
+    assert sides.max() <= 0.3 * (1 + 1e-9)
+
+
+def test_concave_cells_are_split_to_convex_ones() -> None:
+    assert len(concave_edges(box(1, 1, 1))) == 0
+    pieces, of, planes, convex = convex_parts([bench(), box(1, 1, 1, (5, 0, 0))], 50)
+    assert convex
+    assert len(planes) >= 1
+    assert set(of.tolist()) == {0, 1}
+    assert sum(piece.volume() for piece in pieces) == pytest.approx(bench().volume() + 1.0, rel=1e-12)
+
+
+def test_a_round_joint_has_few_corners() -> None:
+    tube = Manifold.cylinder(2.0, 1.0, 1.0, 48) - Manifold.cylinder(4.0, 0.6, 0.6, 48, True)
+    cutting = Cutting(tube)
+    cutting.through(np.array([0, 0, 1.0]), 1.0)
+    joints = joints_of(cutting.cells, cutting.planes, cutting.size)
+    assert max(len(joint.polygon) for joint in joints) <= 8
+    area = (Manifold.cylinder(1.0, 1.0, 1.0, 48) - Manifold.cylinder(4.0, 0.6, 0.6, 48, True)).volume()
+    assert sum(joint.area for joint in joints) == pytest.approx(area, rel=0.1)
+
+
+def test_axis_and_stress_of_simple_bodies() -> None:
+    found = axis_of(Manifold.cylinder(1.0, 2.0, 2.0, 40) - Manifold.cylinder(3.0, 1.5, 1.5, 40, True))
+    assert found is not None
+    assert abs(found[1] @ np.array([0, 0, 1.0])) == pytest.approx(1.0)
+    assert found[0][:2] == pytest.approx(np.zeros(2), abs=1e-6)
+    assert axis_of(bench()) is None
+    pillar = box(1.0, 1.0, 3.0)
+    corners = np.array([[x, y, 0.0] for x in (0.1, 0.5, 0.9) for y in (0.1, 0.5, 0.9)])
+    _, size, direction = compressed(pillar, corners, [], np.array([0.0, 0.0, -1.0]), 200)
+    low = size > np.median(size)
+    assert np.abs(direction[low][:, 2]).mean() > 0.9
+
+
+def test_loads_are_alike_for_all_cuts() -> None:
+    """A force on a region has the same sum and the same moment on any cells."""
+    load = parse_load("0,0,-6@0.2,0,0.45,1.3,0.3,0.6", 1.0)
+    wholes = []
+    for at in (None, 0.31, 0.77):
+        cutting = Cutting(bench())
+        if at is not None:
+            cutting.through(np.array([0.8, 0.6, 0.0]), at)
+        found = []
+        for cell in cutting.cells:
+            points, triangles = surface_of(cell)
+            facet = facet_of(points[triangles], 1.8)
+            found.append(facet)
+        parts = shares(load, found)
+        force, moment = sum(f for _, f, _ in parts), sum(np.cross(p, f) for _, f, p in parts)
+        wholes.append(np.concatenate([force, moment]))
+    assert wholes[1] == pytest.approx(wholes[0], abs=1e-9)
+    assert wholes[2] == pytest.approx(wholes[0], abs=1e-9)
+    assert wholes[0][:3] == pytest.approx([0, 0, -6])
+
+
+def test_files_of_all_kinds_hold_the_same_solid(tmp_path: Path) -> None:
+    points, triangles = surface_of(bench())
+    volume = bench().volume()
+    write_3mf(tmp_path / "b.3mf", [("b", 1e3 * points, triangles)])
+    lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles]
+    (tmp_path / "b.obj").write_text("\n".join(lines), encoding="utf-8")
+    # turned inwards as a whole, it is the same solid
+    (tmp_path / "b.stl").write_bytes(stl_bytes(points, triangles[:, ::-1]))
+    for name in ("b.3mf", "b.obj", "b.stl"):
+        assert read_solid(tmp_path / name, 1.0).volume() == pytest.approx(volume, rel=1e-6)
+
+
+def _open(points: Any, triangles: Any) -> tuple[Any, Any]:
+    return points, triangles[1:]
+
+
+def _turned(points: Any, triangles: Any) -> tuple[Any, Any]:
+    return points, np.concatenate([triangles[:1, ::-1], triangles[1:]])
+
+
+def _crossed(points: Any, triangles: Any) -> tuple[Any, Any]:
+    moved = points.copy()
+    moved[(points == [1, 1, 1]).all(axis=1)] = [-0.5, -0.5, -1.0]
+    return moved, triangles
+
+
+@pytest.mark.parametrize(("spoil", "told"), [(_open, "open"), (_turned, "turn against"), (_crossed, "crosses itself")])
+def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any, told: str) -> None:
+    path = tmp_path / "poor.stl"
+    path.write_bytes(stl_bytes(*spoil(*surface_of(box(1, 1, 1)))))
+    with pytest.raises(InputError, match=told) as error:
+        read_solid(path, 1.0)
+    assert "(" in str(error.value)
+    assert "expected" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"fit": (0.0, 1.0, 1.0)}, "fit"),
+        ({"loads": ()}, "load"),
+        ({"loads": ("0,0",)}, "load"),
+        ({"loads": ("0,0,-1@5,5,5,6,6,6",)}, "load"),
+        ({"loads": ("body:1,0,0@0,0,0,1,1,1",)}, "load"),
+        ({"support": ("5,5,5,6,6,6",)}, "support"),
+        ({"support": ("1,1,1,0,0,0",)}, "support"),
+        ({"families": ("slabs",)}, "families"),
+        ({"unit": "ell"}, "unit"),
+        ({"clearance": 0.3}, "clearance"),
+        ({"clearance": -1.0}, "clearance"),
+        ({"require": float("nan")}, "require"),
+    ],
+)
+def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: str) -> None:
+    options = Options(**({"fit": (1.2,) * 3, "loads": DOWN, "seconds": 5.0} | change))
+    with pytest.raises((InputError, ParameterError), match=told) as error:
+        cut(written(box(0.4, 0.4, 2.0), tmp_path / "a.stl"), options, tmp_path / "out")
+    assert "\n" not in str(error.value)
