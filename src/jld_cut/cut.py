@@ -25,8 +25,7 @@ from jld_cut.picture import figure_of_order, figure_of_parts
 from jld_cut.scene import Matter, Setting
 from jld_cut.search import Family, Truth, Wish, anneal, candidates, cut_ways, prove
 from jld_explore import Exploration
-from jld_explore.report import csv_of
-from jld_explore.report.page_of_study import write_report
+from jld_explore.report import csv_of, write_report
 from jld_explore.space import from_string
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
