@@ -25,7 +25,7 @@ from jld_cut.picture import figure_of_order, figure_of_parts
 from jld_cut.scene import Matter, Setting
 from jld_cut.search import Family, Truth, Wish, anneal, candidates, cut_ways, prove
 from jld_explore import Exploration
-from jld_explore.report import csv_of, write_report
+from jld_explore.report import csv_of, page_of_study
 from jld_explore.space import from_string
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
@@ -343,7 +343,7 @@ def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, seconds: float) ->
     figure_of_parts(chosen.parts, summary["verdict"], out / "parts.png")
     if chosen.can_be_laid:
         figure_of_order(chosen.parts, out / "order.png")
-    write_report(chosen.run, out, patience=max(1.0, seconds - 3.0))
+    page_of_study.write_report(chosen.run, out, patience=max(1.0, seconds - 3.0))
 
 
 def _by_fields(chosen: Chosen, out: Path, seconds: float) -> list[float | None] | None:

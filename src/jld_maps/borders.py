@@ -66,10 +66,10 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
     axis, values = list(axes).index(key), np.array(axes[key], dtype=float)
 
     def at(x: Any) -> dict[str, Any] | None:
-        """Return the columns of `sweep` at the values (e,) of the key."""
+        """Return the columns of `sweep` at values (e,) of the key, or several for each edge."""
         all_x, where = np.unique(np.concatenate([x, values[:2]]), return_inverse=True)
         points = Grid(scene, axes | {key: all_x.tolist()})
-        states, own = points.states(), places.copy()
+        states, own = points.states(), np.tile(places, (len(x) // len(places), 1))
         swept = None if states is None else Swept(points, states, labels)
         own[:, axis] = where[: len(x)]
         return swept.all(own, 1) if swept is not None and swept.batched else None
@@ -87,7 +87,8 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
     # the second point of each side stays within the map, where values are known to make sense
     before = np.where(low - step < values.min(), low + _NEAR * step, low - step)
     after = np.where(high + step > values.max(), high - _NEAR * step, high + step)
-    ends: Any = [at(x) for x in (before, low, high, after)]
+    each: Any = at(np.concatenate([before, low, high, after]))
+    ends = [{key: one[k * len(low) : (k + 1) * len(low)] for key, one in each.items()} for k in range(4)]
     far, near, other, beyond = (one["load_factor"].copy() for one in ends)
     far[(before > low) & (ends[0]["mechanism"] != name)] = np.nan
     beyond[(after < high) & (ends[3]["mechanism"] != ends[2]["mechanism"])] = np.nan

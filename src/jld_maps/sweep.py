@@ -39,7 +39,7 @@ from jld_maps.kinds import mechanism_names
 
 _ROUTE: Final = Route("maps", frozenset(FACTS))
 _OPTIONS: Final = Model(cracks="faces")
-_PORTION: Final = 1024  # points that are solved together
+_PORTION: Final = 4096  # points that are solved together
 _BOUNDS: Final = ("status", "bracket_lo", "bracket_hi")
 _STARTS: Final = 4  # starting points of the batch solver
 _FEW: Final = 16  # points that are solved one by one rather than from another starting point
@@ -162,7 +162,8 @@ class Swept:
 
     def all(self, places: Ints, jobs: int) -> dict[str, Any]:
         """Return the columns of all points (k, axes)."""
-        portions = [places[k : k + _PORTION] for k in range(0, len(places), _PORTION)]
+        size = min(_PORTION, -(-len(places) // jobs))
+        portions = [places[k : k + size] for k in range(0, len(places), size)]
         parts = Parallel(n_jobs=jobs, prefer="threads")(delayed(self._portion)(one) for one in portions)
         return {name: np.concatenate([one[name] for one in parts]) for name in parts[0]}
 
