@@ -219,7 +219,6 @@ class FaceStrengths:
         return replace(self, _stated_numbers=numbers, _nominal_numbers=None)
 
     def low_of(self, weak: FaceStrengths) -> FaceStrengths:
-        """Return the strengths of `weak`, with these as nominal ones."""
         return replace(weak, _nominal_numbers=self._stated_numbers)
 
     def at_nominal(self) -> FaceStrengths:

@@ -69,7 +69,6 @@ class BinaryFractions:
         return BinaryFractions(digits << np.where(used, power - least, 0).astype(object), 53 - least)
 
     def transposed(self) -> BinaryFractions:
-        """Return the transposed matrix."""
         return BinaryFractions(self.values.T, self.scale)
 
     def rows(self, chosen: Any) -> BinaryFractions:
@@ -111,7 +110,6 @@ class BinaryFractions:
 
 
 def round_to_bits(table: Floats, bits: int = BITS) -> Floats:
-    """Return an array of doubles rounded to multiples of 2^−bits."""
     return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))
 
 

@@ -207,7 +207,6 @@ class LinearModes:
 
     @property
     def faces(self) -> int:
-        """Return the number of faces m."""
         return len(self.adjacent)
 
     @property
@@ -488,7 +487,6 @@ class BoundedModes:
 
     @classmethod
     def up_to(cls, modes: Modes, high: float) -> BoundedModes:
-        """Compute the bounds for all solutions with 0 ≤ λ ≤ high."""
         statics = Statics(modes, 0.0, high, np.zeros(len(modes.rows), dtype=bool))
         return cls(modes, statics.force_bounds, bound_velocities(statics))
 

@@ -214,7 +214,6 @@ Row = tuple[float, float, float, float, float]
 
 
 def _rows(found: Push) -> list[Row]:
-    """Return the records of a push, as `push` keeps them."""
     columns = (found.distance, found.load_factor, found.unbalanced, found.broken.astype(float), found.energy_error)
     return [(a, b, c, d, e) for a, b, c, d, e in np.column_stack(columns).tolist()]
 

@@ -361,7 +361,6 @@ def figure_of(
     band: tuple[float, float] | None = None,
     proven: float | None = None,
 ) -> Figure:
-    """Draw curve, end of the experiment and mechanism of limit analysis."""
     # The figure is not saved.
     figure = Figure(figsize=(14.4, 5.7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)

@@ -41,8 +41,8 @@ from jld_explore.evaluation.pool import beside, deferred_signals, on_cluster
 from jld_explore.evaluation.protocol import MakeEvaluator
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import folder as folders
+from jld_explore.report import write_report
 from jld_explore.report.folder import check_certificate_file, check_folder, save_tables, write_pictures, write_tables
-from jld_explore.report.page_of_study import write_report
 from jld_explore.report.reading import Exploration
 from jld_explore.search.driver_choice import (
     CLASSES,
@@ -229,7 +229,6 @@ def _search(
     announce: Callable[[str], None] | None,
     started: float | None,
 ) -> Exploration:
-    """Run a search with complete settings, see `explore`."""
     deadline = Deadline(settings.seconds, started)
     check_folder(folder, settings.resume)
     if settings.cluster is not None:

@@ -94,7 +94,6 @@ _BODY: Final = ("Body", "Facetation")  # identifiers of the representations that
 
 
 def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
-    """Read the solids of the products of an IFC file, in metres."""
     ifc = libraries.library("ifcopenshell", path)
     libraries.readable(path)
     with libraries.parsing("IFC", "an IFC file"):
@@ -185,7 +184,6 @@ def _parts_of(item: Any) -> Iterator[Any]:
 
 
 def _nested(value: Any) -> Iterator[Any]:
-    """Yield the values in nested tuples."""
     if isinstance(value, tuple):
         for one in value:
             yield from _nested(one)
@@ -311,7 +309,6 @@ def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
 
 
 def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:
-    """Return vertices and faces of an extruded area."""
     region = _profile(item.SweptArea, title)
     along = np.array([float(x) for x in item.ExtrudedDirection.DirectionRatios])
     along *= float(item.Depth) / float(np.linalg.norm(along))

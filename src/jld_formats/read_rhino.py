@@ -126,7 +126,6 @@ class _Reader:
         return known[key]
 
     def content(self, title: str) -> drawn_loads.Drawing | Solids:
-        """Read all objects."""
         known: dict[str, int] = {}
         items = [item for item in self._model.Objects if not item.Attributes.IsInstanceDefinitionObject]
         if (
@@ -228,7 +227,6 @@ class _Reader:
             self._unread[kind, layer] += 1
 
     def _instance(self, reference: Any, layer: str, moves: list[Any]) -> None:
-        """Read the objects of a block instance."""
         definition = self._model.InstanceDefinitions.FindId(reference.ParentIdefId)
         for identity in definition.GetObjectIds() if definition is not None else ():
             if str(identity) in self._by_id:

@@ -82,7 +82,6 @@ class _File:
             raise InputError("", f"{self._token[:20]!r} stands where {expected!r} is due", "a whole STEP file")
 
     def _instances(self) -> list[Call]:
-        """Read one instance, of one type or of several."""
         if self._token != "(":
             return [self._call()]
         self._next()
@@ -153,7 +152,6 @@ def _value(token: str) -> float | str | None:
 
 
 def read_step(path: Path, options: ImportOptions, notes: Notes) -> Solids:
-    """Read the solids of a STEP file, where its assemblies place them."""
     text = libraries.readable(path).read_bytes().decode("utf-8", "replace")
     if "ISO-10303-21" not in text[:4096]:
         raise InputError("", "it is no STEP file", "ISO-10303-21; …")
@@ -411,7 +409,6 @@ class _Reader:
 
 
 def _references(values: list[Any]) -> Iterator[int]:
-    """Yield the references in nested values."""
     for value in values:
         if isinstance(value, Ref):
             yield value

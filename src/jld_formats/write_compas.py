@@ -18,7 +18,6 @@ _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
 
 
 def compas_text(layout: Layout, *, cells: bool) -> str:
-    """Return a layout as the JSON text of a compas_assembly `Assembly`."""
     solids = list(solids_of(layout, cells=cells))
     keys = weights_of(layout, cells)
     if cells and layout.assembly.dimension == 3:
@@ -163,7 +162,6 @@ def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
 
 
 def _frame(points: Floats) -> dict[str, list[float]]:
-    """Return the COMPAS frame of a plane polygon."""
     normal = area_vector(points)
     x = points[1] - points[0]
     x = x / np.linalg.norm(x)

@@ -120,7 +120,6 @@ class _Ifc:
         return str(self._compress(uuid.uuid5(_SPACE, f"{self._name} {words}").hex))
 
     def _placement(self, relative: Any) -> Any:
-        """Return a placement at the origin."""
         return self.model.create_entity("IfcLocalPlacement", PlacementRelTo=relative, RelativePlacement=self._world)
 
     def element(self, name: str, support: bool, surface: unions.Surface, facts: exchange_facts.BlockFacts) -> Any:

@@ -59,7 +59,6 @@ class _File:
         self._facts = exchange_facts.block_facts(layout)
 
     def _attributes(self, layer: str, name: str = "", facts: dict[str, Any] | None = None) -> Any:
-        """Return the attributes of an object: layer, name and user text."""
         if layer not in self._layers:
             made = self._rhino.Layer()
             made.Name = layer

@@ -76,7 +76,6 @@ class _Part21:
         return f"#{len(self.lines)}"
 
     def context(self, unit: str, size: float) -> str:
-        """Add units and contexts; return the reference of the geometric context."""
         application = self.add("APPLICATION_CONTEXT('core data for automotive mechanical design processes')")
         self.add(
             "APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000," + application + ")"
@@ -102,7 +101,6 @@ class _Part21:
         )
 
     def product(self, name: str, solid: str, context: str) -> None:
-        """Add a product whose shape is a solid."""
         origin = self._placement(np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
         title = _text(name)
         shape = self.add(f"ADVANCED_BREP_SHAPE_REPRESENTATION({title},({origin},{solid}),{context})")

@@ -488,7 +488,6 @@ def _bounded(
 
 
 def _doubts(checked: dict[str, Any] | None) -> list[str]:
-    """List the warnings of a check by fields."""
     if checked is None:
         return []
     if checked["skipped"] is not None:

@@ -311,7 +311,6 @@ class MoveRun:
     def record(
         self, start: int, value: float, bracket: tuple[float, float], predicted: float, radius: float, solves: int
     ) -> None:
-        """Record an accepted point of a start."""
         spent = time.perf_counter() - self._began
         point = Point(start, self._taken[start], value, bracket, predicted, radius, solves, spent)
         self._taken[start] += 1

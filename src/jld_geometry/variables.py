@@ -156,7 +156,6 @@ def vertex_at(places: Floats, point: list[float], size: float, where: str) -> in
 
 
 def _words(point: Floats) -> str:
-    """Format a point as in "[1, 2.5]"."""
     return "[" + ", ".join(f"{value:.6g}" for value in point) + "]"
 
 
@@ -244,7 +243,6 @@ class _Finder:
 
 
 def _with_thickness(found: Variables, assembly: Assembly, circles: list[scene_move.Path]) -> Variables:
-    """Return the variables with the thickness of an arch as the last."""
     if not circles:
         problem = "the thickness is that of an arch on circles"
         raise InputError("move.maximise", problem, '"along": [{"circle": [x, y]}] with its centre')

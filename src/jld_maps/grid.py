@@ -66,7 +66,6 @@ def put(document: dict[str, Any], key: str, value: Any) -> None:
 
 
 def parts_of(key: str) -> list[Any]:
-    """Return the parts of a key, entries of lists as numbers."""
     return [int(one) if one.isdigit() else one for one in re.findall(r"[^.\[\]]+", key)] or [key]
 
 

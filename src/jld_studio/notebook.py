@@ -302,7 +302,6 @@ def _plain(title: str, facts: Mapping[str, str], drawing: Figure | None, *tables
 
 
 def _frame(data: page_contract.PageData, height: int) -> str:
-    """Return a frame with the page, which unpacks itself."""
     packed = base64.b64encode(gzip.compress(page_data.page(data).encode("utf-8"), compresslevel=9, mtime=0)).decode(
         "ascii"
     )

@@ -117,7 +117,6 @@ def stated_scene(path: Path) -> Scene | None:
 
 
 def scene_of(found: Imported, path: Path) -> Scene:
-    """Return the scene of an import if it can be built."""
     try:
         scene = parse_scene(found.document, "")
         build_assembly(scene)
@@ -364,7 +363,6 @@ def _mark(
 
 
 def _used(paths: Sequence[exchange_paths.Path], elements: Sequence[Mapping[str, Any]]) -> Sequence[bool]:
-    """Return for each path whether it lies on boundaries of elements."""
     if not elements:
         return [True] * len(paths)
     rings = shapely.STRtree([shapely.LinearRing(one["outline"]) for one in elements])

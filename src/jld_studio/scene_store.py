@@ -52,7 +52,6 @@ class SceneStore:
             return self._remember(str(name), StudioSession(self._scene(name)))
 
     def has(self, name: object) -> bool:
-        """Return True if a scene of a name can be found."""
         return name in self._documents or self._file(name).exists()
 
     def write(self, name: object) -> None:

@@ -386,7 +386,6 @@ class StudioSession:
 
 
 def parsed(document: dict[str, Any]) -> Scene:
-    """Return the scene of a document."""
     try:
         return parse_scene(document, _SCENE)
     except InputError as error:

@@ -10,8 +10,8 @@ import pytest
 import shapely
 
 from jld_core import Assembly, InputError, build_assembly, parse_scene, samples, solve
-from jld_core.geometry import area_vector, facets_of, merge_points, snap_solids, solids
-from jld_core.geometry.snapping import _FAR, _FLAT, _RANK, snap_paths, snap_polygons, straight
+from jld_core.geometry import area_vector, facets_of, merge_points, solids
+from jld_core.geometry.snapping import _FAR, _FLAT, _RANK, snap_paths, snap_polygons, snap_solids, straight
 
 Polygon = list[list[float]]
 

@@ -52,9 +52,8 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator, raise_deferred
 from jld_explore.evaluation.field_evaluator import FieldPool
 from jld_explore.evaluation.records import recorded_driver
-from jld_explore.report import folder, page_of_study
+from jld_explore.report import folder, page_of_study, write_report
 from jld_explore.report.folder import write_pictures
-from jld_explore.report.page_of_study import write_report
 from jld_explore.search.driver_choice import choose_driver
 from jld_explore.space import feasible
 from jld_explore.space.labelling import canonical

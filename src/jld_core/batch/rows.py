@@ -147,7 +147,6 @@ def _ends(first: bytes, second: bytes) -> tuple[Ints, Ints]:
 
 @lru_cache(maxsize=4)
 def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, ...]) -> FactorPattern:
-    """Compute the factor pattern of a key of the caches."""
     return _laid_out(*_ends(first, second), *_elimination(first, second, where, shape))
 
 
@@ -329,7 +328,6 @@ class BatchRows:
 
 
 def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | None:
-    """Return a template's yield rows in the layout of the batch solver."""
     # Cached, because both `fits` and the constructor of the batch solver ask for the same template.
     return _decided(template) if undecided is None else _rows_of(template, undecided)
 

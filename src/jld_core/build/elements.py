@@ -12,7 +12,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build import materials
 from jld_core.errors import InputError
-from jld_core.geometry import Faces, facets_of, snap_solids, solids
+from jld_core.geometry import Faces, facets_of, solids
 from jld_core.geometry import outlines as polygons
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
@@ -23,7 +23,7 @@ from jld_core.geometry.planar_contacts import (
     without_repeats,
 )
 from jld_core.geometry.polyhedra import Facets, lay_out
-from jld_core.geometry.snapping import snap_polygons
+from jld_core.geometry.snapping import snap_polygons, snap_solids
 from jld_core.geometry.spatial_contacts import (
     SpatialContact,
     check_overlaps,

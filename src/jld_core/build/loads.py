@@ -342,7 +342,6 @@ class Settlement:
 
 
 def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
-    """Return the settlements of a scene."""
     return tuple(
         Settlement(one.name, _velocity(scene, assembly, place), one.load) for place, one in enumerate(scene.settlements)
     )

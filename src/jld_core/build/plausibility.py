@@ -67,7 +67,6 @@ def resultant(loads: Floats, elements: Elements) -> Resultant:
 
 
 def units_of(scene: Scene) -> UnitSystem:
-    """Return the units of a scene in SI, with its gravity."""
     gravity = float(np.linalg.norm(gravity_vector(scene.materials, scene.dimension)))
     return UnitSystem.named(scene.units.force, scene.units.length, gravity)
 

@@ -382,7 +382,6 @@ def _closing(gaps: list[Gap], scale: float) -> str:
 
 
 def _note_open(gaps: list[Gap], tolerance: float, scale: float, drawn_in: str, notes: Notes) -> None:
-    """Note gaps somewhat wider than the tolerance, which are not closed."""
     if wide := [gap for gap in gaps if gap.width > tolerance]:
         said = _widest(wide, scale, drawn_in)
         notes.doubtful.append(f"{several(len(wide), 'gap')} not closed, {said}: {_closing(wide, scale)} closes it")

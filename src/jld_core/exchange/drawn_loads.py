@@ -30,7 +30,6 @@ class Mark:
     end: tuple[float, float] | None = None  # end of an arrow, for a line on a load layer
 
     def scaled(self, factor: float) -> Mark:
-        """Return the mark with all coordinates multiplied by a factor."""
         end = None if self.end is None else (self.end[0] * factor, self.end[1] * factor)
         return Mark((self.at[0] * factor, self.at[1] * factor), self.layer, self.text, end)
 
@@ -45,7 +44,6 @@ class SolidMark:
     tail: Floats | None = None  # (3,) start of an arrow
 
     def scaled(self, factor: float) -> SolidMark:
-        """Return the mark with all coordinates multiplied by a factor."""
         return SolidMark(factor * self.at, self.layer, self.text, None if self.tail is None else factor * self.tail)
 
 

@@ -109,7 +109,6 @@ class _Reader:
         self._solids: list[Part] = []
 
     def drawing(self, space: Any, title: str) -> Drawing | Solids:
-        """Read all entities of a model space."""
         code = int(self.document.header.get("$INSUNITS", 0))
         unit = _UNITS.get(code, None if code == 0 else f"$INSUNITS {code}")
         for number, entity in enumerate(space):

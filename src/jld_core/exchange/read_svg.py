@@ -271,7 +271,6 @@ def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
 
 
 def _round(arc: Any) -> bool:
-    """Return True if an arc is one of a circle."""
     wide, tall = float(arc.rx), float(arc.ry)
     return wide > 0.0 and abs(wide - tall) <= 1e-6 * wide
 

@@ -33,10 +33,10 @@ from jld_core.exchange.options import (
     rounded,
     several,
 )
-from jld_core.geometry import Faces, area_vector, facets_of, merge_points, snap_solids
+from jld_core.geometry import Faces, area_vector, facets_of, merge_points
 from jld_core.geometry import solids as closed_solids
 from jld_core.geometry.polyhedra import distance_to
-from jld_core.geometry.snapping import SnappedSolids
+from jld_core.geometry.snapping import SnappedSolids, snap_solids
 from jld_core.geometry.spatial_contacts import SpatialContact, find_spatial_contacts, near_pairs
 from jld_core.geometry.stated_fit import Misfit
 from jld_core.linalg import components
@@ -606,7 +606,6 @@ def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
 
 
 def _edges(loop: Sequence[int]) -> list[tuple[int, int]]:
-    """Return the edges of a loop, each with ordered ends."""
     return [(min(a, b), max(a, b)) for a, b in zip(loop, (*loop[1:], loop[0]), strict=True)]
 
 

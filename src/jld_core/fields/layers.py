@@ -228,7 +228,6 @@ def pieces(
 
 
 def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.Polygon:
-    """Return a polygon without corners on straight edges, which rounding may cross."""
     plain = shapely.simplify(region, reach)
     corners = shapely.get_coordinates(plain.exterior)[:-1]
     along = corners[1] - corners[-1]
@@ -275,7 +274,6 @@ def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[t
 
 
 def _smaller_side(surface: Surface, facet: Facet) -> float:
-    """Return the smaller side of the smallest rectangle around a facet."""
     frame = shapely.minimum_rotated_rectangle(shapely.Polygon(facet.flat(surface.points[facet.ring])))
     corners = shapely.get_coordinates(frame)
     return float(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1).min())

@@ -8,7 +8,6 @@
 - `merge_points`: number points, merging those within a tolerance
 - `moment_about`: compute arm × force in the plane or in space
 - `outlines`: outlines of blocks: boundary of the union of elements, aspect ratio, re-entrant corners
-- `snap_solids`: close gaps between polyhedra
 - `solids`: orient faces outward and compute volumes and centroids of polyhedra
 - `spun`: compute spin × arm in the plane or in space
 - `unions`: union of the cells of one block, as one outline or one closed surface
@@ -20,7 +19,6 @@ from typing import TYPE_CHECKING
 
 from jld_core.geometry.clean_regions import area_of
 from jld_core.geometry.polyhedra import Faces, facets_of, solids
-from jld_core.geometry.snapping import snap_solids
 from jld_core.geometry.spatial_contacts import merge_points
 from jld_core.geometry.vectors import area_vector, moment_about, spun
 from jld_core.lazy_exports import export_lazily
@@ -38,7 +36,6 @@ __all__ = [
     "merge_points",
     "moment_about",
     "outlines",
-    "snap_solids",
     "solids",
     "spun",
     "unions",

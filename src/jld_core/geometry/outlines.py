@@ -600,7 +600,6 @@ class Kinds:
         return [self._root(number) for number in numbers]
 
     def _root(self, number: int) -> int:
-        """Return the number that stands for the shape of an outline."""
         while self._parent[number] != number:
             self._parent[number] = self._parent[self._parent[number]]
             number = self._parent[number]

@@ -346,7 +346,6 @@ class FacetFrames:
 
     @classmethod
     def on(cls, facets: Facets) -> FacetFrames:
-        """Compute the axes of all facets."""
         e1 = np.empty((len(facets), 3))
         rectangle = np.zeros(len(facets), dtype=bool)
         for chosen, stack in measures.by_corner_count([loops[0] for loops in facets.loops]):

@@ -513,7 +513,6 @@ class _Block:
         self._keep(found, row)
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
-        """Add the columns of a joint, an inner face of the block."""
         # The columns are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column
         # of x, whose entries are `of_x`.
         inner, face = self._inner, int(self._parts.joint_face[joint])

@@ -207,7 +207,6 @@ class Relaxation(PartialLabellingBounds):
 
     @property
     def each(self) -> tuple[Relaxation, ...]:
-        """Return the relaxations of all load cases: this one alone."""
         return (self,)
 
     def refute_all(

@@ -293,51 +293,25 @@ class LimitAnalysisResult(Result):
 
     Attributes
     ----------
-    assembly : Assembly
-        The structure analysed.
-    labels : (m,) bool array
-        Labels, True = dry.
-    status : Status
-        Outcome.
-    load_factor : float
-        λ, NaN where there is none. With load cases: the governing factor, min over cases of λ / required.
-    bracket : (float, float)
-        Proven bounds on `load_factor`; NaN where a bound is unproven or infinite.
-    gap : float
-        Relative width of the bracket; NaN for unstable and locked structures.
-    stands_at_zero : bool or None
-        True if λ = 0 is admissible, False if not; None where undecided.
     forces : (m, q) float array or None
         Resultants in scene units, admissible at `bracket[0]`: planar N, V, M; spatial N, V1, V2, M1, M2, MT. The last
-        rows are those of members: compression beyond the prestress, and shear of pins. With load cases they are those
-        of the governing case.
+        rows are those of members: compression beyond the prestress, and shear of pins. Of the governing case.
     mechanism : (n, q) float array or None
-        Velocities about the centroids with b_λ·u = 1. With load cases they are those of the governing case.
+        Velocities about the centroids with b_λ·u = 1, of the governing case.
     iterations : int
         Number of programs solved.
     solve_log : tuple of str
         Names of the methods tried, in order.
-    seconds : dict of str to float
-        Wall-clock time: assemble, solve, total.
     model : SolveOptions
         Model and solver options.
-    facts : dict
-        Further facts of the model, as in the JSON output. Those of zero dilation and of effective areas are also the
-        fields of `zero_dilation` and `effective_areas`.
     cases : dict of str to LimitAnalysisResult
         Result of each load case by its name; empty without load cases.
-    governing : str or None
-        Name of the governing load case.
     instability_mechanism : (n, q) float array or None
         Velocities that prove that a structure is unstable; the largest displacement is 1.
     unbounded_forces : (m, q) float array or None
         Resultants per unit of λ that carry the live load of a locked structure without limit.
-    notes : tuple of str
-        Sentences about this result.
-    cracks : "faces" or CellCracks
-        Crack model; by cells `assembly` has the finer cells.
-    least_bracket : (float, float)
-        Proven bounds on the least λ from which on the structure stands, `least_load_factor`; NaN where unknown.
+    all others
+        As in `Result`.
     """
 
     assembly: Assembly

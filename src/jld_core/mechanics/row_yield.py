@@ -552,7 +552,6 @@ class RowYield:
         return _patterns(self, (self.dry, self.inner, self._enclosed()))
 
     def _enclosed(self) -> LabelRows:
-        """Return the sets that enclose both labels."""
         assert self.enclosing is not None
         return self.enclosing
 

@@ -302,7 +302,6 @@ class StandardYield(RowYield):
         return self._sliding(lambda one: replace(one, c=0.0 * one.c, mu=0.0 * one.mu))
 
     def _sliding(self, change: Callable[[LabelRows], LabelRows]) -> StandardYield:
-        """Return the set with both labels changed."""
         return replace(self, dry=change(self.dry), inner=change(self.inner))
 
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:

@@ -297,7 +297,6 @@ class Sheet:
         return self.freedoms * face + resultant
 
     def new_columns(self, count: int) -> Ints:
-        """Return the columns of `count` new variables beyond the resultants."""
         columns = self.freedoms * self.faces + self.extra + np.arange(count)
         self.extra += count
         return columns

@@ -203,7 +203,6 @@ def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
 
 
 def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Return True if a motion has finite dissipation under any effective areas."""
     # At a point x of a face the motion opens by δ_x and slips by s_x, and no effective area has a torsion length above
     # c_T. The condition δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x, so it holds everywhere if it holds at the corners
     # of all dry rectangles. A dry rectangle that can crush must not twist. Other faces are not tested.

@@ -280,7 +280,6 @@ def _inner_forces(
 
 
 def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
-    """Return the face of each second-order cone of a row pattern."""
     return np.asarray(row_face[linear + beginnings(cones)])
 
 

@@ -140,7 +140,6 @@ _greeted = False
 
 
 def _new() -> Any:
-    """Make a HiGHS instance."""
     # The first one of a process prints a banner to stdout since version 1.16, whatever `output_flag` says later. It is
     # made while stdout leads nowhere, as that is where results go.
     import highspy

@@ -319,7 +319,6 @@ def _written(ax: Axes, line: Floats, force: float) -> Artist:
 
 
 def member_handles(drawn: Drawn, words: str = "member") -> list[Artist]:
-    """Return the legend handles of fill and members, if any were drawn."""
     line: dict[str, Any] = {"color": MEMBER, "linewidth": _WIDTH, "marker": "o", "markersize": 2.0 + _WIDTH}
     handles: list[Artist] = []
     if "fill" in drawn:

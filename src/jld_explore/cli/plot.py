@@ -15,8 +15,9 @@ from jld_core.scene.reading import load_scene
 from jld_explore.cli.layout import best_of_design, layout_of, plot_ranks
 from jld_explore.cli.options import Source, refuse_itself
 from jld_explore.cli.streams import say
+from jld_explore.report import write_report
 from jld_explore.report.folder import write_pictures
-from jld_explore.report.page_of_study import scene_page, write_report
+from jld_explore.report.page_of_study import scene_page
 from jld_explore.report.reading import read_folder
 
 

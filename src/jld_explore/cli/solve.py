@@ -238,7 +238,6 @@ def _model(model: Model, options: dict[str, Any]) -> Model:
 
 
 def _facts(result: Result) -> dict[str, str]:
-    """Describe a result by named facts."""
     if isinstance(result, LimitAnalysisResult):
         return facts_of_result(result)
     by_fields: Any = result

@@ -32,7 +32,6 @@ def breadth_first(space: SearchSpace) -> Ints:
         links[b].append(a)
 
     def from_(start: int, seen: set[int]) -> list[int]:
-        """Return the elements reached from `start` outside `seen`, in breadth-first order."""
         queue, found, seen = deque([start]), [], {*seen, start}
         while queue:
             element = queue.popleft()

@@ -455,7 +455,6 @@ class FieldExact(ProvingDriver):
             self._add([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
 
     def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
-        """Return conflicts of other labellings of the pool that a mechanism refutes."""
         rows = np.flatnonzero(self._refuted > self._aimed)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
         if not count:

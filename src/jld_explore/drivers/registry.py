@@ -34,7 +34,6 @@ def driver_kinds() -> dict[str, type[Driver]]:
 
 
 def owners(option: str) -> Iterator[type[Driver]]:
-    """List the driver classes that have an option."""
     return (kind for kind in driver_kinds().values() if option in kind.Options.model_fields)
 
 

@@ -345,7 +345,6 @@ class TaskStream:
         self._submit_waiting()
 
     def _submit_waiting(self) -> None:
-        """Submit tasks until `_TASKS_PER_PROCESS` tasks per process are in progress."""
         most = _TASKS_PER_PROCESS * self._pool.width
         while self._waiting and len(self._in_progress) < most:
             number, function, arguments = self._waiting.popleft()

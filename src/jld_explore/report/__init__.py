@@ -8,6 +8,7 @@
 - `page_of_study`: make pages of finished searches and single scenes, and choose the layouts they contain
 - `show_page`: make the page of a finished search for a notebook
 - `words`: describe assemblies and results in words for the terminal
+- `write_report`: write the page of a search
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
 from jld_explore.report.columns import csv_of
-from jld_explore.report.page_of_study import show_page
+from jld_explore.report.page_of_study import show_page, write_report
 
 if TYPE_CHECKING:
     from jld_explore.report import columns, languages, page_contract, page_data, page_of_study, words
@@ -30,6 +31,7 @@ __all__ = [
     "page_of_study",
     "show_page",
     "words",
+    "write_report",
 ]
 
 export_lazily(__name__, {}, submodules=["columns", "languages", "page_contract", "page_data", "page_of_study", "words"])

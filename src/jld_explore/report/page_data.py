@@ -493,7 +493,6 @@ def _values(values: pd.Series[Any], digits: int) -> tuple[Literal["integer", "nu
 
 
 def _title(name: str, assembly: Assembly) -> str:
-    """Return the title of a column."""
     if name.startswith("load_factor["):
         return f"λ, {name[len('load_factor[') : -1]}"
     count = _counts().get(name)
@@ -507,7 +506,6 @@ def _unit(name: str, assembly: Assembly) -> str:
 
 
 def _counts() -> dict[str, Count]:
-    """Return all counts by name."""
     return {count.name: count for count in registered()}
 
 

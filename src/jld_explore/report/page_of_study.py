@@ -71,7 +71,6 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
 
 
 def result_data(scene: Scene | None, found: LimitAnalysisResult) -> PageData:
-    """Assemble the data of the page of one layout."""
     assembly, solution = found.assembly, solution_of(found)
     return page_data(
         kind="report",
@@ -97,7 +96,6 @@ def study_data(
     most: int = MOST,
     solved: int = SOLVED,
 ) -> PageData:
-    """Assemble the data of the page of a search."""
     rows = chosen_rows(done.results, done.front, most)
     axes = done.scene.search.front.axes
     history = history_of(done.folder)

@@ -543,7 +543,6 @@ def convergence_table(records: Records | RefinedRecords) -> pd.DataFrame:
 
 
 def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete: bool) -> dict[str, Any]:
-    """Return the content of summary.json that results and study determine."""
     # with all classes the best is optimal up to the widths of brackets; a driver may have a bound or a proof of its own
     # The content names the best labelling, its proof, and how it was found.
     bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed

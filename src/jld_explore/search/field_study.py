@@ -269,7 +269,6 @@ class FieldStudy(Study):
         self.report(Progress(done, self.total, 0, ends[0], self.elapsed, ends[1], gap, text, left))
 
     def _record(self, pool: FieldPool) -> None:
-        """Record the bounds of all layouts of a pool."""
         # New layouts are added to the record. If the record had evaluations before, refined bounds are kept beside
         # them.
         labellings, required = pool.labellings, self.assembly.required

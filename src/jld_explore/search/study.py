@@ -136,7 +136,6 @@ class Study:
 
     @property
     def table_records(self) -> Records | RefinedRecords:
-        """Return the records whose evaluations the tables show."""
         return self.records
 
     @property
@@ -282,7 +281,6 @@ class Study:
         return cost_estimate(fine).seconds
 
     def _workers(self) -> Workers:
-        """Return the workers that evaluate labellings of this study."""
         settings, spec = EvaluatorSettings(self.settings.model), self.worker_spec
         return Workers(
             spec,

@@ -645,7 +645,6 @@ def _values(
     graph: Connectivity | None,
     shapes: BlockShapes | None,
 ) -> Values:
-    """Compute the values of several counts in chunks of `_CHUNK` labellings."""
     graph, shapes = graph or connectivity(assembly), shapes or BlockShapes(assembly)
     starts = range(0, max(1, len(labellings)), _CHUNK)
     parts = (Layouts(assembly, labellings[low : low + _CHUNK], graph, shapes) for low in starts)

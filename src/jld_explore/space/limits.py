@@ -182,7 +182,6 @@ class Limits:
 
     @cached_property
     def on_blocks(self) -> tuple[tuple[Measure, Range], ...]:
-        """Given limits on the size of single blocks."""
         ranges = ((measure, Range.of(getattr(self.search, measure.key), whole=measure.whole)) for measure in MEASURES)
         return tuple((measure, bounds) for measure, bounds in ranges if bounds.given)
 
@@ -222,7 +221,6 @@ class Limits:
 
     @cached_property
     def sized(self) -> Sized:
-        """Sizes of the elements."""
         return Sized.elements(self.assembly.elements, self.excepted)
 
     @cached_property
@@ -276,7 +274,6 @@ class Limits:
         return self._violated(found, size)
 
     def _violated(self, broken: list[Bools], size: SizeOf) -> Bools:
-        """Return where any limit is violated and the block is not exempt."""
         if not broken:
             return np.asarray(False)
         found = np.logical_or.reduce(broken)

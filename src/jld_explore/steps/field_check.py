@@ -93,7 +93,6 @@ class FieldCheck(Step):
         return min(2.0 * self.plan.seconds, SHARE * (settings.seconds or 0.0))
 
     def entries(self, done: Exploration, context: StepContext) -> Mapping[str, Any]:
-        """Return facts of the check."""
         entries: dict[str, Any] = self.run(done, context).summary.facts[self.name]
         return entries
 

@@ -280,7 +280,6 @@ def _span(trial: Trial) -> str:
 
 
 def _proven(work: Design) -> list[str]:
-    """List sentences on what is proven of λ and what is not."""
     found = []
     winner = work.winner
     if winner is not None and math.isfinite(winner.fields[0]):

@@ -234,7 +234,6 @@ def field_bounds(
 
 
 def at_low_friction(scene: Scene, low: float) -> Scene:
-    """Return a scene with the friction of dry joints set to `low`."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     document["materials"]["dry"].pop("friction_angle", None)
     document["materials"]["dry"]["friction_coefficient"] = low

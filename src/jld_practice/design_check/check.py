@@ -584,7 +584,6 @@ def _solved(scene: Scene, structure: Assembly, labels: Bits, seconds: float) -> 
 def _cases(
     structure: Assembly, labels: Bits, combination: Combination, solution: Solution, seconds: float
 ) -> list[CaseCheck]:
-    """Return the check of every load case under one combination."""
     names = [case.name for case in structure.cases] or [""]
     places = [case.place for case in structure.cases] or [None]
     found = []

@@ -58,7 +58,6 @@ def at_design_values(scene: Scene, factors: design.PartialFactors, prestress: fl
 
 
 def _apply(entry: dict[str, Any], key: str, change: Callable[[float], float]) -> None:
-    """Replace a value by its changed characteristic value, if present."""
     value = entry.get(key)
     if value is not None:
         entry[key] = change(characteristic(value) if isinstance(value, dict) else value)

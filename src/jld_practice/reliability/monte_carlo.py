@@ -424,7 +424,6 @@ def decided(bounds: SampleBounds, required: float, values: Floats) -> tuple[Bool
 
 
 def _counted(bounds: SampleBounds, required: float, points: Floats, weights: Floats) -> _Part:
-    """Decide the samples of a portion and count them."""
     fails, open_, again = decided(bounds, required, bounds.structure.variables.values(points))
     masks = (fails, open_)
     sums = np.array([weights[mask].sum() for mask in masks])

@@ -345,7 +345,6 @@ class _BlockRefutation:
         self._relaxations: dict[bytes, AnyBlockRelaxation] = {}
 
     def by_mechanisms(self, conflict: Conflict) -> bool:
-        """Return whether mechanisms in memory refute a conflict; False proves nothing."""
         threshold, most = _raised(conflict.bound), self._most
         left = self._tables.propagated(self._tables.agreeing(conflict.faces, conflict.labels))
         if left is None or most <= threshold:

@@ -248,7 +248,6 @@ class BlockTree:
 
     @staticmethod
     def _program(branching: Branching, child: Node) -> Asked:
-        """Return the arguments of the block relaxation of a child."""
         return child.allowed, branching.threshold, branching.node.choice.bound
 
     def _children(self, branching: Branching, faces: list[int], conflicts: list[Conflict]) -> list[UnsolvedChild]:
@@ -425,7 +424,6 @@ class BlockSearch:
 
     @property
     def solves(self) -> int:
-        """Number of block relaxations solved."""
         return 0 if self._bounds is None else self._bounds.solves
 
     def step(self, formula: Formula, threshold: float, time_is_up: Callable[[], bool]) -> BlockStep:

@@ -72,7 +72,6 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
 def certify(
     driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] | None, bound: float | None = None
 ) -> None:
-    """Write the certificate of the bound that an exact driver has proven."""
     bound = driver.bound if driver.bound is not None else bound
     if bound is None:
         raise ParameterError("certificate", "the search ended without any bound", _REMEDY)

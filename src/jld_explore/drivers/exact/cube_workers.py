@@ -77,7 +77,6 @@ class _WorkerProof:
         self.number = 0
 
     def work(self, task: Task) -> TaskResult:
-        """Carry out a task and return its result."""
         self.number += 1
         began = time.process_time()
         solved = self._context.relaxation.solves
@@ -244,7 +243,6 @@ class CubeWorkers:
     # --- cubes ------------------------------------------------------------------------------------------
 
     def _split_cubes(self) -> None:
-        """Split waiting cubes until there are enough for all workers."""
         if self._formula is None:
             return
         wanted = _CUBES_PER_WORKER * max(len(self._pool), 1) - len(self._assigned)
@@ -291,7 +289,6 @@ class CubeWorkers:
         self._assigned[future] = _AssignedCube(worker, cube, tasks_done, self._target, self._count, self._threshold)
 
     def _reclaim_cubes(self, worker: Pool) -> None:
-        """Return the cubes of a lost worker to the queue."""
         self._worker_states.pop(worker.name, None)
         for future, one in list(self._assigned.items()):
             if one.worker is worker:
@@ -378,7 +375,6 @@ class _GeneratorThread:
         self._conflicts_seen = self._handed_over_seen = 0
 
     def step(self, target: _Target, context: ProofContext) -> ConflictBatch:
-        """Draw labellings for a target and return their conflicts."""
         if self._formula is None:
             self._formula = Formula(context.space, context.blocks)
         if target is not self._target:
@@ -446,7 +442,6 @@ class ThreadedGenerator:
         self._pool.shutdown(wait=False)
 
     def _submit_step(self, number: int) -> None:
-        """Submit the next task of a thread."""
         # a pool that is shut down, or whose interpreter ends, accepts no task
         with suppress(RuntimeError):
             self._pool.submit(self._run_step, number)

@@ -260,7 +260,6 @@ class ConflictDriver(ProvingDriver):
             self._state.conflicts.keep(records, self._context.key)
 
     def _time_is_up_after_heartbeat(self) -> bool:
-        """Report progress, then return whether time is up."""
         self._heartbeat()
         return self._time_is_up
 
@@ -719,7 +718,6 @@ class MinimumCount(ConflictDriver):
         return self._check_proof(claims, problem, self._carrying_labellings)
 
     def _note_check(self, check: ProofCheck, *, goes_on: bool) -> None:
-        """Begin again with the best count where the proof goes on."""
         if goes_on:
             self._target_begun = self._done = False
 

@@ -74,7 +74,6 @@ class ProofCheck:
         return not self.problem
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the check as the entry `proof_check` of summary.json."""
         found: dict[str, Any] = {"passed": self.passed, "seconds": self.seconds}
         found |= {"conflicts": self.conflicts, "weighed": self.weighed}
         return found if self.passed else {**found, "problem": self.problem}

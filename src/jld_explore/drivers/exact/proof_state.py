@@ -224,7 +224,6 @@ class ProofState:
 
     @property
     def has_evaluations(self) -> bool:
-        """True if any labelling has an evaluation."""
         return bool(self._evaluated)
 
     def is_evaluated(self, labels: Bits) -> bool:
