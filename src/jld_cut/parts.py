@@ -112,7 +112,7 @@ def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
     surfaces = []
     for part in parts:
         size = float(np.ptp(surface_of(part.solid)[0], axis=0).max())
-        tried = []
+        tried: list[tuple[bool, bool, float, int, tuple[Floats, Ints]]] = []
         for tolerance in (0.0, 1e-7, 1e-6, 1e-5):
             surface = as_written(part.solid, unit, tolerance * size)
             volume = solid_of(unit * surface[0], surface[1]).volume()
