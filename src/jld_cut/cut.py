@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jld_core import Floats, InputError, Ints, ParameterError, files, plugins
+from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, ParameterError, files, plugins
 from jld_core.exchange import Layout, export
 from jld_cut.cells import Limits
 from jld_cut.families import FAMILIES
@@ -126,9 +126,9 @@ class Chosen:
     fits: bool
 
     @property
-    def can_be_laid(self) -> bool:
-        """Whether an order by translations exists."""
-        return not self.laying.locked
+    def can_be_laid(self) -> bool | None:
+        """Whether an order by translations exists; None where time ended before."""
+        return None if self.laying is None else not self.laying.locked
 
 
 def cut(
@@ -229,15 +229,24 @@ def _choose(families: list[Family], wish: Wish, clearance: float, end: float, sa
     made = None
     for _, (family, truth, run, labelling, coarse, bracket, block) in judged:
         layout = Layout(run.scene, run.assembly, from_string(labelling))
-        laying = plugins.part("assembly_order")(run.assembly, layout.labels)
+        laying = _order(layout, max(3.0, end - time.perf_counter()))
         parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
         fits = sum(lay(part, wish.limits.fit) for part in parts) == len(parts)
         tried = Chosen(family, truth, run, coarse, bracket, uncut, block, layout, laying, parts, fits)
-        if fits and tried.can_be_laid:
+        if fits and tried.can_be_laid is not False:
             return tried
         made = made or tried
     assert made is not None
     return made
+
+
+def _order(layout: Layout, seconds: float) -> Any:
+    """Return an order of laying by translations; None where it takes too long."""
+    try:
+        with Deadline(seconds).enforced():
+            return plugins.part("assembly_order")(layout.assembly, layout.labels)
+    except DeadlinePassed:
+        return None
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
@@ -263,7 +272,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "meets": low is not None and low >= options.require * (1 - 1e-6),
         "fits": chosen.fits,
         "can_be_laid": chosen.can_be_laid,
-        "locked_parts": [] if chosen.can_be_laid else [int(b) for b in chosen.laying.locked],
+        "locked_parts": [int(b) for b in chosen.laying.locked] if chosen.can_be_laid is False else [],
         "family": chosen.family.name,
         "families": {
             one.name: {
@@ -314,7 +323,9 @@ def verdict(summary: dict[str, Any]) -> str:
         told += f"; {summary['require']:g} was asked"
     if not summary["fits"]:
         told += "; a part does not fit the box"
-    if not summary["can_be_laid"]:
+    if summary["can_be_laid"] is None:
+        told += "; time ended before an order of assembly was found"
+    if summary["can_be_laid"] is False:
         told += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
     return told + "."
 
@@ -323,10 +334,9 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> 
     """Write parts, table, order and pictures."""
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}
-    blocks = chosen.laying.blocks
-    for number, step in enumerate(chosen.laying.steps, 1):
+    for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):
         for block in step.blocks:
-            elements = np.asarray(blocks.elements(block))
+            elements = np.asarray(chosen.laying.blocks.elements(block))
             elements = elements[elements < len(chosen.block)]
             if len(elements):
                 part = chosen.parts[place[int(chosen.block[elements[0]])]]

@@ -49,6 +49,7 @@ class Solids:
         """Return whether an element moved along a unit vector (3,) would overlap another; results are stored."""
         key = (moving, still, direction.tobytes())
         if key not in self._met:
+            checkpoint()
             self._met[key] = self._meets(moving, still, direction)
         return self._met[key]
 
