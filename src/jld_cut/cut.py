@@ -200,7 +200,7 @@ def _refuse_thin(solid: Any, clearance: float) -> None:
     if clearance:
         left = min((solid ^ solid.translate(tuple(clearance * axis))).volume() for axis in np.eye(3)) / solid.volume()
         if left < 0.5:
-            raise InputError("--clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
+            raise InputError("clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
 
 
 def _choose(families: list[Family], wish: Wish, clearance: float, end: float, say: Callable[[str], None]) -> Chosen:

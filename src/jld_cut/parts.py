@@ -62,7 +62,7 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
         pieces = [one for one in solid.decompose() if one.volume() > _SPLINTER * whole.volume()]
         if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
-            raise InputError("--clearance", problem, "a smaller clearance")
+            raise InputError("clearance", problem, "a smaller clearance")
         found.append(Part(k + 1, group, whole, union(pieces), density * whole.volume()))
     return found
 

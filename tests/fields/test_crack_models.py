@@ -107,7 +107,7 @@ def test_fields_refuse_unsupported_options(jld: Command, tmp_path: Path) -> None
     spread = {**BAR["materials"], "dry": {"friction_coefficient": {"nominal": 0.5, "low": 0.4}}}
     found = jld("solve", written(tmp_path, {**BAR, "materials": spread}), "--cracks", "fields", "--robust")
     assert found.code == 2
-    assert found.err.startswith("jld: --robust: cracks by fields")
+    assert found.err.startswith("jld: --robust: by fields, strengths have one value")
     fields = {"cracks": {"kind": "fields"}}
     assert "rigid cells" in jld("experiment", written(tmp_path, {**BAR, **fields})).err
     weak = {**BAR["materials"], "inner": {"tensile_strength": 0, "shear_strength": 1}}

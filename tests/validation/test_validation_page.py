@@ -26,8 +26,11 @@ def test_values_of_the_validation_page_are_reproduced(value: Value) -> None:
     computed = row(value, ours)
     (written,) = [one for one in ROWS if one[0] == computed[0]]
     assert written[1:3] == computed[1:3]
-    for one, other in zip(written[3].split(" to "), computed[3].split(" to "), strict=True):
-        assert one == other or float(one) == pytest.approx(float(other), rel=1e-6, abs=1e-9)
+    if written[3] != computed[3]:
+        # a bracket that is narrower than the digits printed is one number, on other processors maybe two
+        ends = [[float(one) for one in cell.split(" to ")] for cell in (written[3], computed[3])]
+        for pick in (min, max):
+            assert pick(ends[0]) == pytest.approx(pick(ends[1]), rel=1e-6, abs=1e-9)
 
 
 def test_the_validation_page_has_exactly_the_values_of_the_corpus() -> None:
