@@ -10,7 +10,8 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, Ints
-from jld_cut.meshes import as_written, doubled_edges, manifold3d, solid_of, surface_of
+from jld_cut.meshes import manifold3d, open_edges, solid_of, surface_of
+from jld_cut.whole import outer_surface
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
@@ -149,23 +150,24 @@ def union(cells: list[Any]) -> Any:
     """Return the union of bodies that touch, without walls of no thickness between them where possible."""
     if len(cells) == 1:
         return cells[0]
-    whole, best = sum(cell.volume() for cell in cells), None
-    # corners that differ by rounding leave such walls: a fine grid makes them equal
-    for grid in (0.0, 2.0**-40, 2.0**-36, 2.0**-30):
-        bodies = [_snapped(cell, grid) for cell in cells] if grid else cells
-        body = manifold3d().Manifold.batch_boolean(bodies, manifold3d().OpType.Add)
-        walls = doubled_edges(*as_written(body, 1.0))
-        if (best is None or walls < best[0]) and (not grid or abs(body.volume() - whole) <= 1e-8 * whole):
-            best = walls, body
-        if best is not None and not best[0]:
-            break
-    assert best is not None
-    return best[1]
+    whole = sum(cell.volume() for cell in cells)
+    return closed(cells, whole) or manifold3d().Manifold.batch_boolean(cells, manifold3d().OpType.Add)
 
 
-def _snapped(cell: Any, grid: float) -> Any:
-    points, triangles = surface_of(cell)
-    return solid_of(np.round(points / grid) * grid, triangles)
+def closed(bodies: list[Any], volume: float) -> Any | None:
+    """Return touching bodies as one with a surface each of whose edges two faces meet at; None where there is none."""
+    surfaces = [surface_of(body) for body in bodies]
+    starts = np.cumsum([0, *(len(points) for points, _ in surfaces)])
+    points = np.concatenate([points for points, _ in surfaces])
+    triangles = np.concatenate([faces + start for (_, faces), start in zip(surfaces, starts, strict=False)])
+    size = float(np.ptp(points, axis=0).max())
+    for tolerance in (1e-9, 1e-7, 1e-6):
+        surface = outer_surface(points, triangles, tolerance * size)
+        if not len(open_edges(surface[1])):
+            body = solid_of(*surface)
+            if body.status().name == "NoError" and abs(body.volume() - volume) <= 1e-8 * volume:
+                return body
+    return None
 
 
 def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:

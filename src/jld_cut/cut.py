@@ -123,7 +123,7 @@ class Chosen:
     layout: Layout
     laying: Any
     parts: list[Part]
-    fits: bool
+    too_large: list[int]  # parts that do not fit the box
 
     @property
     def can_be_laid(self) -> bool | None:
@@ -231,9 +231,9 @@ def _choose(families: list[Family], wish: Wish, clearance: float, end: float, sa
         layout = Layout(run.scene, run.assembly, from_string(labelling))
         laying = _order(layout, max(3.0, end - time.perf_counter()))
         parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
-        fits = sum(lay(part, wish.limits.fit) for part in parts) == len(parts)
-        tried = Chosen(family, truth, run, coarse, bracket, uncut, block, layout, laying, parts, fits)
-        if fits and tried.can_be_laid is not False:
+        large = [part.number for part in parts if not lay(part, wish.limits.fit)]
+        tried = Chosen(family, truth, run, coarse, bracket, uncut, block, layout, laying, parts, large)
+        if not large and tried.can_be_laid is not False:
             return tried
         made = made or tried
     assert made is not None
@@ -270,7 +270,10 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "uncut": list(chosen.uncut),
         "require": options.require,
         "meets": low is not None and low >= options.require * (1 - 1e-6),
-        "fits": chosen.fits,
+        "fits": not chosen.too_large,
+        "too_large": chosen.too_large,
+        "coarse_truth": chosen.fine.coarse,
+        "faulty_files": [],
         "can_be_laid": chosen.can_be_laid,
         "locked_parts": [int(b) for b in chosen.laying.locked] if chosen.can_be_laid is False else [],
         "family": chosen.family.name,
@@ -321,8 +324,12 @@ def verdict(summary: dict[str, Any]) -> str:
     told = f"{many} {carry}; uncut {whole}"
     if low is not None and not summary["meets"]:
         told += f"; {summary['require']:g} was asked"
-    if not summary["fits"]:
-        told += "; a part does not fit the box"
+    if summary["too_large"]:
+        told += "; parts that do not fit the box: " + ", ".join(str(k) for k in summary["too_large"])
+    if summary["coarse_truth"]:
+        told += "; this is λ of the cells of the search, since no finer scene was valid: inner cracks are few"
+    if summary["faulty_files"]:
+        told += "; not watertight: " + ", ".join(summary["faulty_files"])
     if summary["can_be_laid"] is None:
         told += "; time ended before an order of assembly was found"
     if summary["can_be_laid"] is False:
@@ -343,6 +350,8 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> 
                 part.step, part.direction = number, -np.asarray(step.direction, dtype=float)
     write_parts(out, chosen.parts, scale)
     summary["watertight"] = all(part.watertight for part in chosen.parts)
+    summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]
+    summary["verdict"] = verdict(summary)
     summary["file_error"] = max(part.error for part in chosen.parts)
     files.write_text(out / "parts.csv", csv_of(table_of(chosen.parts, scale)))
     try:

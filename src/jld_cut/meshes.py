@@ -16,6 +16,7 @@ from jld_core.exchange import ImportOptions, Notes, Solids, formats
 
 ENDINGS: Final = ("stl", "obj", "3mf")
 MOST: Final = 200_000  # triangles of a solid
+_RECORD: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])  # of STL
 _NAMESPACE: Final = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _UNITS: Final = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 
@@ -152,9 +153,9 @@ def as_single(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     return single[first], triangles[count[kind.reshape(-1)] != 2]
 
 
-def as_written(solid: Any, unit: float, tolerance: float = 0.0) -> tuple[Floats, Ints]:
+def as_written(solid: Any, unit: float) -> tuple[Floats, Ints]:
     """Return the surface of a solid as a file of lengths × `unit` holds it."""
-    points, triangles = surface_of(solid.simplify(tolerance) if tolerance else solid)
+    points, triangles = surface_of(solid)
     return as_single(points / unit, triangles)
 
 
@@ -200,12 +201,19 @@ def _passes(start: Floats, end: Floats, face: Floats) -> tuple[Bools, Floats]:
 
 def stl_bytes(points: Floats, triangles: Ints) -> bytes:
     """Return a binary STL file."""
-    record = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    record = np.zeros(len(triangles), _RECORD)
     corners = points[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     record["normal"] = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     record["corners"] = corners
     return b"written by jld".ljust(80) + len(triangles).to_bytes(4, "little") + record.tobytes()
+
+
+def as_read(data: bytes) -> tuple[Floats, Ints]:
+    """Return the surface in a binary STL file, equal corners merged."""
+    corners = np.frombuffer(data, _RECORD, offset=84)["corners"].reshape(-1, 3)
+    points, place = np.unique(corners, axis=0, return_inverse=True)
+    return points.astype(float), place.reshape(-1, 3)
 
 
 def obj_text(points: Floats, triangles: Ints, name: str) -> str:

@@ -10,11 +10,12 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, InputError, Ints, files
-from jld_cut.cells import Joint, union
-from jld_cut.meshes import as_single, as_written, doubled_edges, obj_text, solid_of, stl_bytes, surface_of, write_3mf
+from jld_cut.cells import Joint, closed, union
+from jld_cut.meshes import as_read, as_single, as_written, doubled_edges, obj_text, solid_of, stl_bytes, surface_of, write_3mf
 
 _SPLINTER: Final = 1e-6  # of the volume of a part
 _LOST: Final = 0.5  # share of its volume that clearance may take of a part
+_TRUE: Final = 1e-6  # error of a volume that a file may have
 _BEDS: Final = 12  # largest faces that a part may lie on
 
 
@@ -29,10 +30,22 @@ class Part:
     mass: float
     box: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) sides of its smallest box, ascending
     bed: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) rotation that lays it on the bed
-    watertight: bool = False
+    open: int = 0  # edges of its file that other than two faces meet at
     step: int = 0
     direction: Floats = field(default_factory=lambda: np.zeros(3))
-    error: float = 0.0  # of the volume in its file
+    error: float = 0.0  # of the volume in its file, or of what was cut, whichever is more
+
+    @property
+    def watertight(self) -> bool:
+        """Whether its file is closed and holds its volume."""
+        return not self.open and self.error <= _TRUE
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with its file."""
+        edges = f"{self.open} edges that other than two faces meet at" if self.open else ""
+        volume = f"a volume that differs by {self.error:.1e}" if self.error > _TRUE else ""
+        return f"part {self.number} has {' and '.join(word for word in (edges, volume) if word)}"
 
     @property
     def name(self) -> str:
@@ -63,7 +76,11 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
         if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
             raise InputError("clearance", problem, "a smaller clearance")
-        found.append(Part(k + 1, group, whole, union(pieces), density * whole.volume()))
+        left = sum(piece.volume() for piece in pieces)
+        one = (closed(pieces, left) if solid is not whole else None) or union(pieces)
+        found.append(Part(k + 1, group, whole, one, density * whole.volume()))
+        cut_to = sum(cells[i].volume() for i in group)
+        found[-1].error = max(abs(whole.volume() / cut_to - 1.0), abs(one.volume() / solid.volume() - 1.0))
     return found
 
 
@@ -85,14 +102,15 @@ def lay(part: Part, fit: Floats) -> bool:
         rectangle = shapely.minimum_rotated_rectangle(shapely.MultiPoint(plan))
         ring = shapely.get_coordinates(rectangle)
         first = ring[1] - ring[0]
-        turn = float(np.arctan2(first[1], first[0]))
-        spin = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]) @ frame
-        sides = np.sort(np.ptp(points @ spin.T, axis=0))
-        scale = float((sides / fit).max())
-        good = scale <= 1.0 + 1e-6
-        key = (good, size if good else -scale, -scale)
-        if best is None or key > best[0]:
-            best = key, sides, spin, good
+        # the smallest rectangle may be long where one along the axes is not
+        for turn in (float(np.arctan2(first[1], first[0])), 0.0):
+            spin = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]) @ frame
+            sides = np.sort(np.ptp(points @ spin.T, axis=0))
+            scale = float((sides / fit).max())
+            good = scale <= 1.0 + 1e-6
+            key = (good, size if good else -scale, -scale)
+            if best is None or key > best[0]:
+                best = key, sides, spin, good
     assert best is not None
     _, part.box, part.bed, fits = best
     return bool(fits)
@@ -111,19 +129,12 @@ def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
         (folder / name).mkdir(parents=True, exist_ok=True)
     surfaces = []
     for part in parts:
-        size = float(np.ptp(surface_of(part.solid)[0], axis=0).max())
-        tried: list[tuple[bool, bool, float, int, tuple[Floats, Ints]]] = []
-        for tolerance in (0.0, 1e-7, 1e-6, 1e-5):
-            surface = as_written(part.solid, unit, tolerance * size)
-            volume = solid_of(unit * surface[0], surface[1]).volume()
-            error = abs(volume / part.solid.volume() - 1.0)
-            tried.append((doubled_edges(*surface) > 0, error > 1e-6, error, len(tried), surface))
-            if not any(tried[-1][:2]):
-                break
-        # a file that is true comes before one that is watertight
-        open_, _, part.error, _, (points, triangles) = min(tried, key=lambda one: (one[1], one[0], one[2:4]))
-        part.watertight = not open_
-        (folder / "parts" / f"{part.name}.stl").write_bytes(stl_bytes(points, triangles))
+        points, triangles = as_written(part.solid, unit)
+        path = folder / "parts" / f"{part.name}.stl"
+        path.write_bytes(stl_bytes(points, triangles))
+        again = as_read(path.read_bytes())
+        part.error = max(part.error, abs(unit**3 * solid_of(*again).volume() / part.solid.volume() - 1.0))
+        part.open = doubled_edges(*again)
         files.write_text(folder / "parts" / f"{part.name}.obj", obj_text(points, triangles, part.name))
         turned = points @ part.bed.T
         lying = as_single(turned - turned.min(axis=0), triangles)

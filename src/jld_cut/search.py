@@ -148,9 +148,11 @@ class Truth:
         fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
         joints = joints_of(pieces, fine.planes, fine.size, 1e-3)
         self.document = scene_of(family.document["name"], fine, joints, setting, 1e-3, fine.planes)
+        self.coarse = ""  # why the cells of the search stand for convex ones
         try:
             self.assembly = build_assembly(parse_scene(self.document))
-        except InputError:  # splinters of bisector planes may leave joints that no face bears out
+        except InputError as error:  # splinters of bisector planes may leave joints that no face bears out
+            self.coarse = str(error)
             self.of, self.convex = np.arange(len(cutting.cells)), False
             self.document = {key: value for key, value in family.document.items() if key != "search"}
             self.assembly = build_assembly(parse_scene(self.document))
