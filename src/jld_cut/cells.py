@@ -348,7 +348,11 @@ def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
         if g is None or i > j:
             continue
         along = points[j] - points[i]
-        turn = float(np.arctan2(np.cross(normal[f], normal[g]) @ along / np.linalg.norm(along), normal[f] @ normal[g]))
+        turn = float(
+            np.arctan2(
+                np.cross(normal[f], normal[g]) @ along / max(np.linalg.norm(along), 1e-300), normal[f] @ normal[g]
+            )
+        )
         if turn < -1e-3 and min(length[f, 0], length[g, 0]) > 1e-12:
             found.append((-turn, (points[i] + points[j]) / 2, normal[f], normal[g]))
     return sorted(found, key=lambda one: -one[0])

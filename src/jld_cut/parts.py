@@ -11,7 +11,17 @@ import shapely
 
 from jld_core import Floats, InputError, Ints, files
 from jld_cut.cells import Joint, closed, union
-from jld_cut.meshes import as_read, as_single, as_written, doubled_edges, obj_text, solid_of, stl_bytes, surface_of, write_3mf
+from jld_cut.meshes import (
+    as_read,
+    as_single,
+    as_written,
+    doubled_edges,
+    obj_text,
+    solid_of,
+    stl_bytes,
+    surface_of,
+    write_3mf,
+)
 
 _SPLINTER: Final = 1e-6  # of the volume of a part
 _LOST: Final = 0.5  # share of its volume that clearance may take of a part
