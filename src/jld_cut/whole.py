@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import shapely
 from scipy.sparse import coo_array
@@ -10,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from jld_core import Floats, Ints
 
-_SAME = 1e-6  # difference of unit normals, and of offsets by size, of one plane
+_SAME: Final = 1e-6  # difference of unit normals, and of offsets by size, of one plane
 
 
 def outer_surface(points: Floats, triangles: Ints, tolerance: float) -> tuple[Floats, Ints]:
