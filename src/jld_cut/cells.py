@@ -11,7 +11,7 @@ import shapely
 
 from jld_core import Floats, Ints
 from jld_cut.meshes import manifold3d, open_edges, solid_of, surface_of
-from jld_cut.whole import outer_surface
+from jld_cut.whole import outer_surface, triangles_of
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
@@ -162,7 +162,10 @@ def closed(bodies: list[Any], volume: float) -> Any | None:
     triangles = np.concatenate([faces + start for (_, faces), start in zip(surfaces, starts, strict=False)])
     size = float(np.ptp(points, axis=0).max())
     for tolerance in (1e-9, 1e-7, 1e-6):
-        surface = outer_surface(points, triangles, tolerance * size)
+        try:
+            surface = outer_surface(points, triangles, tolerance * size)
+        except (shapely.errors.GEOSException, ValueError):  # regions that cannot be split to triangles
+            continue
         if not len(open_edges(surface[1])):
             body = solid_of(*surface)
             if body.status().name == "NoError" and abs(body.volume() - volume) <= 1e-8 * volume:
@@ -309,15 +312,6 @@ def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
                 break
     least = 1e-4 * region.area
     return [_inscribed(one) for one in pieces if one.area > least]
-
-
-def triangles_of(region: Any) -> list[Any]:
-    """Split a polygon into triangles."""
-    try:
-        return list(shapely.get_parts(shapely.constrained_delaunay_triangles(region)))
-    except shapely.errors.GEOSException:  # a ring that touches itself
-        within = shapely.intersection(shapely.get_parts(shapely.delaunay_triangles(region)), region)
-        return [one for one in shapely.get_parts(within) if one.geom_type == "Polygon"]
 
 
 def _is_convex(polygon: Any, bent: float) -> bool:
