@@ -39,6 +39,7 @@ STUDIES: Final = (
     "joints_that_move",
     "published_wall",
     "grooves_and_tables",
+    "cut_solids",
 )
 
 

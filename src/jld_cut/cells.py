@@ -11,7 +11,7 @@ import shapely
 
 from jld_core import Floats, Ints
 from jld_cut.meshes import manifold3d, open_edges, solid_of, surface_of
-from jld_cut.whole import outer_surface
+from jld_cut.whole import outer_surface, triangles_of
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
@@ -162,7 +162,10 @@ def closed(bodies: list[Any], volume: float) -> Any | None:
     triangles = np.concatenate([faces + start for (_, faces), start in zip(surfaces, starts, strict=False)])
     size = float(np.ptp(points, axis=0).max())
     for tolerance in (1e-9, 1e-7, 1e-6):
-        surface = outer_surface(points, triangles, tolerance * size)
+        try:
+            surface = outer_surface(points, triangles, tolerance * size)
+        except (shapely.errors.GEOSException, ValueError):  # regions that cannot be split to triangles
+            continue
         if not len(open_edges(surface[1])):
             body = solid_of(*surface)
             if body.status().name == "NoError" and abs(body.volume() - volume) <= 1e-8 * volume:
@@ -311,15 +314,6 @@ def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
     return [_inscribed(one) for one in pieces if one.area > least]
 
 
-def triangles_of(region: Any) -> list[Any]:
-    """Split a polygon into triangles."""
-    try:
-        return list(shapely.get_parts(shapely.constrained_delaunay_triangles(region)))
-    except shapely.errors.GEOSException:  # a ring that touches itself
-        within = shapely.intersection(shapely.get_parts(shapely.delaunay_triangles(region)), region)
-        return [one for one in shapely.get_parts(within) if one.geom_type == "Polygon"]
-
-
 def _is_convex(polygon: Any, bent: float) -> bool:
     return not polygon.interiors and bool(polygon.convex_hull.area - polygon.area <= bent * polygon.area)
 
@@ -348,7 +342,11 @@ def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
         if g is None or i > j:
             continue
         along = points[j] - points[i]
-        turn = float(np.arctan2(np.cross(normal[f], normal[g]) @ along / np.linalg.norm(along), normal[f] @ normal[g]))
+        turn = float(
+            np.arctan2(
+                np.cross(normal[f], normal[g]) @ along / max(np.linalg.norm(along), 1e-300), normal[f] @ normal[g]
+            )
+        )
         if turn < -1e-3 and min(length[f, 0], length[g, 0]) > 1e-12:
             found.append((-turn, (points[i] + points[j]) / 2, normal[f], normal[g]))
     return sorted(found, key=lambda one: -one[0])

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import shapely
 
 from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, ParameterError, files, plugins
 from jld_core.exchange import Layout, export
@@ -334,7 +335,7 @@ def verdict(summary: dict[str, Any]) -> str:
         told += "; time ended before an order of assembly was found"
     if summary["can_be_laid"] is False:
         told += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
-    return told + "."
+    return "; ".join([told, *summary.get("warnings", ())]) + "."
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> None:
@@ -356,8 +357,9 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> 
     files.write_text(out / "parts.csv", csv_of(table_of(chosen.parts, scale)))
     try:
         export(chosen.layout, "step", out / "parts.step")
-    except InputError as error:
-        summary["warnings"] = [str(error)]
+    except (InputError, shapely.errors.GEOSException) as error:
+        summary["warnings"] = [f"parts.step was not written: {error}"]
+    summary["verdict"] = verdict(summary)
     files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")
 
 

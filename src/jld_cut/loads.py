@@ -9,8 +9,9 @@ import numpy as np
 import shapely
 
 from jld_core import Bools, Floats, ParameterError
-from jld_cut.cells import lifted, sides_of, triangles_of
+from jld_cut.cells import lifted, sides_of
 from jld_cut.meshes import surface_of
+from jld_cut.whole import triangles_of
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Final
+
 import numpy as np
 import shapely
 from scipy.sparse import coo_array
@@ -10,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from jld_core import Floats, Ints
 
-_SAME = 1e-6  # difference of unit normals, and of offsets by size, of one plane
+_SAME: Final = 1e-6  # difference of unit normals, and of offsets by size, of one plane
 
 
 def outer_surface(points: Floats, triangles: Ints, tolerance: float) -> tuple[Floats, Ints]:
@@ -81,14 +83,22 @@ def _without_shared(points: Floats, triangles: Ints, tolerance: float) -> tuple[
         for one, other, sign in ((above, below, 1), (below, above, -1)):
             rest = shapely.get_parts(shapely.difference(one, other, grid_size=grid))
             rest = rest[shapely.get_type_id(rest) == 3]
-            flat = shapely.get_parts(shapely.constrained_delaunay_triangles(rest))
-            flat = shapely.get_parts(flat)
-            if len(flat):
+            flat = [triangle for region in rest for triangle in triangles_of(region)]
+            if flat:
                 ring = shapely.get_coordinates(shapely.orient_polygons(flat)).reshape(-1, 4, 2)[:, :3][:, ::sign]
                 made.append(ring @ frame + offset * up)
     new = np.concatenate(made)
     numbers = np.arange(3 * len(new)).reshape(-1, 3) + len(points)
     return np.concatenate([points, new.reshape(-1, 3)]), np.concatenate([triangles[kept], numbers])
+
+
+def triangles_of(region: Any) -> list[Any]:
+    """Split a polygon into triangles."""
+    try:
+        return list(shapely.get_parts(shapely.constrained_delaunay_triangles(region)))
+    except shapely.errors.GEOSException:  # a ring that touches itself
+        within = shapely.intersection(shapely.get_parts(shapely.delaunay_triangles(region)), region)
+        return [one for one in shapely.get_parts(within) if one.geom_type == "Polygon"]
 
 
 def _split_at(points: Floats, triangles: Ints, tolerance: float) -> Ints:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,18 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
-from manifold3d import Manifold
+from manifold3d import Manifold, OpType
 
 from jld_core import InputError, ParameterError
 from jld_cut import Options, cut
-from jld_cut.cells import Cutting, Limits, concave_edges, convex_parts, joints_of
+from jld_cut.cells import Cutting, Limits, concave_edges, convex_parts, joints_of, union
+from jld_cut.cut import verdict
 from jld_cut.elastic import compressed
 from jld_cut.families import axis_of
 from jld_cut.loads import outside, parse_load, shares
-from jld_cut.meshes import read_solid, solid_of, stl_bytes, surface_of, write_3mf
+from jld_cut.meshes import as_read, as_written, doubled_edges, read_solid, solid_of, stl_bytes, surface_of, write_3mf
+from jld_cut.parts import Part, lay, write_parts
+from jld_cut.scene import Matter
 
 DOWN = ("0,0,-1000",)
 
@@ -36,14 +40,72 @@ def written(solid: Any, path: Path) -> Path:
     return path
 
 
-def test_a_pillar_in_two_parts_tips_as_in_closed_form(tmp_path: Path) -> None:
-    """A pillar 1 × 1 × 2 tilts at half its width over half its height, whatever cuts it level."""
-    options = Options((1.2, 1.2, 1.2), ("body:1,0,0",), require=0.1, families=("grid",), cells=4, seconds=20.0)
+@pytest.mark.parametrize(("load", "angle", "factor"), [("body:1,0,0", 35.0, 0.5), ("body:0.6,0.8,0", 45.0, 0.625)])
+def test_a_pillar_in_two_parts_tips_as_in_closed_form(tmp_path: Path, load: str, angle: float, factor: float) -> None:
+    """A pillar 1 × 1 × 2 tilts at half its width over half its height, whatever cuts it level.
+
+    With less friction a base of two faces carries less of an oblique load: each face's friction also bears torsion.
+    """
+    options = Options((1.2,) * 3, (load,), require=0.1, families=("grid",), cells=4, seconds=3.0)
+    options = replace(options, matter=Matter(friction_angle=angle, tensile=1e6))
     found = cut(written(box(1.0, 1.0, 2.0), tmp_path / "pillar.stl"), options, tmp_path / "out")
     assert found["parts"] == 2
     assert found["fits"]
     assert found["can_be_laid"]
-    assert found["load_factor"] == pytest.approx(0.5, rel=1e-4)
+    assert found["load_factor"] == pytest.approx(factor, rel=1e-4)
+
+
+def _round_table() -> Any:
+    legs = [Manifold.cylinder(0.71, 0.09, 0.07, 16).translate((x, y, 0)) for x in (-0.4, 0.4) for y in (-0.4, 0.4)]
+    return Manifold.batch_boolean([Manifold.cylinder(0.08, 0.7, 0.7, 24).translate((0, 0, 0.7)), *legs], OpType.Add)
+
+
+def _bowl() -> Any:
+    return (Manifold.sphere(1.6, 24) - Manifold.sphere(1.4, 24)) ^ box(4, 4, 2, (-2, -2, 0))
+
+
+@pytest.mark.parametrize("made", [bench, _round_table, _bowl])
+def test_a_part_of_cells_of_different_cuts_is_closed(made: Any) -> None:
+    """Cells whose cuts meet within rounding become one body without walls of no thickness, with their volume."""
+    cutting = Cutting(made())
+    turn = np.array([np.sin(0.3), np.cos(0.3) * 0.6, np.cos(0.3) * 0.8])
+    for normal, at in ((np.array([1.0, 0, 0]), 0.13), (turn, 0.41), (np.array([0.8, -0.6, 0.0]), 0.07)):
+        cutting.through(normal, at)
+    cutting.through(np.array([0, 0, 1.0]), 0.43, range(0, len(cutting.cells), 2))
+    order = range(len(cutting.cells))
+    beside = {(joint.a, joint.b) for joint in joints_of(cutting.cells, cutting.planes, cutting.size)}
+    chosen = [0]
+    for _ in range(len(order) // 2):
+        near = [k for k in order if k not in chosen and any((k, c) in beside or (c, k) in beside for c in chosen)]
+        chosen += near[:1]
+        body = union([cutting.cells[k] for k in chosen])
+        assert body.volume() == pytest.approx(sum(cutting.cells[k].volume() for k in chosen), rel=1e-9)
+        assert doubled_edges(*as_read(stl_bytes(*as_written(body, 1.0)))) == 0
+    everything = union(cutting.cells)
+    assert doubled_edges(*as_written(everything, 1.0)) == 0
+    assert everything.volume() == pytest.approx(made().volume(), rel=1e-9)
+
+
+def test_a_part_fits_a_box_along_the_axes() -> None:
+    """A square plate whose smallest rectangle is not along the axes: the box along them is tried as well."""
+    corner = (Manifold.cylinder(0.2, 2.0, 2.0, 48) ^ box(2, 2, 1)) - Manifold.cylinder(1.0, 1.7, 1.7, 48, True)
+    part = Part(1, [0], corner, corner, 1.0)
+    assert lay(part, np.full(3, 2.0))
+    assert part.box.max() <= 2.0 * (1 + 1e-6)
+
+
+def test_a_faulty_file_is_named(tmp_path: Path) -> None:
+    """A part that touches itself along an edge only has an edge with four faces: it is named, not passed over."""
+    two = Manifold.batch_boolean([box(1, 1, 1), box(1, 1, 1, (1, 1, 0))], OpType.Add)
+    part = Part(3, [0, 1], two, two, 1.0)
+    write_parts(tmp_path, [part], 1.0)
+    assert not part.watertight
+    assert part.fault == "part 3 has 1 edges that other than two faces meet at"
+    told = {"parts": 3, "bracket": [2.0, 2.0], "locked": False, "uncut": [2.0, 2.0], "require": 1.0, "meets": True}
+    told |= {"too_large": [2], "can_be_laid": True, "coarse_truth": "", "faulty_files": [part.fault]}
+    assert "not watertight: part 3" in verdict(told)
+    assert "do not fit the box: 2" in verdict(told)
+    assert "λ of the cells of the search" in verdict(told | {"coarse_truth": "no face"})
 
 
 def test_a_bench_is_cut_to_whole_files(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from studies import (
     corner,
+    cut_solids,
     few_cuts,
     few_shapes,
     how_low_can_it_go,
@@ -211,6 +212,15 @@ def test_few_cuts(tmp_path: Path) -> None:
     written(tmp_path, few_cuts.NAME)
     assert table["proven"].all()
     assert table["load_factor"].max() == pytest.approx(12.62218, rel=1e-5)
+
+
+@pytest.mark.long
+def test_cut_solids(tmp_path: Path) -> None:
+    table = cut_solids.run(tmp_path, coarse=True)
+    written(tmp_path, cut_solids.NAME)
+    assert table["watertight"].all()
+    assert table["in_box"].all()
+    assert table["overlap"].max() < 1e-6
 
 
 def test_fronts_of_sawn_length_and_moulds_are_those_of_all_layouts(tmp_path: Path) -> None:
