@@ -210,6 +210,7 @@ def written(out: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.Dat
     finite = whole[whole["bracket_lo"].notna() & whole["grid"].notna() & (whole["bracket_hi"].notna())]
     yes = ("watertight", "in_box", "meets", "can_be_laid", "proven")
     counts = {key: sum(value == 1 for value in whole[key]) for key in yes}
+    above = whole["solid"][whole["bracket_lo"].astype(float) > 1.001 * whole["uncut_lo"].astype(float)]
     report = Report(
         name=NAME,
         title="Ten solids cut to parts",
@@ -229,6 +230,8 @@ def written(out: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.Dat
         differs=(
             f"No order was found in time for {', '.join(whole['solid'][whole['can_be_laid'].isna()]) or 'none'}.",
             f"Only {counts['proven']} of {len(whole)} are proven the strongest of so many parts of their cells.",
+            f"Parts above the uncut solid: {', '.join(above) or 'none'}. Dry faces bear moments by thrust without a limit, "
+            "inner ones by tension, and λ depends on how many faces a section has: such numbers are of the model.",
             "Without an upper end: no load makes these solids collapse while nothing is crushed.",
             *(f"{row['solid']}: {row['problem']}." for _, row in table.iterrows() if row["parts"] != row["parts"]),
         ),
