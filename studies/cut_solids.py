@@ -230,8 +230,8 @@ def written(out: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.Dat
         differs=(
             f"No order was found in time for {', '.join(whole['solid'][whole['can_be_laid'].isna()]) or 'none'}.",
             f"Only {counts['proven']} of {len(whole)} are proven the strongest of so many parts of their cells.",
-            f"Parts above the uncut solid: {', '.join(above) or 'none'}. Why was not looked into; λ depends on how many "
-            "faces a section has, so such numbers are of the model.",
+            f"Parts above the uncut solid: {', '.join(above) or 'none'}. Why was not looked into; λ depends on "
+            "how many faces a section has, so such numbers are of the model.",
             "Without an upper end: no load makes these solids collapse while nothing is crushed.",
             *(f"{row['solid']}: {row['problem']}." for _, row in table.iterrows() if row["parts"] != row["parts"]),
         ),
