@@ -209,7 +209,8 @@ def written(out: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.Dat
     whole = table[table["parts"].notna()]
     finite = whole[whole["bracket_lo"].notna() & whole["grid"].notna() & (whole["bracket_hi"].notna())]
     yes = ("watertight", "in_box", "meets", "can_be_laid", "proven")
-    counts = {key: int(whole[key].astype(bool).sum()) for key in yes}
+    counts = {key: sum(value == 1 for value in whole[key]) for key in yes}
+    above = whole["solid"][whole["bracket_lo"].astype(float) > 1.001 * whole["uncut_lo"].astype(float)]
     report = Report(
         name=NAME,
         title="Ten solids cut to parts",
@@ -227,8 +228,11 @@ def written(out: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.Dat
             f"Volumes of the files differ from those of the parts by at most {whole['file_error'].max():.1e}.",
         ),
         differs=(
+            f"No order was found in time for {', '.join(whole['solid'][whole['can_be_laid'].isna()]) or 'none'}.",
             f"Only {counts['proven']} of {len(whole)} are proven the strongest of so many parts of their cells.",
-            "No λ end above: no load makes these solids collapse while nothing is crushed.",
+            f"Parts above the uncut solid: {', '.join(above) or 'none'}. Why was not looked into; λ depends on "
+            "how many faces a section has, so such numbers are of the model.",
+            "Without an upper end: no load makes these solids collapse while nothing is crushed.",
             *(f"{row['solid']}: {row['problem']}." for _, row in table.iterrows() if row["parts"] != row["parts"]),
         ),
         pictures={
