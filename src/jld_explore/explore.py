@@ -273,7 +273,8 @@ def _search(
             with deferred_signals():  # a signal waits until the tables are whole
                 done = write_tables(study, reason, later(deadline, settings, TABLES))
                 say()  # of a resumed search without a new layout
-                drawing = drawn.enter_context(beside(_pictures_of(done, deadline, settings)))
+                if settings.pictures:
+                    drawing = drawn.enter_context(beside(_pictures_of(done, deadline, settings)))
                 for step in tabled:
                     done = step.run(done, context)
                 save_tables(done, csv=settings.csv)
@@ -351,8 +352,6 @@ Drawn = tuple[list[Path], list[str]]
 
 def _pictures_of(done: Exploration, deadline: Deadline, settings: ExploreSettings) -> Callable[[], Drawn]:
     """Return the function that draws as many pictures as time allows; no picture depends on what steps find."""
-    if not settings.pictures:
-        return lambda: ([], [])
     return partial(
         write_pictures,
         done,

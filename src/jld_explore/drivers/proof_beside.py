@@ -156,28 +156,29 @@ class _Proof:
         driver = self.driver = Exact(self.space)
         evaluator = Evaluator(self.space.assembly, EvaluatorSettings(self.model))
         standing = Standing(self.space.assembly, self.model)
+
+        def evaluated(labellings: Bits) -> tuple[Bits, list[Evaluation]]:
+            """Evaluate labellings (k, m) as far as time allows, and keep the strongest."""
+            evaluations = evaluator.evaluate_all(labellings, deadline=deadline)
+            labellings = labellings[: len(evaluations)]
+            told = standing.told(labellings, evaluations)
+            for labels, one in zip(labellings, told, strict=True):
+                if one.status is Status.COLLAPSE and one.low > self.found.low:
+                    self.found = self.found._replace(labels=labels.copy(), low=one.low)
+            return labellings, told
+
         with suppress(DeadlinePassed), deadline.enforced():
             best, self.given = self.given, None
             if best is not None:
-                self._learn(
-                    best[None], standing.told(best[None], evaluator.evaluate_all(best[None], deadline=deadline))
-                )
+                evaluated(best[None])
                 self.at_root(deadline)
             self.blocks = None  # its memory goes to the driver
             driver.start(deadline, lambda: None)
             while len(asked := driver.ask()):
-                given, self.given = self.given, None
-                for own, labellings in ((True, asked), *(() if given is None else ((False, given[None]),))):
-                    evaluations = evaluator.evaluate_all(labellings, deadline=deadline)
-                    told = standing.told(labellings[: len(evaluations)], evaluations)
-                    (driver.tell if own else driver.restore)(labellings[: len(told)], told)
-                    self._learn(labellings, told)
-
-    def _learn(self, labellings: Bits, told: list[Evaluation]) -> None:
-        """Keep the strongest layout."""
-        for labels, one in zip(labellings, told, strict=False):
-            if one.status is Status.COLLAPSE and one.low > self.found.low:
-                self.found = self.found._replace(labels=labels.copy(), low=one.low)
+                driver.tell(*evaluated(asked))
+                best, self.given = self.given, None
+                if best is not None:
+                    driver.restore(*evaluated(best[None]))
 
     def now(self, best: Bits | None, seconds: float) -> Found:
         """Return what is known after some seconds, or once the exact driver has ended; best (m,): of the search."""
