@@ -240,13 +240,12 @@ def _search(
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     refuse_together(scene, settings, assembly)
     # Announce messages only once a layout is found; a refused search and an empty space give their error alone.
-    said = [f"warning: {warning}" for warning in assembly.warnings] + [f"note: {note}" for note in assembly.notes]
+    said = _messages_of(scene, assembly)
     space = _space_of(scene, assembly, settings)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
     settings = affordable_settings(assembly, settings, said)
     chosen, total = _driver_of(scene, space, settings, deadline, folder)
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
-    said += [] if scene.cracks == "faces" else [f"cracks: {cracks_in_words(scene.cracks)}"]
     refuse_unfit(scene, assembly, settings, chosen)
     if space.void is not None:
         refuse_beside_void(settings, chosen)
@@ -290,6 +289,12 @@ def _search(
                 write_report(done, patience=_STOPPING, deadline=Deadline(0.0))
         stop.done = done
         raise
+
+
+def _messages_of(scene: Scene, assembly: Assembly) -> list[str]:
+    """Return the warnings and notes of a scene, and how it cracks if not at faces alone."""
+    said = [f"warning: {warning}" for warning in assembly.warnings] + [f"note: {note}" for note in assembly.notes]
+    return said if scene.cracks == "faces" else [*said, f"cracks: {cracks_in_words(scene.cracks)}"]
 
 
 def _driver_of(
