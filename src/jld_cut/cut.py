@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -31,6 +31,8 @@ from jld_cut.scene import Matter, Setting
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, layout_of, search_all
 from jld_explore.report import csv_of, page_of_study
 
+_FIELDS: Final = 45.0  # time from which bounds by fields have a chance, s
+_PAGE: Final = 4.0  # time from which the page of the search is made, s
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
 
@@ -187,13 +189,13 @@ def cut(
         return share * (options.seconds - (time.perf_counter() - start))
 
     now = time.time()
-    families = search_all(solid, path.stem, wish, now + left(0.4), say)
+    families = search_all(solid, path.stem, wish, now + left(0.45), say)
     chosen = _choose(families, wish, scale * options.clearance, time.time() + left(0.55), say)
     summary = _summary(chosen, families, solid, options)
     _write(chosen, summary, out, options)
     say(summary["verdict"])
     with _fields_beside(chosen, out, left(0.95)) as bracket:
-        _draw(chosen, summary, out, scale, left(0.4))
+        _draw(chosen, summary, out, scale, left(0.8))
         summary["by_fields"] = bracket(left(0.95))
     summary["seconds"] = time.perf_counter() - start
     files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
@@ -214,7 +216,7 @@ def _choose(families: list[Family], wish: Wish, clearance: float, end: float, sa
     numbers = sorted({n for one in families for n, of in one.found.of.items() if len(of.low)})
     carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
     for parts in carrying or numbers[-1:]:
-        for family, block, coarse, bracket in _judged(families, parts, wish, end, made is not None, say):
+        for family, block, coarse, bracket in _judged(families, parts, wish, end, say):
             tried = _chosen(family, block, coarse, bracket, wish, clearance, end)
             made = made or tried
             if not tried.too_large and tried.can_be_laid is not False:
@@ -234,7 +236,7 @@ def _top(family: Family, parts: int) -> float:
 
 
 def _judged(
-    families: list[Family], parts: int, wish: Wish, end: float, late: bool, say: Callable[[str], None]
+    families: list[Family], parts: int, wish: Wish, end: float, say: Callable[[str], None]
 ) -> list[tuple[Family, Ints, float, Bracket]]:
     """Return the layouts of one number of parts that are best on the cells, the strongest on convex cells first."""
     judged: list[tuple[float, float, tuple[Family, Ints, float, Bracket]]] = []
@@ -448,6 +450,8 @@ def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float, seco
     write_page(parts, told, front, cutting, out / "parts.html")
     write_pages(parts, told, front, cutting, out / "parts.pdf")
     left = seconds - (time.perf_counter() - start)
+    if left < _PAGE:
+        return
     done = explored(chosen.family, chosen.block, out / "search", max(1.0, left / 2))
     page_of_study.write_report(done, out, patience=max(1.0, left / 2))
 
@@ -461,7 +465,7 @@ def _shown(value: Any) -> str:
 @contextmanager
 def _fields_beside(chosen: Chosen, out: Path, seconds: float) -> Iterator[Callable[[float], list[float | None] | None]]:
     """Begin bounds of λ by fields in a process that the clock ends; yield what waits for its bracket."""
-    if not chosen.fine.convex or seconds < 5.0:
+    if not chosen.fine.convex or seconds < _FIELDS:
         yield lambda _: None
         return
     order = [sys.executable, "-m", "jld_explore", "solve", str(out / "scene.json"), "--cracks", "fields:0.5", "--json"]

@@ -18,6 +18,7 @@ from jld_core import (
     Deadline,
     DeadlinePassed,
     Floats,
+    InputError,
     Ints,
     LimitAnalysis,
     build_assembly,
@@ -34,7 +35,7 @@ from jld_cut.cells import Limits
 SETS: Final = 60_000  # connected sets above which they are not listed
 LAYOUTS: Final = 20_000  # layouts of one number of parts above which they are not all solved
 _EACH: Final = 1.0  # processor time of a layout that the batch solver does not settle, s
-_FURTHER: Final = 2_000  # the same of more parts than the fewest
+_FURTHER: Final = 600  # the same of more parts than the fewest
 KEPT: Final = 40  # strongest layouts of each number of parts that are kept
 _CHUNK: Final = 256  # layouts solved together
 _MORE: Final = 3  # numbers of parts above the fewest that the front holds
@@ -232,7 +233,11 @@ def search(
     if not sets:
         found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
         return found
-    bounds = Bounds(document)
+    try:
+        bounds = Bounds(document)
+    except InputError as error:  # splinters may leave joints that no face bears out
+        found.problem = str(error)
+        return found
     for parts in range(1, min(asked.most, count) + 1):
         if parts > fewest + _MORE:
             break

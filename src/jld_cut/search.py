@@ -188,10 +188,10 @@ def search_all(solid: Any, title: str, wish: Wish, until: float, say: Callable[[
     jobs = 2 if until - start > _BESIDE and (os.cpu_count() or 1) > 1 else 1
     with Pool(jobs) as pool:
         for family in _cut_ways(solid, title, wish, say, start + (0.4 * (until - start) if jobs > 1 else 0.0)):
-            share = (
-                until if jobs > 1 else time.time() + (until - time.time()) / max(1, len(wish.families) - len(families))
-            )
-            asked = Asked(wish.require, wish.most or MOST, share, until + 0.5 * (until - start))
+            # two at a time, each round with its share of the time; what is left is for finer cells
+            rounds = -(-len(wish.families) // jobs)
+            end = start + (until - start) * min(1.0, (len(families) // jobs + 1) / rounds)
+            asked = Asked(wish.require, wish.most or MOST, end, end + 0.4 * (until - start))
             task = family.document, family.boxes(), family.around, wish.limits, family.together, asked
             families.append(family)
             futures.append(pool.submit(search, *task).result if jobs > 1 else partial(search, *task))
