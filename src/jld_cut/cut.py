@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 import shapely
 
-from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, ParameterError, files, plugins
-from jld_core.exchange import Layout, export
+from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, Layout, ParameterError, files, plugins
 from jld_cut.cells import Limits
 from jld_cut.families import FAMILIES
 from jld_cut.loads import parse_load, parse_region
@@ -28,6 +27,7 @@ from jld_cut.search import Family, Truth, Wish, anneal, candidates, cut_ways, pr
 from jld_explore import Exploration
 from jld_explore.report import csv_of, page_of_study
 from jld_explore.space import from_string
+from jld_formats import export
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 

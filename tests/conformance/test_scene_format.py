@@ -18,9 +18,9 @@ from tools.scene_meanings import MEANINGS
 
 from command import ROOT
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.exchange import FORMATS
 from jld_core.program import ConicProgram, Template
 from jld_explore.cli.command import app
+from jld_formats import FORMATS
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 SCENES = sorted((ROOT / "scenes").glob("*.json"))

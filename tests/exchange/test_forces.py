@@ -12,8 +12,8 @@ from cases import box
 from cases import scene_in_space as scene
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.exchange import import_file
-from jld_core.exchange.forces import parse_force
+from jld_formats import import_file
+from jld_formats.forces import parse_force
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ import pytest
 from command import Command
 from files.make import File, shelf
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.exchange import ImportOptions, import_file
-from jld_core.exchange.options import measure, role_by_name
 from jld_core.scene.units import METRES
+from jld_formats import ImportOptions, import_file
+from jld_formats.options import measure, role_by_name
 from jld_practice.design import DesignOptions, read_outline
 from jld_studio.server import opened
 

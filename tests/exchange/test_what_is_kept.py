@@ -11,11 +11,11 @@ import pytest
 from pydantic import BaseModel
 
 from command import Command
-from jld_core import InputError, Scene, build_assembly, parse_scene, solve
-from jld_core.exchange import FORMATS, Layout, export, import_file
-from jld_core.exchange.facts import lost
-from jld_core.exchange.formats import formats
+from jld_core import InputError, Layout, Scene, build_assembly, parse_scene, solve
 from jld_core.scene.uncertain import with_means
+from jld_formats import FORMATS, export, import_file
+from jld_formats.facts import lost
+from jld_formats.formats import formats
 
 LIBRARY = {"dxf": "ezdxf", "3dm": "rhino3dm", "ifc": "ifcopenshell", "obj": "meshio", "ply": "meshio", "vtk": "meshio"}
 READ_BACK = ("dxf", "3dm", "compas")

@@ -15,8 +15,7 @@ import pytest
 from benchmarks.claims import run as run_claim
 
 from cases import dry_and_inner, every_layout, grid_document
-from jld_core import InputError, SolveOptions, Status, build_assembly, parse_scene, solve
-from jld_core.exchange import Layout, export
+from jld_core import InputError, Layout, SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS
@@ -24,6 +23,7 @@ from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.report.page_contract import PageData
 from jld_explore.space import from_string
 from jld_explore.verification import verify
+from jld_formats import export
 
 # what blocks that crack anywhere carry, test_field_searches.py tests
 pytestmark = pytest.mark.usefixtures("without_field_check")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import csv
+import io
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -10,10 +12,13 @@ import numpy as np
 import shapely
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import Assembly, blocks_of
+from jld_core.assembly import Assembly, blocks_of, faces_of
+from jld_core.files import harmless
 from jld_core.geometry.outlines import Outlines, reach_of, shape_numbers
 from jld_core.geometry.unions import Region, Surface, extrude, union_outlines, union_solids
+from jld_core.limit.mechanism import result_of_faces
 from jld_core.limit.result import LimitAnalysisResult
+from jld_core.parameters import typed
 from jld_core.scene.schema import Scene
 
 
@@ -204,6 +209,14 @@ class Layout:
             numbers[k] = number
         return numbers
 
+    def without_members(self) -> Layout:
+        """Return the layout without the interfaces of members; itself where there are none."""
+        assembly = faces_of(self.assembly)
+        if assembly is self.assembly:
+            return self
+        result = None if self.result is None else result_of_faces(self.result)
+        return replace(self, assembly=assembly, labels=self.labels[: assembly.faces], result=result)
+
     def table(self) -> list[dict[str, Any]]:
         """Return the rows of `blocks.csv`.
 
@@ -234,3 +247,25 @@ class Layout:
             {key: float(f"{value:.12g}") if isinstance(value, float) else value for key, value in row.items()}
             for row in rows
         ]
+
+
+@typed
+def blocks_csv(layout: Layout) -> str:
+    """Return the text of blocks.csv: one row for each block with a free element.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the blocks.
+
+    Returns
+    -------
+    str
+        CSV text with a header.
+    """
+    rows = layout.table()
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(rows[0]) if rows else ["block"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({key: harmless(value) for key, value in row.items()} for row in rows)
+    return stream.getvalue()

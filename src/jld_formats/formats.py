@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -11,17 +9,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from jld_core import plugins
-from jld_core.assembly import faces_of
-from jld_core.errors import InputError, ParameterError
-from jld_core.exchange.drawn_loads import Drawing
-from jld_core.exchange.layout import Layout
-from jld_core.exchange.options import ImportOptions, Notes
-from jld_core.exchange.solids import Solids
-from jld_core.files import whole_file
-from jld_core.limit.mechanism import result_of_faces
-from jld_core.parameters import typed
-from jld_core.scene.units import METRES
+from jld_core import InputError, Layout, ParameterError, files, parameters, plugins
+from jld_core.scene import units
+from jld_formats.drawn_loads import Drawing
+from jld_formats.options import ImportOptions, Notes
+from jld_formats.solids import Solids
 
 Read = Callable[[Path, ImportOptions, Notes], Drawing | Solids]
 """Reader: of a file, options, and notes, which receive what was found and skipped."""
@@ -136,13 +128,17 @@ def of_text(module: str, function: str) -> Callable[..., None]:
     return write
 
 
+_NAMED: Final = (*OUTLINES, "thickness", "name")
+
+_WEIGHED: Final = (*OUTLINES, *WEIGHTS, "thickness", "elements.support")
+
 _OWN: Final = (
     Format(
         "dxf",
         ".dxf",
-        by("jld_core.exchange.read_dxf", "read_dxf"),
+        by("jld_formats.read_dxf", "read_dxf"),
         ("dxf",),
-        write=by("jld_core.exchange.write_drawing", "write_dxf"),
+        write=by("jld_formats.write_drawing", "write_dxf"),
         unit="any",
         whole=PLANAR,
         labels=PLANAR,
@@ -151,9 +147,9 @@ _OWN: Final = (
         Format(
             kind,
             f".{kind}",
-            by("jld_core.exchange.read_mesh", "read_mesh"),
+            by("jld_formats.read_mesh", "read_mesh"),
             (kind,),
-            write=of_text("jld_core.exchange.read_mesh", f"{kind}_text"),
+            write=of_text("jld_formats.read_mesh", f"{kind}_text"),
             cells=(2, 3),
             unit="any",
         )
@@ -162,27 +158,102 @@ _OWN: Final = (
     Format(
         "svg",
         ".svg",
-        by("jld_core.exchange.read_svg", "read_svg"),
+        by("jld_formats.read_svg", "read_svg"),
         ("svg",),
-        write=of_text("jld_core.exchange.write_drawing", "svg_text"),
+        write=of_text("jld_formats.write_drawing", "svg_text"),
         unit="any",
         keeps=(*OUTLINES, "elements.support"),
         labels=PLANAR,
     ),
-    Format("csv", "", by("jld_core.exchange.read_csv", "read_csv"), ("csv",)),
+    Format("csv", "", by("jld_formats.read_csv", "read_csv"), ("csv",)),
+    Format(
+        "3dec",
+        ".dat",
+        write=of_text("jld_formats.write_step", "command_text"),
+        members=False,
+        keeps=(*_WEIGHED, "name", "materials.gravity"),
+    ),
+    Format(
+        "3dm",
+        ".3dm",
+        by("jld_formats.read_rhino", "read_rhino"),
+        ("3dm",),
+        "rhino3dm",
+        by("jld_formats.write_rhino", "write_rhino"),
+        cells=(3,),
+        unit="any",
+        analysed=True,
+        keeps=OF_BLOCKS,
+        whole=PLANAR | {(3, True)},
+        labels=PLANAR,
+    ),
+    Format(
+        "compas",
+        ".json",
+        by("jld_formats.read_dem", "read_compas"),
+        ("json",),
+        write=of_text("jld_formats.write_compas", "compas_text"),
+        cells=(2, 3),
+        members=False,
+        keeps=OF_BLOCKS,
+        keeps_of_cells=("interfaces",),
+        whole=frozenset({(3, True)}),
+        labels=frozenset({(2, True), (3, True)}),
+    ),
+    Format(
+        "compas_dem",
+        ".json",
+        write=of_text("jld_formats.write_dem", "dem_text"),
+        cells=(2, 3),
+        analysed=True,
+        members=False,
+        keeps=(*_WEIGHED, *FORCES, "loads.cases.name"),
+    ),
+    Format(
+        "gltf",
+        ".glb",
+        write=of_text("jld_formats.write_vtk", "gltf_bytes"),
+        cells=(2, 3),
+        unit="metres",
+        analysed=True,
+        keeps=_NAMED,
+    ),
+    Format(
+        "ifc",
+        ".ifc",
+        by("jld_formats.read_ifc", "read_ifc"),
+        ("ifc",),
+        "ifcopenshell",
+        by("jld_formats.write_ifc", "write_ifc"),
+        cells=(2, 3),
+        unit="any",
+        analysed=True,
+        keeps=_NAMED,
+    ),
+    Format(
+        "step",
+        ".step",
+        by("jld_formats.read_step", "read_step"),
+        ("step", "stp", "p21"),
+        write=of_text("jld_formats.write_step", "step_text"),
+        cells=(2, 3),
+        unit="any",
+        keeps=(*_NAMED, "elements.support"),
+    ),
+    Format("vtk", ".vtu", write=by("jld_formats.write_vtk", "write_vtk"), analysed=True, keeps=_NAMED),
 )
 
 
 @cache
 def formats() -> dict[str, Format]:
-    """Return all formats by name: those of the core, then those of other packages in the order of their names.
+    """Return all formats by name: those of jld, then those of other packages in the order of their names.
 
     Raises InputError for one of a package that is no `Format` of its name.
     """
     found = {one.name: one for one in _OWN}
     for name, one in plugins.load_all("jld.formats", tuple(found)).items():
         if not isinstance(one, Format) or one.name != name:
-            raise plugins.refuse_type("jld.formats", name, f"a jld_core.exchange.Format with name = {name!r}")
+            raise plugins.refuse_type("jld.formats", name, f"a jld_formats.Format with name = {name!r}")
         found[name] = one
     return found
 
@@ -214,13 +285,13 @@ def layout_in_unit(layout: Layout, unit: str) -> Layout:
     # Weights, forces and labels stay as they are. Scene data for re-import and the analysis are taken from
     # `Layout.drawn_from`, the given layout.
     own = layout.assembly.units[0]
-    if unit not in METRES:
-        raise ParameterError("unit", f"no unit is named {unit!r}", "one of " + ", ".join(METRES))
-    if own not in METRES:
+    if unit not in units.METRES:
+        raise ParameterError("unit", f"no unit is named {unit!r}", "one of " + ", ".join(units.METRES))
+    if own not in units.METRES:
         raise ParameterError(
             "unit", f"lengths of the scene are in {own!r}, which is unknown", "units.length of a scene"
         )
-    factor = METRES[own] / METRES[unit]
+    factor = units.METRES[own] / units.METRES[unit]
     if factor == 1.0:
         return layout
     assembly = layout.assembly
@@ -255,11 +326,7 @@ def layout_in_unit(layout: Layout, unit: str) -> Layout:
     return Layout(layout.scene, scaled, layout.labels, layout.result, layout)
 
 
-RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
-"""First characters by which a spreadsheet takes a text for a formula."""
-
-
-@typed
+@parameters.typed
 def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, unit: str | None = None) -> Path:
     """Write a layout to a file of another program, completely or not at all.
 
@@ -297,7 +364,9 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
     if cells and dimension not in form.cells:
         solids = [name for name in FORMATS if dimension in formats()[name].cells]
         raise ParameterError("cells", f"{kind} draws blocks and the faces inside them", " or ".join(solids))
-    layout = _of_faces(layout, kind)
+    if not form.members:  # an analysis starts from the file
+        layout.assembly.members.refuse(f"a file of the format {kind}")
+    layout = layout.without_members()
     if unit is not None:
         if form.unit != "any":
             problem = f"{kind} has " + ("metres" if form.unit == "metres" else "the units of the scene")
@@ -305,44 +374,6 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
             raise ParameterError("unit", problem, " or ".join(free))
         layout = layout_in_unit(layout, unit)
     assert form.write is not None
-    with whole_file(path) as fresh:
+    with files.whole_file(path) as fresh:
         form.write(layout, fresh, cells=cells)
     return path
-
-
-def _of_faces(layout: Layout, kind: str) -> Layout:
-    """Drop the interfaces of members from a layout; InputError with members if an analysis starts from the format."""
-    if not formats()[kind].members:
-        layout.assembly.members.refuse(f"a file of the format {kind}")
-    assembly = faces_of(layout.assembly)
-    if assembly is layout.assembly:
-        return layout
-    result = None if layout.result is None else result_of_faces(layout.result)
-    return replace(layout, assembly=assembly, labels=layout.labels[: assembly.faces], result=result)
-
-
-@typed
-def blocks_csv(layout: Layout) -> str:
-    """Return the text of blocks.csv: one row for each block with a free element.
-
-    Parameters
-    ----------
-    layout : Layout
-        Layout of the blocks.
-
-    Returns
-    -------
-    str
-        CSV text with a header.
-    """
-    rows = layout.table()
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(rows[0]) if rows else ["block"], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({key: harmless(value) for key, value in row.items()} for row in rows)
-    return stream.getvalue()
-
-
-def harmless(value: object) -> object:
-    """Quote a text that a spreadsheet would run as a formula, by an apostrophe before `RUN_BY_SPREADSHEETS`."""
-    return f"'{value}" if isinstance(value, str) and value.startswith(RUN_BY_SPREADSHEETS) else value

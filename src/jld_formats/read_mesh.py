@@ -15,16 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError
-from jld_core.exchange.drawn_loads import MOST
-from jld_core.exchange.layout import Layout
-from jld_core.exchange.libraries import library, parsing, readable
-from jld_core.exchange.options import ImportOptions, Notes
-from jld_core.exchange.solids import Part, Solids, split
-from jld_core.geometry import Faces
-from jld_core.geometry.snapping import without_spikes
-from jld_core.geometry.unions import Surface, extrude, union_outlines, union_solids
+from jld_core import Floats, InputError, Layout
+from jld_core.geometry import Faces, snapping, unions
+from jld_formats.drawn_loads import MOST
+from jld_formats.libraries import library, parsing, readable
+from jld_formats.options import ImportOptions, Notes
+from jld_formats.solids import Part, Solids, split
 
 
 def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
@@ -61,7 +57,7 @@ def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
 
 def _without_repeats(faces: Faces, notes: Notes) -> Faces:
     """Return faces without corners named twice in a row, and without those that then enclose no area."""
-    short = [tuple(without_spikes(loop, closed=True)) for loop in faces]
+    short = [tuple(snapping.without_spikes(loop, closed=True)) for loop in faces]
     kept = tuple(loop for loop in short if len(loop) > 2)
     notes.skip("faces", len(short) - len(kept), "they name a corner twice and enclose no area")
     return kept
@@ -186,7 +182,7 @@ def _refuse_counts(kind: str, data: bytes) -> None:
         raise InputError("", f"its header promises {count} triangles in {size} bytes", "a whole file")
 
 
-def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, Surface]]:
+def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, unions.Surface]]:
     """Yield name, support flag and closed surface of each block, or of each element.
 
     Parameters
@@ -210,10 +206,10 @@ def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, Surfa
     elements = layout.assembly.elements
     for k, name in enumerate(elements.ids):
         if layout.assembly.dimension == 2:
-            (region,) = union_outlines([elements.shape[k]])
-            surface = extrude(region, layout.thickness)
+            (region,) = unions.union_outlines([elements.shape[k]])
+            surface = unions.extrude(region, layout.thickness)
         else:
-            surface = union_solids([elements.shape[k]], [elements.faces[k]])
+            surface = unions.union_solids([elements.shape[k]], [elements.faces[k]])
         yield name, bool(elements.support[k]), surface
 
 

@@ -11,15 +11,14 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Floats, Ints
-from jld_core.errors import InputError
-from jld_core.scene.units import METRES, NEWTONS
+from jld_core import Floats, InputError, Ints
+from jld_core.scene import units
 
 # Alternative spellings of units in drawings with capital letters; mN and T are ambiguous and refused
 _SPELLINGS: Final = {"KN": "kN", "kn": "kN", "n": "N", "DAN": "daN", "KG": "kg", "kips": "kip", "LBF": "lbf"}
 
 # Expected text, for error messages
-_EXPECTED: Final = f'a number with one of {", ".join(NEWTONS)}, as "F1 = 2.5 kN", or two as "3 kN; -4 kN"'
+_EXPECTED: Final = f'a number with one of {", ".join(units.NEWTONS)}, as "F1 = 2.5 kN", or two as "3 kN; -4 kN"'
 
 # Pattern of a number with decimal point or decimal comma
 _DECIMAL: Final = r"[-+]?(?:\d+(?:\.\d*|,\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
@@ -73,10 +72,10 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
     stripped = text.strip()
     if distributed and (whole := _FORCE.fullmatch(stripped)) and whole["per"] and whole["unit"]:
         length = _PER.fullmatch(whole["per"])
-        if length is None or length[1] not in METRES:
+        if length is None or length[1] not in units.METRES:
             raise _refused(text, f"no unit of length is named {whole['per'].strip(' /')!r}")
         _, value, _ = _part(whole, text, unit, distributed=True)
-        return WrittenForce((value,), False, True, (METRES[length[1]], 2 if length[2] else 1))
+        return WrittenForce((value,), False, True, (units.METRES[length[1]], 2 if length[2] else 1))
     while place < len(stripped) or not parts:
         if parts:
             gap = _BETWEEN.match(stripped, place)
@@ -133,12 +132,12 @@ def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = Fal
     if given is None:
         return found["name"] or "", value, False
     known = _SPELLINGS.get(given, given)
-    if known not in NEWTONS:
+    if known not in units.NEWTONS:
         raise _refused(text, f"no unit of force is named {given!r}")
     target = _SPELLINGS.get(unit, unit)
-    if target not in NEWTONS:
+    if target not in units.NEWTONS:
         raise _refused(text, f"no unit of force is named {unit!r}, that of the scene", "a number alone")
-    return found["name"] or "", value if known == target else value * NEWTONS[known] / NEWTONS[target], True
+    return found["name"] or "", value if known == target else value * units.NEWTONS[known] / units.NEWTONS[target], True
 
 
 def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:

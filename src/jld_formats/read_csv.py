@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.errors import InputError
-from jld_core.exchange.drawn_loads import MOST, Drawing
-from jld_core.exchange.libraries import text_of
-from jld_core.exchange.options import ImportOptions, Notes
-from jld_core.exchange.paths import Path
+from jld_core import InputError
+from jld_formats.drawn_loads import MOST, Drawing
+from jld_formats.libraries import text_of
+from jld_formats.options import ImportOptions, Notes
+from jld_formats.paths import Path
 
 _COLUMNS: Final = ("id", "x", "y", "layer", "support")  # allowed columns
 

@@ -12,16 +12,12 @@ from typing import Final
 import numpy as np
 import shapely
 
-from jld_core import tolerances
-from jld_core.arrays import Floats
-from jld_core.errors import InputError
-from jld_core.exchange.drawn_loads import MOST, Cell, Mark
-from jld_core.exchange.options import ImportOptions, Measures, Notes, listed, several
-from jld_core.exchange.paths import Path
-from jld_core.geometry import Faces, across, area_vector
-from jld_core.geometry.snapping import Snapped
-from jld_core.geometry.unions import triangulate_region
-from jld_core.scene.units import METRES
+from jld_core import Floats, InputError, tolerances
+from jld_core.geometry import Faces, across, area_vector, snapping, unions
+from jld_core.scene import units
+from jld_formats.drawn_loads import MOST, Cell, Mark
+from jld_formats.options import ImportOptions, Measures, Notes, listed, several
+from jld_formats.paths import Path
 
 _CHUNK, _CROSSINGS = 64, 5
 """Number of lines per batch in counting crossings, and largest number of crossings in units of `MOST`."""
@@ -157,7 +153,7 @@ def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, r
 
 def find_cells(
     paths: list[Path],
-    snapped: Snapped,
+    snapped: snapping.Snapped,
     holes: dict[int, list[int]],
     options: ImportOptions,
     size: float,
@@ -207,7 +203,7 @@ def find_cells(
     return FoundCells(cells, nested, used, empty, unused)
 
 
-def _shape(k: int, snapped: Snapped, holes: dict[int, list[int]]) -> shapely.Geometry:
+def _shape(k: int, snapped: snapping.Snapped, holes: dict[int, list[int]]) -> shapely.Geometry:
     """Return a closed outline after snapping, without its holes: a polygon, or several."""
     rings = [snapped.paths[j] for j in holes.get(k, ()) if j not in snapped.collapsed]
     whole = shapely.Polygon(snapped.paths[k], rings)
@@ -267,7 +263,7 @@ def _openings(rings: list[shapely.LineString], notes: Notes) -> shapely.Geometry
 def _outlined(
     shapes: dict[int, shapely.Geometry],
     paths: list[Path],
-    snapped: Snapped,
+    snapped: snapping.Snapped,
     segments: list[shapely.LineString],
     options: ImportOptions,
     size: float,
@@ -423,7 +419,7 @@ def refuse_crossings(lines: list[shapely.LineString], paths: list[Path]) -> None
 
 
 def _one_outline_each(
-    outlines: list[int], paths: list[Path], snapped: Snapped, holes: dict[int, list[int]], notes: Notes
+    outlines: list[int], paths: list[Path], snapped: snapping.Snapped, holes: dict[int, list[int]], notes: Notes
 ) -> list[int]:
     """Return the indices of outlines without those drawn twice; holes of any of equal ones count."""
     seen: dict[bytes, int] = {}
@@ -437,7 +433,7 @@ def _one_outline_each(
     return list(seen.values())
 
 
-def _without_doubles(lines: list[int], snapped: Snapped) -> list[int]:
+def _without_doubles(lines: list[int], snapped: snapping.Snapped) -> list[int]:
     """Return the indices of lines (k, 2), the first of equal ones, whatever their direction."""
     seen: dict[bytes, int] = {}
     for k in lines:
@@ -520,7 +516,7 @@ def without_holes(points: Floats, loops: Sequence[Sequence[int]], title: str) ->
         raise InputError(title, "a face with a hole is no plane", "plane faces")
     flat = points @ across(normal).T
     region = shapely.Polygon(flat[list(outline)], [flat[list(hole)] for hole in holes])
-    triangles = triangulate_region(flat, [outline, *holes]) if region.is_valid else []
+    triangles = unions.triangulate_region(flat, [outline, *holes]) if region.is_valid else []
     covered = sum(float(np.linalg.norm(area_vector(points[list(triangle)]))) for triangle in triangles)
     if not triangles or abs(covered - region.area) > 1e-9 * length:
         raise InputError(title, "a hole of a face crosses its outline or another hole", "holes inside, apart")
@@ -549,20 +545,20 @@ def hardly_meant(size: float) -> bool:
 
 def say_size(measured: Measures, unit: str, drawn_in: str, notes: Notes) -> None:
     """Note a size of a structure or of its blocks that can hardly be meant, and a likely unit."""
-    if unit != "m" or drawn_in not in METRES or not min(measured.block, default=0.0) > 0.0:
+    if unit != "m" or drawn_in not in units.METRES or not min(measured.block, default=0.0) > 0.0:
         return
     size, block = max(measured.size), float(np.prod(measured.block)) ** (1.0 / len(measured.block))
-    per_unit = 1.0 / METRES[drawn_in]
+    per_unit = 1.0 / units.METRES[drawn_in]
 
     def strangeness(name: str) -> float:
-        factor = METRES[name] * per_unit
+        factor = units.METRES[name] * per_unit
         return abs(log(size * factor / _USUAL[0])) + abs(log(block * factor / _USUAL[1]))
 
     likely = min(_COMMON, key=strangeness)
     far = strangeness(drawn_in) - strangeness(likely) > _FAR
     if not far and not hardly_meant(size) and (block <= _BLOCK or size <= _LONG):
         return
-    factor = METRES[likely] * per_unit
+    factor = units.METRES[likely] * per_unit
     what = f"the structure is {size:.3g} m large, its median element {block:.3g} m, with lengths in {drawn_in}"
     if likely == drawn_in:
         notes.doubtful.append(what)

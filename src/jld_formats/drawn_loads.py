@@ -9,12 +9,11 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError
-from jld_core.exchange.forces import WrittenForce, closest_first, parse_force
-from jld_core.exchange.options import ImportOptions, Notes, listed
-from jld_core.exchange.paths import Path
-from jld_core.scene.units import METRES
+from jld_core import Floats, InputError
+from jld_core.scene import units
+from jld_formats.forces import WrittenForce, closest_first, parse_force
+from jld_formats.options import ImportOptions, Notes, listed
+from jld_formats.paths import Path
 
 MOST: Final = 200_000
 """Largest number of corners, lines or cells of a drawing; more indicate a wrong or malicious file."""
@@ -212,7 +211,7 @@ class _Loads:
     def _pressure(self, path: Path, mark: Mark, written: WrittenForce, kind: str) -> dict[str, Any]:
         """Return the noted entry of a load per length or area; InputError for a line along no free edge."""
         size, power = written.per or (1.0, 1)
-        own = METRES.get(self._structure.unit, 1.0)
+        own = units.METRES.get(self._structure.unit, 1.0)
         pressure = written.values[0] * (own / size) ** power
         if power == 1:
             pressure /= self._structure.thickness

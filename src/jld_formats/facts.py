@@ -8,16 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from jld_core import InputError, Layout, Scene, plugins
 from jld_core.build import build_geometry
-from jld_core.build.loads import Boundary
-from jld_core.errors import InputError
-from jld_core.exchange.formats import formats
-from jld_core.exchange.layout import Layout
-from jld_core.exchange.options import rounded
-from jld_core.plugins import part
-from jld_core.scene.loads import Case, Loads, body_of
-from jld_core.scene.schema import Scene
-from jld_core.scene.uncertain import with_means
+from jld_core.build import loads as build_loads
+from jld_core.scene import loads as scene_loads
+from jld_core.scene import uncertain
+from jld_formats.formats import formats
+from jld_formats.options import rounded
 
 # Scene keys that a file of all elements represents by its geometry
 _DRAWN: Final = {"elements", "grid", "interfaces", "labels"}
@@ -36,7 +33,7 @@ _PLACE: Final = {"elements", "polygon", "label"}
 
 def document_of(layout: Layout) -> dict[str, Any]:
     """Return the scene of a layout as a JSON document: keys without default values, and means."""
-    found: dict[str, Any] = with_means(layout.scene.model_dump(mode="json", exclude_defaults=True))
+    found: dict[str, Any] = uncertain.with_means(layout.scene.model_dump(mode="json", exclude_defaults=True))
     return found
 
 
@@ -68,7 +65,7 @@ def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
         facts["materials"]["gravity"] = [gx, 0.0, gy]
     names = _names(layout, cells)
 
-    def carried(loads: dict[str, Any], parsed: Loads | Case) -> dict[str, Any]:
+    def carried(loads: dict[str, Any], parsed: scene_loads.Loads | scene_loads.Case) -> dict[str, Any]:
         """Return "live" and "dead" of a load entry, converted for the file."""
         given = {key: loads[key] for key in ("live", "dead") if loads.get(key)}
         given = {key: _without_pressures(entries, getattr(parsed, key), layout) for key, entries in given.items()}
@@ -92,7 +89,7 @@ def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
 def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], layout: Layout) -> list[dict[str, Any]]:
     """Replace pressures in load entries by the forces and moments that they add up to."""
     assembly = layout.assembly
-    boundary = Boundary(assembly.elements, assembly.interfaces, layout.scene.plane_thickness)
+    boundary = build_loads.Boundary(assembly.elements, assembly.interfaces, layout.scene.plane_thickness)
     found = []
     for entry, load in zip(entries, parsed, strict=True):
         if "face" in entry:
@@ -124,7 +121,7 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
     """Return a load entry with the names and the dimension of the file; lift: extruded."""
-    if (body := body_of(entry)) is not None:
+    if (body := scene_loads.body_of(entry)) is not None:
         return {"body": _lifted(body) if lift else body}
     element = layout.assembly.elements.index[entry["element"]]
     found: dict[str, Any] = {"element": names(entry["element"])}
@@ -149,7 +146,7 @@ def _lifted(vector: list[float], y: float = 0.0) -> list[float]:
 def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
     """Return what a scene states of its elements beside shape and support, by id; not of grids."""
     entries = layout.scene.elements or []
-    dumped = [with_means(entry.model_dump(mode="json", exclude_defaults=True)) for entry in entries]
+    dumped = [uncertain.with_means(entry.model_dump(mode="json", exclude_defaults=True)) for entry in entries]
     kept: dict[str, dict[str, Any]] = {}
     for entry in dumped:
         kept[entry["id"]] = {key: value for key, value in entry.items() if key not in _SHAPE}
@@ -183,7 +180,7 @@ def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]
     geometry = build_geometry(scene)
     faces, ids = geometry.interfaces, geometry.elements.ids
     return {
-        (ids[a], ids[b], origin.tobytes()): with_means(
+        (ids[a], ids[b], origin.tobytes()): uncertain.with_means(
             contact.model_dump(mode="json", exclude_defaults=True, exclude=_PLACE)
         )
         for a, b, origin, contact in zip(faces.a, faces.b, faces.origin, geometry.given, strict=True)
@@ -302,7 +299,7 @@ def _order(layout: Layout) -> dict[int, int]:
     sideways = layout.scene.search.assemble_out_of_plane
     try:
         # groups of blocks that move together take minutes to find in space: jld assembly looks for them
-        laying = part("assembly_order")(layout.assembly, layout.labels, sideways=sideways, group=1)
+        laying = plugins.part("assembly_order")(layout.assembly, layout.labels, sideways=sideways, group=1)
     except InputError:  # of what an assembly sequence does not model, as members and bond
         return {}
     return {

@@ -10,15 +10,26 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import tolerances
-from jld_core.arrays import Floats, Ints
+from jld_core import Floats, InputError, Ints, parse_scene, tolerances
 from jld_core.build import build_geometry
-from jld_core.errors import InputError
-from jld_core.exchange.cells import say_size
-from jld_core.exchange.drawing import check_supports
-from jld_core.exchange.drawn_loads import MOST, SolidMark
-from jld_core.exchange.forces import closest_first, parse_force
-from jld_core.exchange.options import (
+from jld_core.geometry import (
+    Faces,
+    area_vector,
+    facets_of,
+    merge_points,
+    polyhedra,
+    snapping,
+    spatial_contacts,
+    stated_fit,
+)
+from jld_core.geometry import solids as closed_solids
+from jld_core.linalg import components
+from jld_core.scene import units
+from jld_formats.cells import say_size
+from jld_formats.drawing import check_supports
+from jld_formats.drawn_loads import MOST, SolidMark
+from jld_formats.forces import closest_first, parse_force
+from jld_formats.options import (
     LOWEST,
     SNAP,
     Imported,
@@ -33,15 +44,6 @@ from jld_core.exchange.options import (
     rounded,
     several,
 )
-from jld_core.geometry import Faces, area_vector, facets_of, merge_points
-from jld_core.geometry import solids as closed_solids
-from jld_core.geometry.polyhedra import distance_to
-from jld_core.geometry.snapping import SnappedSolids, snap_solids
-from jld_core.geometry.spatial_contacts import SpatialContact, find_spatial_contacts, near_pairs
-from jld_core.geometry.stated_fit import Misfit
-from jld_core.linalg import components
-from jld_core.scene.reading import parse_scene
-from jld_core.scene.units import METRES
 
 
 def given_contacts(
@@ -58,11 +60,11 @@ def given_contacts(
     return entries
 
 
-def contacts_of(vertices: list[Floats], faces: list[Faces], notes: Notes) -> list[SpatialContact]:
+def contacts_of(vertices: list[Floats], faces: list[Faces], notes: Notes) -> list[spatial_contacts.SpatialContact]:
     """Find the contacts between solids; note their number, and pairs with several contacts."""
     lower, upper = np.array([v.min(axis=0) for v in vertices]), np.array([v.max(axis=0) for v in vertices])
-    pairs = near_pairs(lower, upper, 1e-5 * (upper - lower).max(axis=1))
-    contacts = find_spatial_contacts(facets_of(vertices, faces), pairs)
+    pairs = spatial_contacts.near_pairs(lower, upper, 1e-5 * (upper - lower).max(axis=1))
+    contacts = spatial_contacts.find_spatial_contacts(facets_of(vertices, faces), pairs)
     of_pair: dict[tuple[int, int], int] = {}
     for contact in contacts:
         of_pair[contact.a, contact.b] = of_pair.get((contact.a, contact.b), 0) + 1
@@ -76,7 +78,11 @@ def contacts_of(vertices: list[Floats], faces: list[Faces], notes: Notes) -> lis
 
 
 def labels_of(
-    contacts: list[SpatialContact], names: list[str], drawn: list[tuple[str, Floats]], reach: float, notes: Notes
+    contacts: list[spatial_contacts.SpatialContact],
+    names: list[str],
+    drawn: list[tuple[str, Floats]],
+    reach: float,
+    notes: Notes,
 ) -> dict[str, list[list[str]]]:
     """Return the labels of pairs of solids with a drawn labelled face; InputError for different ones of a pair."""
     found: dict[tuple[str, str], str] = {}
@@ -187,7 +193,7 @@ def _nearest(at: Floats, vertices: list[Floats], faces: list[Faces], supports: l
     for k in free[np.argsort(least[free], kind="stable")].tolist():
         if found and least[k] > min(found.values()) + reach:
             break  # no element is nearer than its box
-        found[k] = distance_to(vertices[k], tuple(map(tuple, faces[k])), at)
+        found[k] = polyhedra.distance_to(vertices[k], tuple(map(tuple, faces[k])), at)
     return sorted(k for k, away in found.items() if away <= min(found.values()) + reach)
 
 
@@ -297,7 +303,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     vertices = [scale * part.vertices for part in parts]
     size = _size(vertices)
     tolerance = SNAP * size if options.tolerance is None else scale * options.tolerance
-    snapped = snap_solids(vertices, [part.faces for part in parts], tolerance)
+    snapped = snapping.snap_solids(vertices, [part.faces for part in parts], tolerance)
     notes.largest = snapped.largest
     _note_moved(snapped, tolerance, scale, drawn_in, notes)
     whole, faces = _outer_faces(parts, names, snapped, notes)
@@ -372,7 +378,7 @@ def _taken_as_stated(document: dict[str, Any], options: ImportOptions, notes: No
         return {}
     try:
         build_geometry(parse_scene({**complete({**document, "loads": {}}, options, Notes(), dimension=3)}))
-    except Misfit as error:
+    except stated_fit.Misfit as error:
         said = f"{error.problem}: interfaces are taken as the file states them, within {round_up(error.most)}"
         notes.doubtful.append(f"{error.where}: {said}")
         return {"tolerance": float(round_up(error.most))}
@@ -415,7 +421,7 @@ def _on_feet(parts: list[Part], options: ImportOptions, notes: Notes, *, feet: b
 
 
 def _outer_faces(
-    parts: list[Part], names: list[str], snapped: SnappedSolids, notes: Notes
+    parts: list[Part], names: list[str], snapped: snapping.SnappedSolids, notes: Notes
 ) -> tuple[list[Floats], list[Faces]]:
     """Return vertices and plane faces of snapped solids, turned outward and merged; InputError if open."""
     kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
@@ -466,7 +472,7 @@ def _feet(parts: list[Part], tolerance: float) -> list[Part]:
     return feet
 
 
-def _note_moved(snapped: SnappedSolids, tolerance: float, scale: float, unit: str, notes: Notes) -> None:
+def _note_moved(snapped: snapping.SnappedSolids, tolerance: float, scale: float, unit: str, notes: Notes) -> None:
     """Note how many vertices were moved, and how far, in the unit of the file."""
     if snapped.moved:
         moved = several(snapped.moved, "vertex", "vertices")
@@ -478,18 +484,18 @@ def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, 
     """Return scene units per file unit, the scene's unit of length, and the file's; InputError if unknown."""
     # The second is None where stored facts state it, and where no unit is known.
     given = options.unit or found.unit
-    if given is not None and given not in METRES:
-        raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(METRES))
+    if given is not None and given not in units.METRES:
+        raise InputError("", f"its lengths are in {given}", "`unit` " + "|".join(units.METRES))
     stated = found.facts.get("units", {}).get("length")
     if stated is not None:
         own = str(stated)
-        return (METRES[given] / METRES[own] if given and own in METRES else 1.0), None, given or own
+        return (units.METRES[given] / units.METRES[own] if given and own in units.METRES else 1.0), None, given or own
     if given is None:
         notes.assumed.append("lengths in m: the file names no unit, give --unit")
         return 1.0, None, "m"
     if given != "m":
-        notes.found.append(f"lengths in {given}, times {METRES[given]:g} to m")
-    return METRES[given], "m", given
+        notes.found.append(f"lengths in {given}, times {units.METRES[given]:g} to m")
+    return units.METRES[given], "m", given
 
 
 def _names(given: Sequence[str]) -> list[str]:

@@ -9,9 +9,11 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError, ParameterError
-from jld_core.exchange.cells import (
+from jld_core import Floats, InputError, ParameterError
+from jld_core.geometry import outlines as polygons
+from jld_core.geometry import planar_contacts, snapping
+from jld_core.scene import units
+from jld_formats.cells import (
     FoundCells,
     Gap,
     NothingEnclosed,
@@ -25,8 +27,8 @@ from jld_core.exchange.cells import (
     with_holes,
     without_frames,
 )
-from jld_core.exchange.drawn_loads import MOST, Cell, Drawing, Mark, Structure, drawn_loads
-from jld_core.exchange.options import (
+from jld_formats.drawn_loads import MOST, Cell, Drawing, Mark, Structure, drawn_loads
+from jld_formats.options import (
     CLOSED,
     EDGE,
     FACET,
@@ -44,11 +46,7 @@ from jld_core.exchange.options import (
     rounded,
     several,
 )
-from jld_core.exchange.paths import Path, flatten, without_repeats
-from jld_core.geometry import outlines as polygons
-from jld_core.geometry.planar_contacts import find_planar_contacts
-from jld_core.geometry.snapping import Snapped, snap_paths, straight
-from jld_core.scene.units import METRES
+from jld_formats.paths import Path, flatten, without_repeats
 
 _LEVEL: Final = 1e-6  # height above the lowest point, relative to the size, up to which an edge or a face lies there
 
@@ -99,7 +97,7 @@ def planar_feet(cells: list[Cell], tolerance: float, notes: Notes) -> list[Cell]
 
 def _ring(shape: shapely.Polygon) -> Floats:
     """Return the corners (k, 2) of an outline, counter-clockwise, without those in straight edges."""
-    return straight(shapely.get_coordinates(shapely.orient_polygons(shape).exterior)[:-1])
+    return snapping.straight(shapely.get_coordinates(shapely.orient_polygons(shape).exterior)[:-1])
 
 
 def _without(feet: list[shapely.Polygon], whole: shapely.Geometry) -> list[shapely.Polygon]:
@@ -235,7 +233,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     if chords.arcs:
         notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
     refuse_crossings([line_of(path, points) for path, points in zip(paths, chords.points, strict=True)], paths)
-    snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
+    snapped = snapping.snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
     gaps = find_gaps(chords.points, paths, options, _OPEN * tolerance)
     _note_snapped(snapped, gaps, tolerance, scale, drawn_in, notes)
     try:
@@ -329,16 +327,16 @@ def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[floa
     if drawing.facts:
         own = str(drawing.facts.get("units", {}).get("length", "m"))
         used = options.unit or drawing.unit
-        return (METRES[used] / METRES[own] if used in METRES and own in METRES else 1.0), own
+        return (units.METRES[used] / units.METRES[own] if used in units.METRES and own in units.METRES else 1.0), own
     unit = options.unit or drawing.unit
     if unit is None:
         notes.assumed.append("lengths in m: the file names no unit, give --unit")
         return 1.0, "m"
-    if unit not in METRES:
-        raise InputError("", f"its lengths are in {unit}", "`unit` " + "|".join(METRES))
+    if unit not in units.METRES:
+        raise InputError("", f"its lengths are in {unit}", "`unit` " + "|".join(units.METRES))
     if unit != "m":
-        notes.found.append(f"lengths in {unit}, times {METRES[unit]:g} to m")
-    return METRES[unit], "m"
+        notes.found.append(f"lengths in {unit}, times {units.METRES[unit]:g} to m")
+    return units.METRES[unit], "m"
 
 
 def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: Drawing) -> float:
@@ -356,7 +354,7 @@ def _tolerance(paths: list[Path], size: float, options: ImportOptions, drawing: 
 
 
 def _note_snapped(
-    snapped: Snapped, gaps: list[Gap], tolerance: float, scale: float, drawn_in: str, notes: Notes
+    snapped: snapping.Snapped, gaps: list[Gap], tolerance: float, scale: float, drawn_in: str, notes: Notes
 ) -> None:
     """Note number and largest displacement of moved corners, closed gaps with their place, and collapsed paths."""
     notes.largest = snapped.largest
@@ -398,7 +396,7 @@ def _too_wide(error: InputError, gaps: list[Gap], size: float, scale: float, dra
 
 
 def _say_dropped(
-    drawing: Drawing, found: FoundCells, paths: list[Path], snapped: Snapped, read: int, notes: Notes
+    drawing: Drawing, found: FoundCells, paths: list[Path], snapped: snapping.Snapped, read: int, notes: Notes
 ) -> None:
     """Note where less than `_SHARE` of the closed area, or of the entities, became structure."""
     rings = [shapely.Polygon(snapped.paths[k]) for k in found.closed]
@@ -478,7 +476,7 @@ def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
 def _element(cell: Cell, size: float) -> dict[str, Any]:
     """Return the scene entry of a cell without corners in straight edges, counter-clockwise as its points then are."""
     # corners of neighbours in straight edges were needed for cutting; the element does not need them
-    cell.points = straight(cell.points)
+    cell.points = snapping.straight(cell.points)
     cell.points = points = cell.points if polygons.area(cell.points[None])[0] > 0.0 else cell.points[::-1]
     entry: dict[str, Any] = {"id": cell.name, "polygon": rounded(points, size)}
     if cell.joined is not None:
@@ -487,7 +485,7 @@ def _element(cell: Cell, size: float) -> dict[str, Any]:
 
 
 def _labels(
-    cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
+    cells: list[Cell], paths: list[Path], snapped: snapping.Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
     """Read labels from lines on joint or crack layers, as scene keys.
 
@@ -502,7 +500,9 @@ def _labels(
     if not any(drawn.values()):
         return {}
     outlines = [cell.points for cell in cells]
-    contacts = [c for c in find_planar_contacts(outlines) if not (cells[c.a].support and cells[c.b].support)]
+    contacts = [
+        c for c in planar_contacts.find_planar_contacts(outlines) if not (cells[c.a].support and cells[c.b].support)
+    ]
     if not contacts:
         return {}
     ends = np.array([contact.ends for contact in contacts])

@@ -16,13 +16,10 @@ from unicodedata import combining, normalize
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError, ParameterError
+from jld_core import Floats, InputError, ParameterError, Scene, parameters
 from jld_core.geometry import area_vector
-from jld_core.parameters import require_field_types
-from jld_core.scene.loads import body_of
-from jld_core.scene.schema import Scene
-from jld_core.scene.units import METRES
+from jld_core.scene import loads as scene_loads
+from jld_core.scene import units
 
 # Pattern of a tolerance, scene units, in messages about a scene
 _TOLERANCE: Final = re.compile(r'(?:a )?"tolerance":? (above )?([0-9.e+-]*[0-9])')
@@ -159,15 +156,15 @@ class ImportOptions:
         for name in (*LAYER_ROLES, "layer"):
             if isinstance(given := getattr(self, name), str | list):
                 object.__setattr__(self, name, (given,) if isinstance(given, str) else tuple(given))
-        require_field_types(self)
+        parameters.require_field_types(self)
         for name in ("thickness", "facet", "seconds", "tolerance"):
             value = getattr(self, name)
             if value is not None and not (0.0 <= value < float("inf") and (value > 0.0 or name == "tolerance")):
                 least = "at least 0" if name == "tolerance" else "above 0"
                 what = "a number" if name == "seconds" else "a length"
                 raise ParameterError(name, f"{value:g} is wrong", f"{what} {least}")
-        if self.unit is not None and self.unit not in METRES:
-            raise ParameterError("unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(METRES))
+        if self.unit is not None and self.unit not in units.METRES:
+            raise ParameterError("unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(units.METRES))
 
     def matches(self, option: str, name: str) -> bool:
         """Return True if a name matches a pattern of one of the options that name layers; letter case is ignored."""
@@ -459,7 +456,7 @@ def _fits(entry: dict[str, Any], ids: set[str], dimension: int) -> bool:
     """Return True if a load entry of another scene can be used in this one."""
     if "face" in entry:
         return dimension == 2 if "along" in entry["face"] else entry["face"]["between"][0] in ids
-    vector = body_of(entry) or entry.get("force") or []
+    vector = scene_loads.body_of(entry) or entry.get("force") or []
     return entry.get("element") in (None, *ids) and len(vector) in (0, dimension)
 
 

@@ -12,13 +12,13 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core.errors import InputError
-from jld_core.exchange.drawn_loads import MOST, Drawing, Mark
-from jld_core.exchange.facts import STORED
-from jld_core.exchange.libraries import library, parsing, readable
-from jld_core.exchange.options import FACET, ImportOptions, Notes, listed
-from jld_core.exchange.paths import Path, arc_points, flatten
-from jld_core.exchange.solids import Part, Solids
+from jld_core import InputError
+from jld_formats.drawn_loads import MOST, Drawing, Mark
+from jld_formats.facts import STORED
+from jld_formats.libraries import library, parsing, readable
+from jld_formats.options import FACET, ImportOptions, Notes, listed
+from jld_formats.paths import Path, arc_points, flatten
+from jld_formats.solids import Part, Solids
 
 _MOST_COPIES: Final = 50_000  # largest number of entities that blocks unfold into; some 10 000 are copied in a second
 

@@ -9,14 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import ParameterError
-from jld_core.exchange.facts import scene_of
-from jld_core.exchange.layout import Layout
-from jld_core.exchange.libraries import library
-from jld_core.exchange.read_dxf import FACTS
-from jld_core.files import printable
+from jld_core import Floats, Layout, ParameterError, files
 from jld_core.geometry import outlines as polygons
+from jld_formats.facts import scene_of
+from jld_formats.libraries import library
+from jld_formats.read_dxf import FACTS
 
 # Codes of the header variable $INSUNITS by length unit
 _UNITS: Final = {"m": 6, "mm": 4, "cm": 5, "dm": 14, "km": 7, "in": 1, "ft": 2, "yd": 10}
@@ -108,7 +105,7 @@ def _inside(outline: Floats) -> tuple[float, float]:
 def _text(space: Any, words: str, at: tuple[float, float], height: float, layer: str) -> None:
     """Add a text centred at a place."""
     look = {"layer": layer, "height": height, "insert": at, "align_point": at, "halign": 4}
-    space.add_text(printable(words).replace("\n", " "), dxfattribs=look)
+    space.add_text(files.printable(words).replace("\n", " "), dxfattribs=look)
 
 
 def _dimensions(layout: Layout, space: Any, height: float) -> None:
@@ -127,7 +124,7 @@ def _dimensions(layout: Layout, space: Any, height: float) -> None:
 
 
 def _escaped(text: str) -> str:
-    return escape(printable(text), quote=True)
+    return escape(files.printable(text), quote=True)
 
 
 def svg_text(layout: Layout, *, cells: bool = False) -> str:

@@ -12,8 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError
+from jld_core import Floats, InputError
 from jld_core.geometry import merge_points
 
 _MOST_CHORDS: Final = 100_000  # largest number of chords of all arcs of a drawing

@@ -14,13 +14,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError
-from jld_core.exchange.drawn_loads import MOST, Drawing, Mark
-from jld_core.exchange.libraries import library, parsing, text_of
-from jld_core.exchange.options import FACET, ImportOptions, Notes, listed, several
-from jld_core.exchange.paths import Path
-from jld_core.scene.units import METRES
+from jld_core import Floats, InputError
+from jld_core.scene import units as core_units
+from jld_formats.drawn_loads import MOST, Drawing, Mark
+from jld_formats.libraries import library, parsing, text_of
+from jld_formats.options import FACET, ImportOptions, Notes, listed, several
+from jld_formats.paths import Path
 
 # Largest number of XML elements of a file after its copies are made; the parser reads some 20 000 a second
 _MOST_EXPANDED: Final = 50_000
@@ -159,13 +158,13 @@ def _page(root: ElementTree.Element) -> tuple[float, str, float] | None:
     if stated is None:
         return None
     units = {side[2] for side in sides if side}
-    unit = stated[2] if stated[2] in METRES and len(units) == 1 else "mm"
+    unit = stated[2] if stated[2] in core_units.METRES and len(units) == 1 else "mm"
     numbers = re.findall(r"[^\s,]+", root.get("viewBox", ""))
     if not numbers:  # the units of the drawing are pixels
-        return _ABSOLUTE["in"] / _PIXEL / METRES[unit], unit, 1.0
+        return _ABSOLUTE["in"] / _PIXEL / core_units.METRES[unit], unit, 1.0
     try:
         scales = [
-            float(side[1]) * _ABSOLUTE[side[2]] / METRES[unit] / float(box) if side else np.nan
+            float(side[1]) * _ABSOLUTE[side[2]] / core_units.METRES[unit] / float(box) if side else np.nan
             for side, box in zip(sides, numbers[2:4], strict=True)
         ]
     except (ValueError, ZeroDivisionError):

@@ -18,12 +18,11 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, Final, cast
 
-from jld_core.errors import InputError
-from jld_core.exchange.drawing import planar_scene
-from jld_core.exchange.formats import Format, readers
-from jld_core.exchange.options import Imported, ImportOptions, Notes
-from jld_core.exchange.solids import Solids, spatial_scene
-from jld_core.parameters import require_kind, typed
+from jld_core import InputError, parameters
+from jld_formats.drawing import planar_scene
+from jld_formats.formats import Format, readers
+from jld_formats.options import Imported, ImportOptions, Notes
+from jld_formats.solids import Solids, spatial_scene
 
 EXTRAS: Final = {"ezdxf": "dxf", "ifcopenshell": "ifc", "meshio": "mesh", "rhino3dm": "rhino", "svgelements": "svg"}
 """Extra of this project that installs each library."""
@@ -107,7 +106,7 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
 # Program of a process that calls one function, where processes cannot be forked
 _CHILD: Final = """
 import pickle, sys
-from jld_core.exchange.libraries import store_result
+from jld_formats.libraries import store_result
 with open(sys.argv[1], "rb") as stream:
     function, arguments = pickle.load(stream)
 store_result(sys.argv[2], function, arguments)
@@ -194,7 +193,7 @@ def _begun(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...])
     return wait
 
 
-@typed
+@parameters.typed
 def import_file(
     path: str | Path,
     options: ImportOptions | None = None,
@@ -225,8 +224,8 @@ def import_file(
     InputError
         The file is broken, excessive, of an unknown kind, holds no possible scene, or is not read in time.
     """
-    require_kind("path", path, os.PathLike)
-    require_kind("options", options, ImportOptions, NoneType)
+    parameters.require_kind("path", path, os.PathLike)
+    parameters.require_kind("options", options, ImportOptions, NoneType)
     path, options = Path(path), options or ImportOptions()
     reader = reader_of(path)
     if reader.library:
