@@ -19,11 +19,9 @@ import pytest
 from cases import grid_document
 from command import Command, call, environment
 from every_driver import LIMIT
-from jld_core import InputError, SolveOptions, build_assembly, load_scene, parse_scene, solve
+from jld_core import InputError, SolveOptions, build_assembly, files, load_scene, parse_scene, solve
 from jld_core.exchange import Layout, export
-from jld_core.files import whole_file
-from jld_core.views import facts_of_result
-from jld_core.views.figures import figure_of_result, save_figure
+from jld_core.views import facts_of_result, figures
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.choice import REACH, driver_for
@@ -53,7 +51,7 @@ def test_names_and_units_are_drawn_as_they_are(name: str, tmp_path: Path, recwar
     """No formula is read in them, every SVG can be parsed, and nobody is warned of letters that a font lacks."""
     document = {**small(), "name": name, "units": {"length": name, "force": name}}
     assembly = build_assembly(parse_scene(document))
-    save_figure(figure_of_result(solve(assembly), ids=True, values=True), tmp_path / "result.svg")
+    figures.save_figure(figures.figure_of_result(solve(assembly), ids=True, values=True), tmp_path / "result.svg")
     export(Layout(parse_scene(document), assembly, assembly.labels), "svg", tmp_path / "blocks.svg")
     for file in ("result.svg", "blocks.svg"):
         xml.dom.minidom.parse(str(tmp_path / file))
@@ -162,7 +160,7 @@ def test_files_are_written_whole_or_not_at_all(tmp_path: Path) -> None:
     """A full disk is told with the name of the file, links stay, and what is no file is left alone."""
 
     def fill() -> None:
-        with whole_file(tmp_path / "a.csv") as fresh:
+        with files.whole_file(tmp_path / "a.csv") as fresh:
             fresh.write_text("half")
             raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -171,20 +169,20 @@ def test_files_are_written_whole_or_not_at_all(tmp_path: Path) -> None:
     assert error.value.filename == str(tmp_path / "a.csv")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "link").symlink_to("target")
-    with whole_file(tmp_path / "link") as fresh:
+    with files.whole_file(tmp_path / "link") as fresh:
         fresh.write_text("all")
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "target").read_text() == "all"
-    with pytest.raises(OSError, match="no file that can be written anew"), whole_file(Path("/dev/null")):
+    with pytest.raises(OSError, match="no file that can be written anew"), files.whole_file(Path("/dev/null")):
         pass
 
 
 def test_two_may_write_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever is last wins; neither finds what it wrote under gone."""
-    with whole_file(tmp_path / "a.csv") as mine:
+    with files.whole_file(tmp_path / "a.csv") as mine:
         mine.write_text("mine")
         monkeypatch.setattr("os.getpid", lambda: 7)
-        with whole_file(tmp_path / "a.csv") as other:
+        with files.whole_file(tmp_path / "a.csv") as other:
             other.write_text("other")
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
     assert (tmp_path / "a.csv").read_text() == "mine"
@@ -324,7 +322,7 @@ def test_falling_elements_are_named_and_drawn(tmp_path: Path) -> None:
     assert facts["falls"].startswith("c3r0, c2r0")
     assert "support what falls" in facts["next"]
     assert json.loads(json.dumps(result.to_json()))["instability_mechanism"]["c0r2"] == [0.0, 0.0, 0.0]
-    figure = figure_of_result(result)
+    figure = figures.figure_of_result(result)
     assert any("Falls whatever the live load" in ax.get_title() for ax in figure.axes)
 
 

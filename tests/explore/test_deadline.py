@@ -44,13 +44,11 @@ from jld_explore import Driver, ExploreSettings, Interrupted, explore, read_fold
 from jld_explore import __main__ as entry
 from jld_explore.cli import command, ending, streams
 from jld_explore.cli.command import main
-from jld_explore.cli.ending import raise_on_signals
 from jld_explore.drivers import DRIVERS, BufferedRandom, Genetic, operators
 from jld_explore.drivers.choice import first_layout
 from jld_explore.drivers.exact.context import possible_blocks
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator, raise_deferred
-from jld_explore.evaluation.field_evaluator import FieldPool
 from jld_explore.evaluation.records import recorded_driver
 from jld_explore.report import folder, page_of_study, write_report
 from jld_explore.report.folder import write_pictures
@@ -448,7 +446,7 @@ def test_a_second_signal_waits_while_results_are_written(monkeypatch: pytest.Mon
     clock = 100.0
     monkeypatch.setattr(ending.time, "monotonic", lambda: clock)
     try:
-        raise_on_signals()
+        ending.raise_on_signals()
         with pytest.raises(Interrupted):
             os.kill(os.getpid(), signal.SIGINT)
         clock += 1.0
@@ -698,7 +696,7 @@ def test_layouts_are_refined_together_only_as_far_as_time_allows(
     """Four layouts one after another passed the limit, as each was expected to end in time by itself."""
     assembly = build_assembly(parse_scene(grid_document(["abc", "###"])))
     rows = np.repeat(assembly.labels[None], 4, axis=0)
-    pool = FieldPool(assembly, rows, Deadline(100.0))
+    pool = field_evaluator.FieldPool(assembly, rows, Deadline(100.0))
     pool.tasks.jobs = jobs
     monkeypatch.setattr(field_evaluator, "mesh_seconds", lambda *_: 30.0)  # with caution 45
     monkeypatch.setattr(field_evaluator, "zip", lambda *parts, strict: [], raising=False)

@@ -14,7 +14,7 @@ from cases import grid_document
 from command import Command
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.loads import loaded_mesh, thickness_of
+from jld_core.fields import loads as field_loads
 from jld_core.models import require_cracks, solve_by_fields
 from jld_core.refinement import crack_cells
 
@@ -204,11 +204,11 @@ def test_widths_of_point_loads() -> None:
         {"element": "bar", "force": [0, -2], "at": [0.25, 1.5]},
     ]
     assembly = build_assembly(parse_scene({**BAR, "loads": {"live": live}}))
-    _, loads = loaded_mesh(assembly)
+    _, loads = field_loads.loaded_mesh(assembly)
     total, moment = np.zeros(2), 0.0
     for segment in loads.tractions:
         step = segment.ends[1] - segment.ends[0]
-        force = np.hypot(*step) * thickness_of(assembly) * segment.live.mean(axis=0)
+        force = np.hypot(*step) * field_loads.thickness_of(assembly) * segment.live.mean(axis=0)
         total += force
         moment += segment.ends.mean(axis=0)[0] * force[1]
     assert total == pytest.approx([0.5, -1.0], abs=1e-12)
@@ -218,7 +218,7 @@ def test_widths_of_point_loads() -> None:
     inside = {"element": "bar", "force": [0, 1], "at": [0.2, 1.0], "width": 0.1}
     assembly = build_assembly(parse_scene({**BAR, "loads": {"live": [inside]}}))
     with pytest.raises(InputError, match="has a width and no free face"):
-        loaded_mesh(assembly)
+        field_loads.loaded_mesh(assembly)
 
 
 def test_cells_by_hand() -> None:
