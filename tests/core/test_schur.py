@@ -14,16 +14,7 @@ from studies.families import running_bond
 from cases import CASES, ELL, IRREGULAR, OBLONG, TRIANGLE, dry_and_inner, grid_assembly, rotation, stools
 from cases import assembly_in_space as assembly
 from cases import wall_in_space as wall
-from jld_core import (
-    Assembly,
-    LimitAnalysis,
-    SolverError,
-    Status,
-    blocks_of,
-    build_assembly,
-    parse_scene,
-    solve,
-)
+from jld_core import Assembly, LimitAnalysis, SolverError, Status, blocks_of, build_assembly, parse_scene, solve
 from jld_core.batch import chosen
 from jld_core.geometry import spun
 from jld_core.limit import Prover

@@ -181,14 +181,7 @@ SPATIAL: dict[str, dict[str, Any]] = {
         ]
     ),
     "patch": tower(
-        loads={
-            "live": [
-                {
-                    "face": {"patch": [[0, 0, 3], [1, 0, 3], [1, 1, 3], [0, 1, 3]]},
-                    "pressure": 2.0,
-                }
-            ]
-        }
+        loads={"live": [{"face": {"patch": [[0, 0, 3], [1, 0, 3], [1, 1, 3], [0, 1, 3]]}, "pressure": 2.0}]}
     ),
 }
 SCENES = PLANAR | SPATIAL

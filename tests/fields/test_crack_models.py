@@ -87,10 +87,7 @@ def test_solve_by_fields_names_its_model(jld: Command, tmp_path: Path) -> None:
     assert "by faces" in jld("solve", path, "--cracks", "faces").out
 
 
-@pytest.mark.parametrize(
-    "option",
-    ["fields:0", "fields:x", "cells", "cells:-1", "anything", "faces:1"],
-)
+@pytest.mark.parametrize("option", ["fields:0", "fields:x", "cells", "cells:-1", "anything", "faces:1"])
 def test_wrong_options_are_one_line(jld: Command, tmp_path: Path, option: str) -> None:
     found = jld("solve", written(tmp_path, BAR), "--cracks", option)
     assert (found.code, found.out) == (2, "")

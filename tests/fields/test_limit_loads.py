@@ -99,10 +99,7 @@ def test_cantilever_in_plastic_bending() -> None:
     assert found.lower >= 0.98 * plastic / 8.0
 
 
-@pytest.mark.parametrize(
-    ("tension", "factor"),
-    [(1.2, 1.2 * 0.5), (5.0, 2.0 * 0.5)],
-)
+@pytest.mark.parametrize(("tension", "factor"), [(1.2, 1.2 * 0.5), (5.0, 2.0 * 0.5)])
 def test_pulled_bar(tension: float, factor: float) -> None:
     """A bar glued to its support breaks at σt A, or slides at 45° by 2τ A where σt is larger."""
     parts = [box("wall", 0, -1, 0.5, 0, support=True), box("bar", 0, 0, 0.5, 1.5)]

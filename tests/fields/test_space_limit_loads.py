@@ -52,19 +52,14 @@ def test_pulled_cube(tension: float, factor: float) -> None:
     """A cube glued to its support breaks at σt A, or slides at 45° by 2τ A where σt is larger."""
     live = [{"element": "cube", "force": [0, 0, 1], "at": [0.5, 0.5, 1.0]}]
     parts = [box("base", [0, 0, -1], [1, 1, 0], support=True), box("cube", [0, 0, 0], [1, 1, 1])]
-    holds(
-        bounds_by_fields(scene(parts, live, inner={"tensile_strength": tension}), gap=1e-4, most=30),
-        factor,
-        1e-4,
-    )
+    holds(bounds_by_fields(scene(parts, live, inner={"tensile_strength": tension}), gap=1e-4, most=30), factor, 1e-4)
 
 
 def test_sheared_slab() -> None:
     """A flat slab glued to its support slides by τ A under a body load; its height limits the lower bound."""
     parts = [GROUND, box("slab", [0, 0, 0], [1, 1, 0.1])]
     found = bounds_by_fields(
-        scene(parts, [{"element": "slab", "force": [1, 0, 0]}], inner={"tensile_strength": 5.0}),
-        gap=0.7,
+        scene(parts, [{"element": "slab", "force": [1, 0, 0]}], inner={"tensile_strength": 5.0}), gap=0.7
     )
     holds(found, 1.0, 0.7)
 
