@@ -33,7 +33,6 @@ from jld_core.limit import result_of
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.refinement import refine
 from jld_core.views import quantities
-from jld_core.views.quantities import utilisation
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.verification import verify
@@ -69,7 +68,7 @@ def test_bonded_joint_pulls_as_much_as_its_strength() -> None:
     result = solved(cantilever(2, [{"element": "b1", "force": [2.0, 0.0]}]))
     assert result.load_factor == pytest.approx(6.0 * 1.0 / 2.0, rel=1e-8)
     assert result.forces[:, 0] == pytest.approx(-6.0, rel=1e-6)
-    assert utilisation(result).max() == pytest.approx(1.0, rel=1e-5)
+    assert quantities.utilisation(result).max() == pytest.approx(1.0, rel=1e-5)
 
 
 @pytest.mark.parametrize("count", [1, 3])

@@ -20,7 +20,7 @@ from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
-from jld_explore.report.page_contract import PageData
+from jld_explore.report import page_contract
 from jld_explore.space import from_string
 from jld_explore.verification import verify
 from jld_formats import export
@@ -140,7 +140,7 @@ def test_page_and_pictures_show_members(tmp_path: Path) -> None:
     assert len(draw_mechanism(axes[1], result)["members"]) == 1
     data = page_data(kind="report", scene=scene, assembly=assembly, candidates=assembly.free_faces, facts={},
                      solutions={0: solution_of(result)})  # fmt: skip
-    TypeAdapter(PageData).validate_python(data)
+    TypeAdapter(page_contract.PageData).validate_python(data)
     assert [one["name"] for one in data["structure"]["members"]] == ["strap"]
     case = data["solutions"]["0"]["cases"][0]
     assert case["members"] == pytest.approx([2e4], rel=1e-5)

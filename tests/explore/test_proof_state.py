@@ -24,8 +24,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cases import dry_and_inner, grid_document
 from jld_core import Scene, build_assembly, parse_scene
-from jld_core.batch import chosen
-from jld_core.batch.batch_solver import ConflictRequest, MinimizationOptions
+from jld_core.batch import batch_solver, chosen
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
 from jld_explore import Driver, Exploration, ExploreSettings, Progress, StopReason, explore, search_space
 from jld_explore.drivers import DRIVERS
@@ -350,7 +349,9 @@ def test_recorded_bounds_are_recomputed_alike(seed: int) -> None:
     whole = np.zeros_like(labels)
     known = [one for one in relaxation.refute_all(labels, whole, np.full(40, 1e12)) if one is not None]
     thresholds = np.array([one.bound * rng.uniform(1.02, 2.0) for one in known])
-    request = ConflictRequest(labels[: len(known)], free, thresholds, how=MinimizationOptions(neighbours=2, tries=4))
+    request = batch_solver.ConflictRequest(
+        labels[: len(known)], free, thresholds, how=batch_solver.MinimizationOptions(neighbours=2, tries=4)
+    )
     conflicts = [one for one in relaxation.minimize_conflicts(request) if one.velocity is not None]
     assert conflicts
     for one in conflicts:
