@@ -63,6 +63,7 @@ def test_a_lock_refutes_other_labellings_and_never_a_possible_one(rows: list[str
 DOWN = [{"element": "c1r0", "force": [0, -1]}]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("rows", "assemble", "search"),
     [
@@ -251,6 +252,7 @@ def found_by(driver: str, document: dict[str, Any], folder: Path, **settings: An
     return explore(parse_scene(document), folder / "out", driver=driver, pictures=False, budget=64, **settings)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_best_of_those_that_stand(driver: str, tmp_path: Path) -> None:

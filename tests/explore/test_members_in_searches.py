@@ -369,6 +369,7 @@ def scene_of(name: str, **more: Any) -> Any:
     return parse_scene({**grid_document(rows), "loads": {"cases": cases}, "search": {**search, **more}})
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", SCENES)
 def test_exact_proves_the_same_as_enumeration(name: str, tmp_path: Path) -> None:
     scene = scene_of(name)

@@ -86,6 +86,7 @@ def test_help_names_every_command_and_driver(jld: Command) -> None:
     assert jld("--help").out == overview.text()
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_example_of_the_help_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     pytest.importorskip("ezdxf")
     monkeypatch.chdir(tmp_path)

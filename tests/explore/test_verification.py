@@ -31,9 +31,10 @@ from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.proof_check import refutation
 from jld_explore.space import feasible
-from jld_explore.verification import certificate as certificate_of_verification
+from jld_explore.verification import certificate as proof_file
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances
+from jld_explore.verification.verify import Checker, Labellings, follows
 
 ROOM = Path(__file__).parents[2] / "src" / "jld_explore" / "verification"
 
@@ -150,7 +151,7 @@ def test_no_rule_rules_out_a_labelling_of_the_space(name: str) -> None:
     """Whatever numbers a certificate gives: a clause that is accepted holds for every labelling there is."""
     scene = parse_scene(SCENES[name])
     assembly = build_assembly(scene)
-    space, rules = search_space(scene, assembly), verify.Labellings(scene, assembly)
+    space, rules = search_space(scene, assembly), Labellings(scene, assembly)
     faces, rng = len(assembly.interfaces), random.Random(7)
     spots = np.flatnonzero(space.candidates)
     assert sorted(rules.fixed) == np.flatnonzero(~space.candidates).tolist()
@@ -185,7 +186,7 @@ def test_no_rule_rules_out_a_labelling_of_the_space(name: str) -> None:
 def test_counts_are_stated_as_they_are_counted() -> None:
     scene = parse_scene(SCENES["counts"])
     assembly = build_assembly(scene)
-    rules, faces = verify.Labellings(scene, assembly), len(assembly.interfaces)
+    rules, faces = Labellings(scene, assembly), len(assembly.interfaces)
     free = assembly.free_faces
     with Solver("cadical195", bootstrap_with=rules.beginning) as solver:
         for row in itertools.product([True, False], repeat=int(free.sum())):
@@ -212,14 +213,14 @@ def test_refutations_are_checked_step_by_step() -> None:
         found += 1
         known = {place: clauses[place] for place in proof.needed}
         for place, (literals, by) in enumerate(proof.lemmas):
-            assert verify.follows(literals, by, known)
-            assert not verify.follows(literals, by[:-1], known) or any(-v in literals for v in literals)
+            assert follows(literals, by, known)
+            assert not follows(literals, by[:-1], known) or any(-v in literals for v in literals)
             known[len(clauses) + place] = list(literals)
         assert proof.lemmas[-1][0] == ()
         # a lemma that does not follow is refused, whatever it names
         with Solver("glucose4", bootstrap_with=clauses[:2]) as solver:
             if solver.solve():
-                assert not verify.follows((), range(2), dict(enumerate(clauses[:2])))
+                assert not follows((), range(2), dict(enumerate(clauses[:2])))
     assert found > 50
 
 
@@ -461,7 +462,7 @@ def test_a_limit_that_decides_has_no_certificate_and_one_that_does_not_has(tmp_p
 
 def test_a_claim_alone_proves_nothing() -> None:
     scene = parse_scene(SCENES["weak"])
-    checker = verify.Checker(scene, build_assembly(scene), certificate_of_verification.Claim(SCENES["weak"], 1e9))
+    checker = Checker(scene, build_assembly(scene), proof_file.Claim(SCENES["weak"], 1e9))
     with pytest.raises(InputError, match="leave labellings"):
         checker.check([])
 
@@ -555,6 +556,7 @@ def test_the_checker_is_short_and_shares_nothing() -> None:
     assert used <= set(sys.stdlib_module_names)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("name", SCENES | KNOWN)
 def test_certificates_hold_and_meet_enumeration(name: str, tmp_path: Path) -> None:
