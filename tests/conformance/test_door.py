@@ -22,7 +22,6 @@ from every_driver import LIMIT
 from jld_core import InputError, Layout, SolveOptions, build_assembly, load_scene, parse_scene, solve
 from jld_core.files import whole_file
 from jld_core.views import facts_of_result
-from jld_core.views.figures import figure_of_result, save_figure
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.choice import REACH, driver_for
@@ -32,6 +31,7 @@ from jld_explore.evaluation import Records
 from jld_explore.report.reading import history_of
 from jld_explore.report.tables import _ties
 from jld_formats import export
+from jld_views.figures import figure_of_result, save_figure
 
 ODD = ["wall, $5 a block {, $9 a cut", "$\\frac{$", "\x00bell\x07 and \x1f, \ufffe", "汉字 🧱", "a\nb\tc", "%$_^{}\\"]
 

@@ -19,12 +19,12 @@ from matplotlib.figure import Figure
 from cases import grid_document
 from command import Command
 from jld_core import InputError, Layout, build_assembly, parse_scene, samples, solve
-from jld_core.views.figures import draw_assembly
-from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, digits, localise, words_in
 from jld_practice import Printed, Stone, making_of, pages_of, smallest_rectangle, stones_of, stones_table
+from jld_practice.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, digits, localise, words_in
 from jld_practice.laying import assembly_order
 from jld_practice.printed import draw_mould
 from jld_practice.printing import least_number, stock_of
+from jld_views.figures import draw_assembly
 
 
 def layout(rows: list[str]) -> Layout:

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from command import Command
 from jld_core import parse_scene, solve
 from jld_core.scene.design import partial_factors
-from jld_core.views.moved_joints import figure_of_path, path_values
-from jld_explore.report.languages import LANGUAGES
-from jld_explore.report.page_data import solution_of
-from jld_explore.report.page_of_study import path_pictures
 from jld_practice.design_check import content_of, design_check, html_of, in_words, path_of, sheet_of, to_json
 from jld_practice.design_check.tables import WORDS
+from jld_practice.languages import LANGUAGES
+from jld_views.moved_joints import figure_of_path, path_values
+from jld_views.page_data import solution_of
+from jld_views.page_of_study import path_pictures
 
 WALL = {
     "name": "wall <1>",

@@ -52,8 +52,6 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator, raise_deferred
 from jld_explore.evaluation.field_evaluator import FieldPool
 from jld_explore.evaluation.records import recorded_driver
-from jld_explore.report import folder, page_of_study, write_report
-from jld_explore.report.folder import write_pictures
 from jld_explore.search.driver_choice import choose_driver
 from jld_explore.space import feasible
 from jld_explore.space.labelling import canonical
@@ -61,6 +59,8 @@ from jld_explore.space.limits import Range
 from jld_explore.steps import field_check
 from jld_explore.steps.step import LATENESS, PAGE, PICTURES, TABLES, lateness, later, search_deadline
 from jld_geometry import move_by_fields, move_joints
+from jld_views import page_of_study, search_pictures, write_report
+from jld_views.search_pictures import write_pictures
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -658,8 +658,9 @@ def test_pictures_are_begun_only_if_they_end_in_time(tmp_path: Path) -> None:
 def test_pictures_of_large_scenes_take_longer(tmp_path: Path) -> None:
     """Those of 2 500 cells, whose best layout is solved again, were begun with 1.2 s left and took 4.5 s."""
     done = explore(samples.grid(columns=4, rows=3), tmp_path / "out", driver="random", budget=1, pictures=False)
-    small = folder._drawing_seconds("best", done)
-    large = folder._drawing_seconds("best", replace(done, assembly=build_assembly(samples.grid(columns=50, rows=50))))
+    small = search_pictures._drawing_seconds("best", done)
+    grid = build_assembly(samples.grid(columns=50, rows=50))
+    large = search_pictures._drawing_seconds("best", replace(done, assembly=grid))
     assert small < 1.4
     assert large > 4.0
 
@@ -667,8 +668,8 @@ def test_pictures_of_large_scenes_take_longer(tmp_path: Path) -> None:
 def test_the_picture_of_fields_has_a_time_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It refined for 2 s whatever the limit, so that a search of 10 s ended 2.1 s late."""
     asked: list[float] = []
-    monkeypatch.setattr(folder, "_field_picture", lambda _, seconds: asked.append(seconds))
-    monkeypatch.setattr("jld_core.views.figures.save_figure", lambda *_: None)
+    monkeypatch.setattr(search_pictures, "_field_picture", lambda _, seconds: asked.append(seconds))
+    monkeypatch.setattr("jld_views.figures.save_figure", lambda *_: None)
     document = grid_document(["ab", "##"]) | {"cracks": {"kind": "fields"}}
     done = explore(parse_scene(document), tmp_path / "out", driver="enumeration", pictures=False, seconds=30.0)
     missing = write_pictures(done, deadline=Deadline(4.0), fields=3.0)[1]

@@ -35,9 +35,9 @@ from jld_explore.evaluation.field_evaluator import (
     time_rate,
 )
 from jld_explore.report import words
-from jld_explore.report.page_of_study import study_data
 from jld_explore.space import from_string
 from jld_explore.steps.field_check import _findings, plan_check
+from jld_views.page_of_study import study_data
 
 FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}
 WIDE: dict[str, Any] = {"kind": "fields", "gap": 0.3}

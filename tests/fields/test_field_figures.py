@@ -15,7 +15,7 @@ from jld_core import Assembly, Floats, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldSetting, Stresses, Velocities
 from jld_core.fields.mesh import Mesh, subdivide
-from jld_core.views.field_figures import averaged, draw_cracks, draw_stresses, figure_of_fields, principal, trajectories
+from jld_views.field_figures import averaged, draw_cracks, draw_stresses, figure_of_fields, principal, trajectories
 
 PUSHED = [{"element": "c1r0", "force": [0, -1], "at": [0.15, 0.3]}]
 
