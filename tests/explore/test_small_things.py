@@ -31,7 +31,7 @@ from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.evaluation import EvaluatorSettings, Pool
 from jld_explore.evaluation.pool import LOST, WorkerPool, ignored_warning, switch_interval
 from jld_explore.evaluation.workers import Workers, WorkerSpec
-from jld_explore.report import languages, words
+from jld_explore.report import words
 from jld_explore.space import from_string
 from jld_practice.printing import content_of
 
@@ -234,7 +234,9 @@ def test_a_stronger_layout_is_reported_where_it_is_proven(tmp_path: Path) -> Non
     high = json.loads((tmp_path / "a" / "summary.json").read_text("utf-8"))["uncut_at_most"]
     assert high == pytest.approx(alone.load_factor, rel=1e-6)
     assert done.summary.facts["best"] > high
-    assert words.facts_of_exploration(read_folder(tmp_path / "a"))["cuts"] == languages.stronger_cut(high)
+    assert words.facts_of_exploration(read_folder(tmp_path / "a"))["cuts"] == words.STRONGER_CUT.format(
+        high=f"{high:.4g}"
+    )
     assert content_of(tmp_path / "a", None).uncut == high
     assert content_of(tmp_path / "a", 2).uncut is None
 
