@@ -29,9 +29,6 @@ from jld_explore.space import count_named, feasible, values_of
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
-
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
     "weak": (["aaaa", "aaaa", "####"], {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}),
@@ -521,8 +518,6 @@ def test_conflicts_hold_above_their_bounds_in_whatever_order_these_are_aimed_at(
 
 # A proof that lasts asks the relaxation by blocks: the same optimum, and nothing ruled out is better than it says.
 
-
-# what blocks that crack anywhere carry, test_field_searches.py tests
 
 WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
 WINDS = {"loads": {"cases": [{"name": "a", "live": [{"body": [1, 0]}]}, {"name": "b", "live": [{"body": [-1, 0]}]}]}}

@@ -35,9 +35,6 @@ from jld_explore.evaluation.protocol import BOUND, comparison_value, sort_key, s
 from jld_explore.report.folder import write_pictures
 from jld_explore.space import from_string
 
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
-
 SPATIAL = [
     SolveOptions(contact="concave"),
     SolveOptions(inner_bending="kern"),

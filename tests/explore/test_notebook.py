@@ -192,7 +192,7 @@ def test_an_output_keeps_below_its_limit(
     assert shown.answer({"kind": "page"})["html"].startswith("<!doctype html>")
     whole = study.show()
     monkeypatch.setattr(notebook_of_page, "_ROWS", ((60, 20), (2, 1)))
-    monkeypatch.setattr(notebook_of_page, "LARGEST", len(whole.html) - 1000)
+    monkeypatch.setattr(notebook_of_page, "LARGEST", len(whole.html) - 300)
     less = study.show()
     assert len(less.html) < notebook_of_page.LARGEST
     assert "<iframe" in less.html

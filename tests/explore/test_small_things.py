@@ -162,7 +162,6 @@ def test_a_folder_of_a_killed_search_names_the_way_to_resume(tmp_path: Path) -> 
         read_folder(out)
 
 
-@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.usefixtures("without_pictures")
 def test_terminal_tables_shorten_long_labellings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     monkeypatch.chdir(tmp_path)
@@ -446,7 +445,6 @@ def test_a_driver_is_told_what_solve_many_returns(name: str) -> None:
         other.tell(labels, [je.Evaluation(*row) for row in rows])
 
 
-@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.usefixtures("without_pictures")
 def test_options_of_a_driver_are_keywords() -> None:
     same = {"driver": "genetic", "budget": 40, "seed": 2}
