@@ -26,8 +26,8 @@ SCENE = SCENES / "flat_beam_arch.json"
 
 def forget() -> None:
     """Forget which plug-ins were found."""
-    from jld_core.exchange.formats import formats
     from jld_explore.space import counts
+    from jld_formats.formats import formats
 
     for function in (plugins.entry_points, plugins.load, counts._add_plugins, formats):
         function.cache_clear()

@@ -49,6 +49,7 @@ ORDER = [
     ["jld_explore.verification"],
     ["jld_core"],
     ["jld_core.exchange"],
+    ["jld_core.layout"],
     ["jld_core.views"],
     ["jld_core.models"],
     ["jld_core.limit"],
@@ -327,9 +328,9 @@ def test_public_names() -> None:
 
     core = """blocks_of Scene load_scene parse_scene Assembly build_assembly Model SolveOptions solve solve_many
     BatchResult geometry_sensitivities LimitAnalysis LimitAnalysisResult Result Status InputError SolverError samples
-    views solvers Bits Bools Floats Ints Elements LoadCase Loads Deadline DeadlinePassed checkpoint time_left
-    ParameterError error_context FACTS Route Strengths one_thread export_lazily files parameters plugins assembly
-    tolerances"""
+    exchange Layout blocks_csv views solvers Bits Bools Floats Ints Elements LoadCase Loads Deadline DeadlinePassed
+    checkpoint time_left ParameterError error_context FACTS Route Strengths one_thread export_lazily files parameters
+    plugins assembly tolerances"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
     Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress
     Step StepContext StopReason Interrupted busy_factor most_without_cuts sweep with_entries"""

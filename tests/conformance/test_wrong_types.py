@@ -13,8 +13,7 @@ import pytest
 
 import jld_core
 from cases import grid_document
-from jld_core import InputError, Model, build_assembly, load_scene, parse_scene, solve, solve_many
-from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core import InputError, Layout, Model, blocks_csv, build_assembly, load_scene, parse_scene, solve, solve_many
 from jld_core.models import cost_estimate, sensitivities
 from jld_core.models.costs import require_memory
 from jld_core.refinement import refine
@@ -23,6 +22,7 @@ from jld_experiment import Joints, Settings, run_experiment
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import make_driver
 from jld_explore.space import count_named, from_string, to_string
+from jld_formats import ImportOptions, export, import_file
 from jld_practice.laying import assembly_order
 from jld_samples import Stone, arch, buttress, corner, dome, flat_arch, grid, vault, wall
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.claims.converged import drawn
+from benchmarks.claims.answers import drawn_converged as drawn
 from studies.by_scheme import solve_zero_dilation
 
 import cases

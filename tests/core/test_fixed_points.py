@@ -8,7 +8,8 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 import pytest
-from benchmarks.claims.converged import _bonded, _left, drawn
+from benchmarks.claims.answers import _bonded, _left
+from benchmarks.claims.answers import drawn_converged as drawn
 from numpy.typing import NDArray
 
 from cases import ROUTE

@@ -247,6 +247,7 @@ def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any,
         ({"clearance": 0.3}, "clearance"),
         ({"clearance": -1.0}, "clearance"),
         ({"require": float("nan")}, "require"),
+        ({"keep_whole": ("0,0,0",)}, "keep_whole"),
     ],
 )
 def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: str) -> None:

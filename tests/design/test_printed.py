@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 
 from cases import grid_document
 from command import Command
-from jld_core import InputError, build_assembly, parse_scene, samples, solve
-from jld_core.exchange import Layout
+from jld_core import InputError, Layout, build_assembly, parse_scene, samples, solve
 from jld_core.views import figures
 from jld_explore.report import languages
 from jld_practice import Printed, Stone, making_of, pages_of, smallest_rectangle, stones_of, stones_table

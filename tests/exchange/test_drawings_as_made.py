@@ -13,8 +13,8 @@ import pytest
 
 from command import call
 from jld_core import Assembly, InputError, build_assembly, parse_scene
-from jld_core.exchange import ImportOptions, import_file, paths
-from jld_core.exchange import paths as paths_of_exchange
+from jld_formats import ImportOptions, import_file, paths
+from jld_formats import paths as paths_of_exchange
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -376,7 +376,8 @@ def test_an_outline_within_another_is_an_element_of_its_own(tmp_path: Path) -> N
 def test_a_block_in_the_hole_of_another_comes_back(tmp_path: Path) -> None:
     """Eight cells of one block around a block of one: written as a drawing the hole is no opening."""
     from cases import grid_document
-    from jld_core.exchange import Layout, export
+    from jld_core import Layout
+    from jld_formats import export
 
     for rows in (["aaa", "aba", "aaa", "###"], ["aaa", "a.a", "aaa", "###"]):
         scene = parse_scene(grid_document(rows))

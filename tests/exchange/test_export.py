@@ -16,11 +16,11 @@ import pytest
 from cases import ROUTE, box, grid_document
 from cases import scene_in_space as spatial_scene
 from command import SCENES, call
-from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core import InputError, Layout, Scene, blocks_csv, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.build import build_robust
-from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.geometry import outlines, unions
 from jld_explore import ExploreSettings, explore, read_folder
+from jld_formats import FORMATS, ImportOptions, export, import_file
 
 pytest.importorskip("ezdxf")
 meshio = pytest.importorskip("meshio")

@@ -12,7 +12,7 @@ from cases import box
 from cases import scene_in_space as scene
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.exchange import forces, import_file
+from jld_formats import forces, import_file
 
 
 @pytest.mark.parametrize(

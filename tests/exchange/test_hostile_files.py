@@ -10,7 +10,7 @@ import pytest
 
 from files.bombs import bombs
 from jld_core import InputError, parse_scene
-from jld_core.exchange import ImportOptions, Notes, import_file, libraries
+from jld_formats import ImportOptions, Notes, import_file, libraries
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">'
 
@@ -36,7 +36,7 @@ def test_a_clock_says_how_far_the_reader_was(tmp_path: Path, monkeypatch: pytest
             notes.reached("lines", k, 10_000)
             time.sleep(0.01)
 
-    monkeypatch.setattr("jld_core.exchange.read_mesh.read_mesh", slow)
+    monkeypatch.setattr("jld_formats.read_mesh.read_mesh", slow)
     path = tmp_path / "a.obj"
     path.write_text("v 0 0 0\n")
     seen: list[tuple[str, int]] = []

@@ -13,9 +13,9 @@ import pytest
 from command import Command
 from files.make import File, shelf
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.exchange import ImportOptions, import_file
-from jld_core.exchange import options as options_of_exchange
 from jld_core.scene import units
+from jld_formats import ImportOptions, import_file
+from jld_formats import options as options_of_exchange
 from jld_practice.design import DesignOptions, read_outline
 from jld_studio.server import opened
 

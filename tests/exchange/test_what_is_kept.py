@@ -11,10 +11,10 @@ import pytest
 from pydantic import BaseModel
 
 from command import Command
-from jld_core import InputError, Scene, build_assembly, parse_scene, solve
-from jld_core.exchange import FORMATS, Layout, export, facts, import_file
-from jld_core.exchange import formats as formats_of_exchange
+from jld_core import InputError, Layout, Scene, build_assembly, parse_scene, solve
 from jld_core.scene import uncertain
+from jld_formats import FORMATS, export, facts, import_file
+from jld_formats import formats as formats_of_exchange
 
 LIBRARY = {"dxf": "ezdxf", "3dm": "rhino3dm", "ifc": "ifcopenshell", "obj": "meshio", "ply": "meshio", "vtk": "meshio"}
 READ_BACK = ("dxf", "3dm", "compas")

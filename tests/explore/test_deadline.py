@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.claims import time_limits
+from benchmarks.claims import run as run_claim
 
 from cases import every_layout, grid_document
 from command import Command, entry, main, running
@@ -185,7 +185,7 @@ def test_a_small_share_of_the_claim_that_time_limits_are_kept(seed: int) -> None
     Tests run beside one another, so these are searches with a second to spare on an idle machine. A search that is late
     only because it waited for a processor is no failure here: then it must be in time by the clock of an idle machine.
     """
-    found = time_limits.run(seed, 1, 60.0)
+    found = run_claim("time_limits", seed, 1, 60.0)
     waited = re.compile(r"[^;]*: ended after [0-9.]+ s; [0-9.]+ s by the clock of an idle machine")
     assert [line for line in found.disagreements if not waited.fullmatch(line)] == []
     assert found.notes.get("late by the clock of an idle machine", 0) == 0

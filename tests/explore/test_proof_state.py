@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 import psutil
 import pytest
-from benchmarks.claims import proofs
+from benchmarks.claims import run as run_claim
+from benchmarks.claims import searches
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cases import dry_and_inner, grid_document
@@ -82,8 +83,8 @@ def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_p
 
 def test_proofs_agree_with_enumeration_and_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
     """A share of `python -m benchmarks.claims proofs`: five of its cases, however busy the machine is."""
-    monkeypatch.setattr(proofs, "EVERY", 10**9)  # real processes take seconds to start
-    found = proofs.run(20_000, 5, 600.0)
+    monkeypatch.setattr(searches, "EVERY", 10**9)  # real processes take seconds to start
+    found = run_claim("proofs", 20_000, 5, 600.0)
     assert found.cases == 5
     assert found.disagreements == []
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.claims import certificates
+from benchmarks.claims import run as run_claim
 from pysat.solvers import Solver
 
 from cases import box, dry_and_inner, grid_document
@@ -651,7 +651,7 @@ def test_both_refuse_another_digest(tall: list[dict[str, Any]], tmp_path: Path) 
 
 
 def test_changed_certificates_are_judged_by_enumeration() -> None:
-    tally = certificates.run(first_seed=1000, cases=2, seconds=600.0)
+    tally = run_claim("certificates", 1000, 2, 600.0)
     assert tally.disagreements == []
     assert tally.notes["refused"] > tally.notes["accepted"] > 0
 

@@ -9,6 +9,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 from benchmarks.claims import fields
+from benchmarks.claims import run as run_claim
 from benchmarks.claims.geometry import Move
 
 from jld_core import Assembly, Bits, Floats, Route, build_assembly, parse_scene
@@ -162,11 +163,11 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
 
 def test_a_share_of_the_claims() -> None:
     """A share of `python -m benchmarks.claims fields`: two of its cases, however busy the machine is."""
-    found = fields.run(0, 2, 600.0)
+    found = run_claim("fields", 0, 2, 600.0)
     assert found.cases == 2
     assert not found.disagreements
 
 
 def test_bounds_stay_where_they_are_when_a_scene_is_moved() -> None:
     """Seed 10185 of `benchmarks.claims.fields`: upper bounds of material with friction differed by 1.7e-5 of λ."""
-    assert not fields.run(10185, 1, np.inf).disagreements
+    assert not run_claim("fields", 10185, 1, np.inf).disagreements
