@@ -186,7 +186,7 @@ for library in ("ezdxf", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):
 SHELF = shelf()
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("file", SHELF, ids=[file.name for file in SHELF])
 def test_file(file: File, tmp_path: Path) -> None:
     path = tmp_path / file.name
