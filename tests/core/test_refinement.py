@@ -50,6 +50,7 @@ KINDS: list[tuple[Scene, dict[str, Any]]] = [
 ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("scene", "how"), KINDS, ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else ""
 )

@@ -172,6 +172,7 @@ def test_half_of_the_chains_begin_every_cycle_at_the_best() -> None:
 # A slice of the trials of brute force against proof; `python -m benchmarks.claims trials` runs two thousand.
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", [1, 4, 6, 10])
 def test_proven_results_equal_brute_force(seed: int) -> None:
     assert run_claim("trials", seed, 1, 600.0).disagreements == []

@@ -54,6 +54,7 @@ def searched(document: Document, out: Path, driver: str, **options: Any) -> dict
     return dict(json.loads((out / "summary.json").read_text()))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("driver", sorted(DRIVERS))
 def test_strongest_layout_changes_with_the_tie(driver: str, tmp_path: Path) -> None:

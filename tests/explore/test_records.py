@@ -343,6 +343,7 @@ def test_every_file_is_in_the_contract(settings: ExploreSettings, tmp_path: Path
     assert always - ON_DEMAND - OF_STEPS <= written
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["=1+1", "@SUM(1)", "+1", "-1"])
 def test_a_spreadsheet_keeps_labellings_and_runs_nothing(name: str, tmp_path: Path) -> None:
     settings = ExploreSettings(driver="enumeration", jobs=1, pictures=False)

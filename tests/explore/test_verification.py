@@ -334,6 +334,7 @@ def widen(lines: list[dict[str, Any]]) -> None:
     lines[0]["scene"]["search"]["block_cells"] = [1, 3]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "harm", [lower, flip, drop, free, shorten, borrow, cut, stop, support, widen, excuse], ids=lambda f: f.__name__
 )

@@ -76,6 +76,7 @@ def test_dependent_equations_are_left_out() -> None:
     assert independent_rows(sp.csr_array(np.eye(3))).all()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_same_bounds_as_clarabel(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both programs have one optimum each; what both solvers leave to repair is some 1e-7 of λ."""
