@@ -75,6 +75,7 @@ def drawn(seed: int) -> tuple[Document, np.random.Generator]:
     return document, rng
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", [*range(20), *(pytest.param(k, marks=pytest.mark.long) for k in range(20, 200))])
 def test_the_standard_criterion_as_a_surface(seed: int) -> None:
     document, rng = drawn(seed)
