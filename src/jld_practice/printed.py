@@ -17,9 +17,8 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 import jld_core
-from jld_core import Floats, Scene, files
+from jld_core import Floats, Layout, Scene, files
 from jld_core.build import cases_of_scene, weight_facts
-from jld_core.exchange import Layout
 from jld_core.geometry import area_vector, outlines
 from jld_core.geometry import outlines as polygons
 from jld_core.scene import loads as scene_loads

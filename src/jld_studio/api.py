@@ -13,11 +13,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core import InputError, files, load_scene
-from jld_core.exchange import FORMATS, Layout, export
-from jld_core.exchange import formats as exchange_formats
+from jld_core import InputError, Layout, files, load_scene
 from jld_explore import read_folder
 from jld_explore.report import page_contract, page_of_study
+from jld_formats import FORMATS, export
+from jld_formats import formats as exchange_formats
 from jld_studio.jobs import Job, Jobs, orders_for
 from jld_studio.opening import design_command, options_of, read_file, received, stated_scene, understood
 from jld_studio.page_start import drawing_data, scene_data

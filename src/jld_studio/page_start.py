@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from jld_core import Scene, build_assembly
-from jld_core.exchange import FORMATS
 from jld_explore import read_folder
 from jld_explore.report import page_contract, page_of_study
 from jld_explore.report import page_data as report_page_data
+from jld_formats import FORMATS
 from jld_studio.session import CHANGEABLE, StudioSession
 
 

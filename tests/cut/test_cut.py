@@ -16,7 +16,6 @@ from manifold3d import Manifold, OpType
 from jld_core import InputError, ParameterError
 from jld_cut import Options, cut
 from jld_cut.cells import Cutting, Limits, concave_edges, convex_parts, joints_of, union
-from jld_cut.cut import verdict
 from jld_cut.elastic import compressed
 from jld_cut.families import axis_of
 from jld_cut.loads import outside, parse_load, shares
@@ -103,9 +102,9 @@ def test_a_faulty_file_is_named(tmp_path: Path) -> None:
     assert part.fault == "part 3 has 1 edges that other than two faces meet at"
     told = {"parts": 3, "bracket": [2.0, 2.0], "locked": False, "uncut": [2.0, 2.0], "require": 1.0, "meets": True}
     told |= {"too_large": [2], "can_be_laid": True, "coarse_truth": "", "faulty_files": [part.fault]}
-    assert "not watertight: part 3" in verdict(told)
-    assert "do not fit the box: 2" in verdict(told)
-    assert "λ of the cells of the search" in verdict(told | {"coarse_truth": "no face"})
+    assert "not watertight: part 3" in cut.verdict(told)
+    assert "do not fit the box: 2" in cut.verdict(told)
+    assert "λ of the cells of the search" in cut.verdict(told | {"coarse_truth": "no face"})
 
 
 def test_a_bench_is_cut_to_whole_files(tmp_path: Path) -> None:
@@ -248,6 +247,7 @@ def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any,
         ({"clearance": 0.3}, "clearance"),
         ({"clearance": -1.0}, "clearance"),
         ({"require": float("nan")}, "require"),
+        ({"keep_whole": ("0,0,0",)}, "keep_whole"),
     ],
 )
 def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: str) -> None:

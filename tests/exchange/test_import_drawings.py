@@ -12,7 +12,7 @@ import pytest
 
 from command import call
 from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.exchange import ImportOptions, import_file
+from jld_formats import ImportOptions, import_file
 
 ezdxf = pytest.importorskip("ezdxf")
 

@@ -15,8 +15,8 @@ import pytest
 from cases import box, grid_document
 from cases import scene_in_space as pile
 from command import SCENES, call
-from jld_core import InputError, ParameterError, Scene, build_assembly, parse_scene, samples, solve
-from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core import InputError, Layout, ParameterError, Scene, blocks_csv, build_assembly, parse_scene, samples, solve
+from jld_formats import ImportOptions, export, import_file
 
 
 def layout(scene: Scene, solved: bool = False) -> Layout:

@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from cases import every_layout, grid_document
-from jld_core import Deadline, DeadlinePassed, InputError, Scene, build_assembly, parse_scene, samples
-from jld_core.exchange import Layout
+from jld_core import Deadline, DeadlinePassed, InputError, Layout, Scene, build_assembly, parse_scene, samples
 from jld_core.scene import Search
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS

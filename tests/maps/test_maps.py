@@ -144,10 +144,7 @@ def test_the_strongest_layout_changes_with_friction() -> None:
 @pytest.mark.parametrize(
     ("over", "words"),
     [
-        (
-            "materials.inner.sher_strength=0:1:3",
-            "materials.inner.sher_strength: unknown key",
-        ),
+        ("materials.inner.sher_strength=0:1:3", "materials.inner.sher_strength: unknown key"),
         ("materials.dry.friction_angle=0:40:2000000", "--over: it asks for 2000000 points; expected at most 1000000"),
         ("materials.dry=0:1:3", "materials.dry: it is no number"),
         ("loads.live[7].force[0]=0:1:3", "there is no 7 in loads.live; expected an entry from 0 to 2"),

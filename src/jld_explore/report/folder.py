@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Final
 
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import blocks_csv
 from jld_core.files import require_folder, require_writable, write_text
+from jld_core.layout import blocks_csv
 from jld_core.limit import load_scale, number
 from jld_core.limit.options import Status
 from jld_core.limit.result import LimitAnalysisResult

@@ -9,8 +9,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, Final
 
-from jld_core import build_assembly, files
-from jld_core.exchange import Layout, blocks_csv
+from jld_core import Layout, blocks_csv, build_assembly, files
 from jld_core.limit import number
 from jld_practice.design.tessellations import region_words
 from jld_practice.design.trials import NONE, Bounds, Design, Trial, built

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 import typer
 
-from jld_core import Deadline, DeadlinePassed, Ints, ParameterError, error_context, files
-from jld_core.exchange import Layout
+from jld_core import Deadline, DeadlinePassed, Ints, Layout, ParameterError, error_context, files
 from jld_core.models import rigid
 from jld_core.scene import units
 from jld_explore.cli import layout, options, streams
