@@ -27,7 +27,7 @@ from jld_cut.parts import Part, different, lay, parts_of, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts
 from jld_cut.scene import Matter, Setting
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, layout_of, search_all
-from jld_explore.report import csv_of, page_of_study
+from jld_explore.report import csv_of
 from jld_formats import export
 from jld_views import page_of_study
 
