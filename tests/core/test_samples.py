@@ -15,8 +15,9 @@ import shapely
 from cases import ROUTE, dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, Status, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.refinement import bonds, refine
-from jld_core.refinement.voussoirs import find_arcs
+from jld_core.refinement import refine
+from jld_masonry import bonds
+from jld_masonry.voussoirs import find_arcs
 
 
 @pytest.mark.parametrize("kind", samples.KINDS)
