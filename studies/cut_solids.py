@@ -129,7 +129,7 @@ SOLIDS: Final[dict[str, Case]] = {
 }
 
 
-def independent_check(folder: Path, fit: float) -> dict[str, Any]:
+def independent_check(folder: Path, fit: tuple[float, float, float]) -> dict[str, Any]:
     """Read the parts of a folder again: watertight, in their box, disjoint, and each path of assembly free."""
     table = pd.read_csv(folder / "parts.csv").sort_values("part")
     meshes = {int(row["part"]): trimesh.load_mesh(folder / row["file"]) for _, row in table.iterrows()}
@@ -150,11 +150,11 @@ def independent_check(folder: Path, fit: float) -> dict[str, Any]:
                 moved = solids[part].translate(tuple(share * size * way))
                 blocked += any((moved ^ solids[other]).volume() > 1e-6 * whole for other in laid)
         laid.append(part)
-    # the box of least volume may be longer than the one along the axes
-    sides = [min(one.extents.max(), one.bounding_box_oriented.primitive.extents.max()) for one in meshes.values()]
+    beds = [trimesh.load_mesh(folder / "bed" / Path(row["file"]).name) for _, row in table.iterrows()]
+    sides = np.array([np.sort(one.extents) for one in beds])
     return {
         "watertight": all(one.is_watertight for one in meshes.values()),
-        "in_box": bool(max(sides) <= fit * (1 + 1e-4)),
+        "in_box": bool((sides <= np.sort(fit) * (1 + 1e-4)).all()),
         "overlap": overlap,
         "blocked": blocked,
     }

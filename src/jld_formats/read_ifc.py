@@ -55,6 +55,7 @@ class Densities:
         return found.pop() if len(found) == 1 else None
 
     def _stated(self, material: Any) -> Iterator[float]:
+        """Yield the densities of a material, kg/m³: from IFC2x3's general properties, then from property sets."""
         if material.id() in self._older:
             yield self._older[material.id()]
         for properties in getattr(material, "HasProperties", None) or ():

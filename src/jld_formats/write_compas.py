@@ -18,14 +18,16 @@ _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
 
 
 def compas_text(layout: Layout, *, cells: bool) -> str:
+    """Write the JSON of a `compas_assembly` Assembly: a node for each block (or cell), an edge for each contact."""
+    # Facts that COMPAS has no place for (loads, strengths, stated interfaces) go into an attribute of jld's own.
     solids = list(solids_of(layout, cells=cells))
     keys = weights_of(layout, cells)
     if cells and layout.assembly.dimension == 3:
         facts = scene_of(layout, interfaces=True)
-        facts.pop("elements")  # at the nodes
+        facts.pop("elements")  # the nodes say them
     else:
         facts = facts_of(layout, cells=cells)
-    if cells and layout.assembly.dimension == 2:
+    if cells and layout.assembly.dimension == 2:  # stated faces are drawn in space, as blocks are
         facts["interfaces"] = [
             {**entry, "polygon": _in_space(layout, np.array(entry["polygon"])).tolist()}
             for entry in interfaces_of(layout)
@@ -35,7 +37,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
         block = _block(name, k, surface)
         x, y, z = surface.points.mean(axis=0).tolist()
         own = dict(keys.get(name, {}))
-        if "block" in own:
+        if "block" in own:  # "block" is COMPAS's own key
             own["block_name"] = own.pop("block")
         nodes[str(k)] = {
             "block": _envelope("compas_assembly.datastructures/Block", block, name),

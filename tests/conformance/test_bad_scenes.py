@@ -21,7 +21,7 @@ from cases import grid_document
 from command import Command, Outcome, process
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore, search_space
-from jld_explore.report.words import assembly as described
+from jld_explore.report import words as words_of_report
 
 Document = dict[str, Any]
 GONE: Any = object()
@@ -596,7 +596,7 @@ def test_mutated_scenes(base: int) -> None:
         except InputError:
             ended["nothing to search"] += 1
         else:
-            assert described(scene, assembly, space)
+            assert words_of_report.assembly(scene, assembly, space)
     # the mutations reach both sides
     assert ended["refused"] > MUTATIONS // 6
     assert ended[Status.COLLAPSE] > MUTATIONS // 30

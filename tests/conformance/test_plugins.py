@@ -59,7 +59,7 @@ def plugged(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 def run(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join([str(site), str(ROOT / "src")])
-    command = [sys.executable, "-m", "jld_explore", *words]
+    command = [sys.executable, str(ROOT / "tests" / "without_pictures.py"), *words]
     return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": path})
 
 

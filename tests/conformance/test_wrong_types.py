@@ -17,7 +17,7 @@ from jld_core import InputError, Layout, Model, blocks_csv, build_assembly, load
 from jld_core.models import cost_estimate, sensitivities
 from jld_core.models.costs import require_memory
 from jld_core.refinement import refine
-from jld_core.scene.cracks import parse_cracks
+from jld_core.scene import cracks
 from jld_experiment import Joints, Settings, run_experiment
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import make_driver
@@ -83,7 +83,7 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "count_named": (count_named, {"name": "blocks"}),
         "from_string": (from_string, {"text": "did"}),
         "to_string": (to_string, {"labelling": assembly.labels}),
-        "parse_cracks": (parse_cracks, {"text": "faces"}),
+        "parse_cracks": (cracks.parse_cracks, {"text": "faces"}),
     }
     made = (Model, ExploreSettings, ImportOptions, Joints, Settings, Stone, arch, buttress, corner, dome, flat_arch)
     return found | {one.__name__: (one, {}) for one in (*made, grid, vault, wall)}

@@ -37,7 +37,6 @@ from jld_explore.drivers import DRIVERS
 from jld_explore.verification import verify
 from jld_formats import export, import_file
 from jld_views import quantities
-from jld_views.quantities import utilisation
 from proofs import flow_rule, load_factor_in_space
 
 Document = dict[str, Any]
@@ -69,7 +68,7 @@ def test_bonded_joint_pulls_as_much_as_its_strength() -> None:
     result = solved(cantilever(2, [{"element": "b1", "force": [2.0, 0.0]}]))
     assert result.load_factor == pytest.approx(6.0 * 1.0 / 2.0, rel=1e-8)
     assert result.forces[:, 0] == pytest.approx(-6.0, rel=1e-6)
-    assert utilisation(result).max() == pytest.approx(1.0, rel=1e-5)
+    assert quantities.utilisation(result).max() == pytest.approx(1.0, rel=1e-5)
 
 
 @pytest.mark.parametrize("count", [1, 3])

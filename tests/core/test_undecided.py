@@ -19,7 +19,7 @@ import pytest
 from cases import CASES, DOWN, box, grid_assembly, grid_document
 from cases import scene_in_space as scene
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
-from jld_core.batch.batch_solver import ConflictRequest, MinimizationOptions
+from jld_core.batch import batch_solver
 from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_core.limit.case_relaxation import Relaxation
 from jld_core.mechanics.standard import StandardYield
@@ -115,8 +115,11 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:25]]
     conflicts = [c for c in found if c is not None]
     if relaxation.batched:
-        asked = ConflictRequest(
-            rows[:25], np.ones(m, dtype=bool), np.full(25, threshold), how=MinimizationOptions(neighbours=2)
+        asked = batch_solver.ConflictRequest(
+            rows[:25],
+            np.ones(m, dtype=bool),
+            np.full(25, threshold),
+            how=batch_solver.MinimizationOptions(neighbours=2),
         )
         whole = relaxation.minimize_conflicts(asked)
         refuted = {one.labelling for one in whole if one.drawn and one.bound is not None}
@@ -126,7 +129,7 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
         if any(one.decided.any() for one in whole):
             assert sum(one.bound is not None and not one.drawn for one in whole) > len(refuted)
         outside = rng.random((25, m)) < 0.3
-        parts = relaxation.minimize_conflicts(replace(asked, how=MinimizationOptions(), undecided=outside))
+        parts = relaxation.minimize_conflicts(replace(asked, how=batch_solver.MinimizationOptions(), undecided=outside))
         assert {one.labelling for one in parts if one.bound is not None} <= refuted
         assert not any((one.decided & outside[one.labelling]).any() for one in parts)
         for one in (*whole, *parts):
@@ -191,7 +194,7 @@ def memory_grown() -> tuple[int, int]:
         rows = rng.random((8, len(free))) < 0.8
         threshold = np.full(8, 0.73 / relaxation.template.scaling.load)
         for one in relaxation.minimize_conflicts(
-            ConflictRequest(rows, free, threshold, how=MinimizationOptions(neighbours=3))
+            batch_solver.ConflictRequest(rows, free, threshold, how=batch_solver.MinimizationOptions(neighbours=3))
         ):
             kept.append((np.flatnonzero(one.decided), rows[one.labelling][one.decided]))
         resident = 4096 * int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])

@@ -10,8 +10,7 @@ import pytest
 
 from files.bombs import bombs
 from jld_core import InputError, parse_scene
-from jld_formats import ImportOptions, Notes, import_file
-from jld_formats.libraries import in_own_process
+from jld_formats import ImportOptions, Notes, import_file, libraries
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">'
 
@@ -57,21 +56,21 @@ def test_a_few_copies_are_no_fault(tmp_path: Path) -> None:
 
 def test_a_reader_that_does_not_end_is_ended() -> None:
     with pytest.raises(InputError, match="does not end in 1 s"):
-        in_own_process(time.sleep, 60.0, seconds=1.0)
+        libraries.in_own_process(time.sleep, 60.0, seconds=1.0)
 
 
 def test_a_reader_that_breaks_down_is_a_line() -> None:
     import os
 
     with pytest.raises(InputError, match="its reader broke down"):
-        in_own_process(os._exit, 3, seconds=60.0)
+        libraries.in_own_process(os._exit, 3, seconds=60.0)
 
 
 def test_results_and_errors_come_back() -> None:
     """In a forked process, and in a new one where there is no fork."""
-    assert in_own_process(pow, 2, 5, seconds=60.0) == 32
+    assert libraries.in_own_process(pow, 2, 5, seconds=60.0) == 32
     with pytest.raises(ZeroDivisionError):
-        in_own_process(divmod, 1, 0, seconds=60.0)
+        libraries.in_own_process(divmod, 1, 0, seconds=60.0)
 
 
 def test_where_processes_cannot_be_forked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,13 +13,11 @@ import pytest
 
 from cases import CASES, grid_document
 from jld_core import InputError, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
-from jld_core.batch import build, chosen, library
-from jld_core.batch.batch_solver import BatchSolver
+from jld_core.batch import batch_solver, build, chosen, library
 from jld_explore import ExploreSettings, search_space
 from jld_explore.drivers import BufferedRandom, make_driver, operators
-from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator
 from jld_explore.evaluation.cases import CasesEvaluator, OwnObjectiveEvaluator, RobustEvaluator, VoidCellsEvaluator
-from jld_explore.evaluation.field_evaluator import CellEvaluator, FieldEvaluator
 from jld_explore.evaluation.protocol import LabellingEvaluator
 from jld_explore.report.tables import results_table
 from jld_explore.search.study import Study
@@ -73,7 +71,7 @@ def test_the_batch_solver_is_used_where_it_settles() -> None:
     assert not Evaluator(wall, EvaluatorSettings(SolveOptions(friction="zero-dilation"))).settles_nearly_all
     rows, options = CASES["crushable wall"]
     assert Evaluator(build_assembly(parse_scene(grid_document(rows, **options))), SETTINGS).settles_nearly_all
-    assert 0.8 <= BatchSolver(LimitAnalysis(wall).template).settled_fraction <= 1.0
+    assert 0.8 <= batch_solver.BatchSolver(LimitAnalysis(wall).template).settled_fraction <= 1.0
 
 
 def test_a_twin_answers_alike_by_the_same_kernel() -> None:
@@ -140,6 +138,6 @@ def test_operators_draw_the_same_without_the_kernel(search: dict[str, Any], monk
 @pytest.mark.parametrize("method", ["evaluate", "evaluate_all"])
 def test_evaluators_have_one_signature(method: str) -> None:
     kinds = [Evaluator, CasesEvaluator, RobustEvaluator, VoidCellsEvaluator, OwnObjectiveEvaluator]
-    for kind in (*kinds, FieldEvaluator, CellEvaluator):
+    for kind in (*kinds, field_evaluator.FieldEvaluator, field_evaluator.CellEvaluator):
         assert LabellingEvaluator in kind.__mro__
         assert inspect.signature(getattr(kind, method)) == inspect.signature(getattr(LabellingEvaluator, method))

@@ -211,6 +211,7 @@ def best_of(results: pd.DataFrame, count: str, sense: str, least: float) -> floa
     return float(good[count].min() if sense == "min" else good[count].max())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("count", "sense", "cases", "required"),
     [

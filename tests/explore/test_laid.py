@@ -20,7 +20,7 @@ from jld_explore import Exploration, ExploreSettings, explore, read_folder, sear
 from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.evaluation.cases import Standing
-from jld_explore.report.words import facts_of_exploration
+from jld_explore.report import words
 from jld_explore.space import from_string
 from jld_practice.laying import SequenceConstraint, assembly_order, locked_blocks
 
@@ -63,6 +63,7 @@ def test_a_lock_refutes_other_labellings_and_never_a_possible_one(rows: list[str
 DOWN = [{"element": "c1r0", "force": [0, -1]}]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("rows", "assemble", "search"),
     [
@@ -251,6 +252,7 @@ def found_by(driver: str, document: dict[str, Any], folder: Path, **settings: An
     return explore(parse_scene(document), folder / "out", driver=driver, pictures=False, budget=64, **settings)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_best_of_those_that_stand(driver: str, tmp_path: Path) -> None:
@@ -271,7 +273,7 @@ def test_best_of_those_that_stand(driver: str, tmp_path: Path) -> None:
     strongest = ranked["load_factor"].max()
     assert strongest == pytest.approx(4.0, rel=1e-6)
     assert done.summary.facts["falling"] == int(falls.sum()) > 0
-    assert "ranked last" in facts_of_exploration(done)
+    assert "ranked last" in words.facts_of_exploration(done)
     front = pd.read_csv(tmp_path / "out" / "pareto.csv")
     assert front["stands_at_zero"].all()
     if done.summary.proven:
@@ -287,7 +289,7 @@ def test_nothing_stands(driver: str, tmp_path: Path) -> None:
     assert done.summary.stands_at_zero is False
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["stands_at_zero"] is False
-    assert "falls under its own weight" in facts_of_exploration(done)["best λ"]
+    assert "falls under its own weight" in words.facts_of_exploration(done)["best λ"]
     assert "falls" in repr(done)
     assert not done.results["stands_at_zero"].fillna(True).any()
     assert repr(read_folder(tmp_path / "out")) == repr(done)

@@ -23,7 +23,7 @@ from nbclient import NotebookClient
 from cases import ROUTE, grid_document
 from command import ROOT, SCENES
 from jld_core import InputError, LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
-from jld_core.scene.cracks import CellCracks
+from jld_core.scene import cracks
 from jld_explore import Exploration, explore
 from jld_explore.space import from_string
 from jld_studio import notebook as notebook_of_page
@@ -300,7 +300,7 @@ def test_unsolvable_requests_are_refused_in_one_line(shown: Any, letters: Any, m
 
 
 def test_blocks_that_crack_by_cells_fix_the_sliders(study: Exploration, unpictured: None) -> None:
-    cells = replace(study, scene=study.scene.model_copy(update={"cracks": CellCracks(kind="cells", cell=0.05)}))
+    cells = replace(study, scene=study.scene.model_copy(update={"cracks": cracks.CellCracks(kind="cells", cell=0.05)}))
     assert "crack by cells or fields" in cells.show().html
 
 

@@ -32,7 +32,6 @@ from jld_explore.evaluation import EvaluatorSettings, Pool
 from jld_explore.evaluation.pool import LOST, WorkerPool, ignored_warning, switch_interval
 from jld_explore.evaluation.workers import Workers, WorkerSpec
 from jld_explore.report import words
-from jld_explore.report.words import facts_of_exploration
 from jld_explore.space import from_string
 from jld_practice.printing import content_of
 
@@ -87,6 +86,7 @@ def test_help_names_every_command_and_driver(jld: Command) -> None:
     assert jld("--help").out == overview.text()
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_example_of_the_help_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
     pytest.importorskip("ezdxf")
     monkeypatch.chdir(tmp_path)
@@ -479,6 +479,6 @@ def test_a_resumed_search_without_solves_names_no_speed(tmp_path: Path) -> None:
     settings: dict[str, Any] = {"driver": "random", "budget": 5}
     first = je.explore(FLAT_BEAM, tmp_path / "a", **settings)
     again = je.explore(FLAT_BEAM, tmp_path / "a", **settings, resume=True)
-    said = [facts_of_exploration(one)["stopped"] for one in (first, again)]
+    said = [words.facts_of_exploration(one)["stopped"] for one in (first, again)]
     assert "solves/s" in said[0]
     assert "solves/s" not in said[1]

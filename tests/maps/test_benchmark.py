@@ -91,10 +91,7 @@ def test_a_record_can_be_beaten(jld: Command, tmp_path: Path) -> None:
         ("nonsense", "it cannot be read"),
         ('{"layouts": [{"problem": "wall-4x4"}]}', "layouts[0]: its keys are wrong"),
         ('{"layouts": [{"problem": "x", "labels": "d", "load_factor": 1}]}', "there is no 'x'"),
-        (
-            '{"layouts": [{"problem": "wall-4x4", "labels": "01", "load_factor": 1}]}',
-            "labels: they are wrong",
-        ),
+        ('{"layouts": [{"problem": "wall-4x4", "labels": "01", "load_factor": 1}]}', "labels: they are wrong"),
         ('{"layouts": [{"problem": "wall-4x4", "labels": "d", "load_factor": "1"}]}', "'1' is wrong"),
     ],
 )

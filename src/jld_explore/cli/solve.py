@@ -201,7 +201,7 @@ def solve(
         spent = {"start": begun, **result.seconds, "total": begun + result.seconds["total"]}
         result = replace(result, seconds=spent)
         result = with_rates(result, asked=sensitivities, vertices=as_json or out is not None)
-    told = _geometric(scene, laid, result) if geometric else {}
+    told = _geometric(scene, laid, result, model, robust) if geometric else {}
     if out is not None:
         _write_result(result, out)
     say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result) | told))
@@ -216,9 +216,11 @@ def _write_history(elements: Assembly, labels: Bits, model: Model, history: Path
     plugins.part("dilation_history")(elements, labels, model, history)
 
 
-def _geometric(scene: Path, laid: LaidOut, result: Result) -> dict[str, str]:
+def _geometric(scene: Path, laid: LaidOut, result: Result, model: Model, robust: bool) -> dict[str, str]:
+    if robust:
+        raise ParameterError("robust", "thickness is scaled at one value of each strength", "`geometric` without it")
     with error_context(scene):
-        safety = plugins.part("geometric_safety")(laid.scene, laid.labels)
+        safety = plugins.part("geometric_safety")(laid.scene, laid.labels, model)
     result.facts["geometric"] = safety.to_json()
     return {"geometric safety": str(safety)}
 
