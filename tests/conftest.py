@@ -104,6 +104,13 @@ def without_field_check(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(import_module("jld_explore.explore"), "plan_check", lambda *_: None)
 
 
+@pytest.fixture(autouse=True)
+def _unchecked(request: pytest.FixtureRequest) -> None:
+    """Tests of searches leave it out, but for those of searches by fields."""
+    if request.path.parent.name == "explore" and request.path.name != "test_field_searches.py":
+        request.getfixturevalue("without_field_check")
+
+
 @pytest.fixture
 def jld(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
     """The command line in this process: arguments → `command.Outcome`."""

@@ -46,6 +46,7 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ODD)
 def test_names_and_units_are_drawn_as_they_are(name: str, tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
     """No formula is read in them, every SVG can be parsed, and nobody is warned of letters that a font lacks."""

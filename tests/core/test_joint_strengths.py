@@ -331,6 +331,7 @@ def test_twisting() -> None:
     assert solve(built).load_factor == pytest.approx(c_t * (3.0 * AREA + 0.5 * WEIGHT), rel=1e-7)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("bending", ["uncoupled", "kern"])
 @pytest.mark.parametrize("concave", [False, True])
 def test_space_against_an_independent_statement(bending: str, concave: bool) -> None:

@@ -529,6 +529,7 @@ def test_every_drawing_has_a_row() -> None:
     assert set(CALLS) == set(drawings())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CALLS)
 def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_views.figures.FRAMES", 2)

@@ -54,7 +54,7 @@ def compare(built: Assembly, count: int, seed: int, **options: Any) -> None:
             assert first.bracket[0] <= second.bracket[1] + 1e-9 * size
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", sorted(CASES))
 def test_planar_yield_sets(name: str) -> None:
     rows, options = CASES[name]

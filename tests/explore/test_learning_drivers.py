@@ -126,7 +126,6 @@ def test_the_driver_reaches_the_proven_best(tmp_path: Path) -> None:
     assert found["best"] == pytest.approx(proven["best"], rel=2e-3)
 
 
-@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("chains", [1, 8])
 def test_a_small_space_is_left_completely_known(chains: int, tmp_path: Path) -> None:
     """What waits in the population when changes run out is asked as well."""
@@ -173,7 +172,7 @@ def test_half_of_the_chains_begin_every_cycle_at_the_best() -> None:
 # A slice of the trials of brute force against proof; `python -m benchmarks.claims trials` runs two thousand.
 
 
-@pytest.mark.usefixtures("without_field_check")
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", [1, 4, 6, 10])
 def test_proven_results_equal_brute_force(seed: int) -> None:
     assert run_claim("trials", seed, 1, 600.0).disagreements == []
@@ -185,7 +184,7 @@ def test_proven_results_equal_brute_force(seed: int) -> None:
 ROWS = ["aaaa", "aaaa", "#..#"]
 
 
-@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.usefixtures("without_pictures")
 def test_the_default_driver_proves_the_same_as_exact(tmp_path: Path) -> None:
     """With and without the start the same λ is proven, that of enumeration."""
     scene = parse_scene(grid_document(ROWS, block_cells=[2, 4]))

@@ -36,9 +36,6 @@ from jld_explore.evaluation.protocol import BOUND, comparison_value, sort_key, s
 from jld_explore.space import from_string
 from jld_views.search_pictures import write_pictures
 
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
-
 SPATIAL = [
     SolveOptions(contact="concave"),
     SolveOptions(inner_bending="kern"),

@@ -38,9 +38,6 @@ from jld_explore.space.counts import BlockShapes
 from jld_explore.space.labelling import blocks_of
 from jld_explore.verification import verify
 
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
-
 QUIET = ExploreSettings(pictures=False, small=0)
 WEAK: dict[str, Any] = {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
 LOST = {
@@ -351,8 +348,6 @@ def boxes(rng: np.random.Generator) -> dict[str, Any]:
 # A proof in several processes: the same optimum and bound as by one, whoever joins, leaves or is killed on the way.
 
 
-# what blocks that crack anywhere carry, test_field_searches.py tests
-
 WEAKER: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "weak": (["aaaa", "aaaa", "####"], WEAKER),
@@ -384,6 +379,7 @@ def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("_in_threads")
 @pytest.mark.parametrize("name", SCENES)
 def test_two_processes_prove_the_same_as_one(name: str, tmp_path: Path) -> None:

@@ -17,9 +17,6 @@ from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.space.counts import BlockShapes
 from jld_explore.space.labelling import blocks_of, connectivity
 
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
-
 
 def labelled(rows: list[str], **keys: Any) -> tuple[Any, np.ndarray]:
     assembly = build_assembly(parse_scene(grid_document(rows, **keys)))
@@ -263,7 +260,7 @@ def _inward(cells: list[tuple[int, int]]) -> int:
     return sum(sum((x - i, y - j) in there for i in (0, 1) for j in (0, 1)) == 3 for x, y in corners)
 
 
-@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("name", LIMITS)
 def test_enumeration_and_the_exact_driver_keep_the_limits(name: str, tmp_path: Path) -> None:
     scene = parse_scene(_document(["aaa", "aaa", "###"], LIMITS[name]))

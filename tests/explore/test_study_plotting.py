@@ -221,6 +221,7 @@ def test_pictures_are_drawn_again_as_vectors(tmp_path: Path, monkeypatch: pytest
     assert single.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("driver", "options", "expected"),
     [
