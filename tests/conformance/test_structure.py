@@ -36,6 +36,7 @@ ORDER = [
     ["jld_dilation"],
     ["jld_surfaces"],
     ["jld_views"],
+    ["jld_masonry"],
     ["jld_tilting"],
     ["jld_cut"],
     ["jld_explore.cli"],
@@ -93,13 +94,11 @@ FLAT = [
     "jld_samples",
     "jld_maps",
     "jld_views",
+    "jld_masonry",
     "jld_surfaces",
     "jld_tilting",
     "jld_cut",
 ]
-
-# modules that load what is slow are imported by name, also where their package exports the name
-SLOW = ["jld_core.views."]
 
 MODULES = {path: ".".join(path.relative_to(SOURCES).with_suffix("").parts) for path in sorted(SOURCES.rglob("*.py"))}
 
@@ -227,7 +226,7 @@ def _wrong_imports(node: ast.ImportFrom, here: str) -> Iterator[str]:
                 yield f"{name} is not exported by {there}; run tools/imports.py"
         elif "._" in f"{module}.{name}":
             yield f"{name} is private"
-        elif name in exported(there) and not f"{module}.".startswith(tuple(SLOW)) and not _is_module(f"{there}.{name}"):
+        elif name in exported(there) and not _is_module(f"{there}.{name}"):
             yield f"{name}: from {there}"
         elif name not in defined(module):
             yield f"{name} is not defined in {module}"
