@@ -27,6 +27,7 @@ from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 SCENE = grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 3])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_a_search_with_hardly_any_time_has_a_result(driver: str, tmp_path: Path) -> None:
     settings = ExploreSettings(driver=driver, seconds=0.0, jobs=1, pictures=False)
