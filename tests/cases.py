@@ -88,6 +88,12 @@ def every_layout(space: Any) -> Any:
     return np.concatenate([none, *(rows for rows, _ in make_driver("enumeration", space, 0).batches())])
 
 
+def canonical(labellings: Any, group: Any) -> Any:
+    """Of the images (k, m) of each labelling under a group (g, m) the one whose letters are last in the alphabet."""
+    best = [max((row[image] for image in group), key=lambda one: (~one).tobytes()) for row in labellings]
+    return np.array(best, dtype=bool).reshape(np.shape(labellings))
+
+
 DOWN = [{"element": "c2r0", "force": [0, -1]}]
 CASES: dict[str, tuple[list[str], Document]] = {
     "wall": (["aaaa", "aaaa", "aaaa", "####"], {}),

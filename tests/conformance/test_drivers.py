@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import every_layout, grid_document
+from cases import canonical, every_layout, grid_document
 from jld_core import Assembly, Scene, Status, build_assembly, parse_scene
 from jld_explore import Driver, Evaluation, ExploreSettings, Interrupted, SearchSpace, StopReason, search_space
 from jld_explore.drivers import DRIVERS, make_driver
@@ -20,7 +20,6 @@ from jld_explore.evaluation import EvaluatorSettings
 from jld_explore.report import tables
 from jld_explore.search.study import Study
 from jld_explore.space import feasible, keys
-from jld_explore.space.labelling import canonical
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
 DOWN = [{"element": "c1r0", "force": [0, -1]}]
