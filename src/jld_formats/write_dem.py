@@ -12,10 +12,10 @@ from jld_core import Floats, InputError, Layout, Route
 from jld_core.geometry import area_vector
 from jld_core.limit import displacement
 from jld_core.scene import standard
-from jld_core.views import quantities
 from jld_formats.facts import facts_of
 from jld_formats.read_mesh import solids_of
 from jld_formats.write_compas import mesh_data, named_faces, point_in_space
+from jld_views import quantities
 
 _ROUTE: Final = Route("files of COMPAS")
 

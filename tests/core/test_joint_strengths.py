@@ -32,11 +32,11 @@ from jld_core.build import build_robust
 from jld_core.limit import result_of
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.refinement import refine
-from jld_core.views import quantities
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.verification import verify
 from jld_formats import export, import_file
+from jld_views import quantities
 from proofs import flow_rule, load_factor_in_space
 
 Document = dict[str, Any]

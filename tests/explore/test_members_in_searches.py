@@ -20,10 +20,10 @@ from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
-from jld_explore.report import page_contract
 from jld_explore.space import from_string
 from jld_explore.verification import verify
 from jld_formats import export
+from jld_views import page_contract
 
 Document = dict[str, Any]
 
@@ -126,8 +126,8 @@ def test_symmetry_needs_members_that_are_symmetric() -> None:
 def test_page_and_pictures_show_members(tmp_path: Path) -> None:
     from pydantic import TypeAdapter
 
-    from jld_core.views.figures import draw_forces, draw_mechanism, figure_for
-    from jld_explore.report.page_data import page_data, solution_of
+    from jld_views.figures import draw_forces, draw_mechanism, figure_for
+    from jld_views.page_data import page_data, solution_of
 
     scene = parse_scene(wall([STRAP]))
     assembly = build_assembly(scene)

@@ -24,11 +24,11 @@ from cases import ROUTE, grid_document
 from command import ROOT, SCENES
 from jld_core import InputError, LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
 from jld_core.scene import cracks
-from jld_core.views import notebook
 from jld_explore import Exploration, explore
 from jld_explore.space import from_string
 from jld_studio import notebook as notebook_of_page
 from jld_studio.notebook import AssemblyStructure, LayoutSolver, structure_of
+from jld_views import notebook
 
 CELLS = (
     "from pathlib import Path\n"

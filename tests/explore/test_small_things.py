@@ -28,7 +28,7 @@ from jld_explore.cli import explore as progress
 from jld_explore.cli import overview
 from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.evaluation import Pool
-from jld_explore.report import languages, words
+from jld_explore.report import words
 from jld_explore.space import from_string
 
 SCENE = ROOT / "scenes" / "flat_beam_arch.json"
@@ -229,7 +229,9 @@ def test_a_stronger_layout_is_reported_where_it_is_proven(tmp_path: Path) -> Non
     high = json.loads((tmp_path / "a" / "summary.json").read_text("utf-8"))["uncut_at_most"]
     assert high == pytest.approx(alone.load_factor, rel=1e-6)
     assert done.summary.facts["best"] > high
-    assert words.facts_of_exploration(read_folder(tmp_path / "a"))["cuts"] == languages.stronger_cut(high)
+    assert words.facts_of_exploration(read_folder(tmp_path / "a"))["cuts"] == words.STRONGER_CUT.format(
+        high=f"{high:.4g}"
+    )
 
 
 def test_silent_where_cuts_gain_nothing(tmp_path: Path) -> None:

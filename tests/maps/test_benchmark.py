@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 import jld_core as jc
-from command import ROOT, Command
+from command import Command
 from jld_explore.verification import verify
+from jld_maps.benchmark import PROBLEMS
 
-PROBLEMS = ROOT / "benchmarks" / "problems"
 RECORDS: dict[str, Any] = json.loads((PROBLEMS / "records.json").read_text("utf-8"))
 
 

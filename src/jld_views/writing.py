@@ -16,14 +16,11 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
-from jld_core.arrays import Floats
-from jld_core.assembly import Assembly
-from jld_core.files import printable
-from jld_core.limit.mechanism import result_of_faces
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.views import quantities
-from jld_core.views.look import INK, LOAD, PRESS, SOFT, WHITE
-from jld_core.views.structure import element_points, extent, painter_order, projection_of, visible_faces
+from jld_core import Assembly, Floats, LimitAnalysisResult, files
+from jld_core.limit import mechanism
+from jld_views import quantities
+from jld_views.look import INK, LOAD, PRESS, SOFT, WHITE
+from jld_views.structure import element_points, extent, painter_order, projection_of, visible_faces
 
 _HALO: Final = [withStroke(linewidth=1.8, foreground=WHITE)]  # white outline of texts
 
@@ -42,7 +39,7 @@ def as_written(figure: Figure) -> Iterator[None]:
     for text in figure.findobj(Text):
         if isinstance(text, Text) and id(text) not in ticks:
             text.set_parse_math(False)
-            text.set_text(printable(text.get_text()))
+            text.set_text(files.printable(text.get_text()))
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
         yield
@@ -141,7 +138,7 @@ def _seen_places(assembly: Assembly, blocks: Sequence[Sequence[int]]) -> list[Fl
 def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
     """Write the magnitude of each face's force beside its arrow on axes; return the texts."""
     # Forces below the share `SMALL` of the largest are left out. The list is empty for a result without forces.
-    result = result_of_faces(result)
+    result = mechanism.result_of_faces(result)
     assembly, forces = result.assembly, result.forces
     if forces is None:
         return []

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+from jld_explore.report import words
+
 LANGUAGES: Final = ("en", "de", "it")  # languages of a printed report
 
 # texts of the printed report by key, in the order of LANGUAGES
@@ -74,9 +76,7 @@ WORDS: Final[dict[str, tuple[str, str, str]]] = {
         "Non dimostrato: che non esista una disposizione più forte.",
     ),
     "stronger_cut": (
-        "By faces, the structure without these cuts carries at most {high} times the load, less than this layout. "
-        "A crack along a face of the cells fails at its tensile or shear strength; the friction of a dry joint grows "
-        "with the load that presses on it.",
+        words.STRONGER_CUT,
         "Nach Flächen trägt das Bauwerk ohne diese Schnitte höchstens das {high}-fache der Last, weniger als dieser "
         "Steinschnitt. Ein Riss entlang einer Zellfläche versagt bei seiner Zug- oder Schubfestigkeit; die Reibung "
         "einer trockenen Fuge wächst mit der Last, die auf sie drückt.",
@@ -238,11 +238,6 @@ def digits(value: float) -> str:
     """Write a number with four significant digits, large ones without an exponent."""
     text = f"{value:.4g}"
     return f"{float(text):.0f}" if "e+" in text else text
-
-
-def stronger_cut(high: float, language: str = "en") -> str:
-    """Say that a layout is stronger than the structure without cuts, and why this may be."""
-    return words_in(language)["stronger_cut"].format(high=f"{high:.4g}")
 
 
 def decimal_commas(text: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Final
 
-from jld_core.views.figures import svg_of
+from jld_views.figures import svg_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,11 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from shapely.geometry import Polygon
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly, blocks_of, faces_of
+from jld_core import Assembly, Bits, Bools, Floats, Ints, blocks_of
+from jld_core import assembly as core_assembly
 from jld_core.geometry import area_vector
-from jld_core.views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
-from jld_core.views.quantities import typical
+from jld_views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
+from jld_views.quantities import typical
 
 Drawn = dict[str, list[Artist]]
 
@@ -94,7 +94,7 @@ def paint(
     move: Move | None = None,
 ) -> Drawn:
     """Draw the elements and interfaces of a structure, without those of members, at rest or displaced."""
-    assembly, labels = faces_of(assembly), labels[: assembly.faces]
+    assembly, labels = core_assembly.faces_of(assembly), labels[: assembly.faces]
     ink = default_ink(ax, assembly, labels) if ink is None else ink
     return (_paint_planar if assembly.dimension == 2 else _paint_spatial)(ax, assembly, labels, fills, ink, move)
 

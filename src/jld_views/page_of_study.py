@@ -14,18 +14,17 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from jld_core.assembly import Assembly
+from jld_core import Assembly, Deadline, DeadlinePassed, LimitAnalysisResult, Scene, files
 from jld_core.build import weight_facts
-from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.files import write_text
-from jld_core.limit.result import LimitAnalysisResult
 from jld_core.models import CaseAnalysis
-from jld_core.scene.cracks import FieldCracks
-from jld_core.scene.schema import Scene
-from jld_core.views import facts_of_assembly, facts_of_result, notebook
-from jld_explore.report import words
-from jld_explore.report.page_contract import PageData, Picture, Solution
-from jld_explore.report.page_data import (
+from jld_core.scene import cracks
+from jld_core.views import facts_of_assembly, facts_of_result
+from jld_explore import Exploration, search_space
+from jld_explore.report import reading, words
+from jld_explore.space import cut
+from jld_views import notebook
+from jld_views.page_contract import PageData, Picture, Solution
+from jld_views.page_data import (
     MOST,
     chosen_rows,
     curve_of,
@@ -36,9 +35,6 @@ from jld_explore.report.page_data import (
     table_of,
     within,
 )
-from jld_explore.report.reading import Exploration, history_of
-from jld_explore.space import cut
-from jld_explore.space.search_space import search_space
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,7 +94,7 @@ def study_data(
 ) -> PageData:
     rows = chosen_rows(done.results, done.front, most)
     axes = done.scene.search.front.axes
-    history = history_of(done.folder)
+    history = reading.history_of(done.folder)
     curves = [] if history is None else [curve_of(str(done.summary.driver), history)]
     left_out = len(done.results) - len(rows)
     # rigid elements of the joint grid have other forces than what cracks elsewhere
@@ -128,7 +124,7 @@ def study_data(
 def _pictures(done: Exploration) -> list[Picture]:
     """Return the picture of the best layout by fields, which the folder has once it was drawn."""
     path = done.folder / "best.png"
-    if not isinstance(done.scene.cracks, FieldCracks) or not path.exists():
+    if not isinstance(done.scene.cracks, cracks.FieldCracks) or not path.exists():
         return []
     title = "The strongest layout: labels, stress trajectories of its lower bound, cracks of its upper bound"
     return [{"title": title, "png": base64.b64encode(path.read_bytes()).decode("ascii")}]
@@ -138,7 +134,7 @@ def path_pictures(assembly: Assembly, solution: Solution) -> list[Picture]:
     """Return the picture of λ along the paths of moving loads, none without any."""
     if all(case.place is None for case in assembly.cases):
         return []
-    from jld_core.views.moved_joints import (  # importing matplotlib takes longer than many pages
+    from jld_views.moved_joints import (  # importing matplotlib takes longer than many pages
         PathValue,
         figure_of_path,
     )
@@ -208,7 +204,7 @@ def write_report(
     if deadline is not None and deadline.limited:
         patience, dear = min(patience, deadline.remaining()), deadline.remaining() + DEAR
     target = (out or done.folder) / NAME
-    write_text(target, study_page(done, patience, dear))
+    files.write_text(target, study_page(done, patience, dear))
     return target
 
 
@@ -219,14 +215,14 @@ class ExplorationView:
         """Return the front with its layouts as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > notebook.LARGEST:
             return None
-        from jld_core.views.small_pictures import drawing_of
-        from jld_explore.report.pictures import front_picture
+        from jld_views.pictures import front_picture
+        from jld_views.small_pictures import drawing_of
 
         return drawing_of(front_picture(thing))
 
     def figure(self, thing: Exploration, *, ids: bool = False, values: bool = False) -> Figure:
         """Return the figure of the front with its layouts; `ids` and `values` have no effect."""
-        from jld_explore.report.pictures import front_picture
+        from jld_views.pictures import front_picture
 
         return front_picture(thing)
 

@@ -17,17 +17,15 @@ from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 import numpy as np
 
-from jld_core._version import __version__
-from jld_core.arrays import Bools
-from jld_core.assembly import Assembly, faces_of
+import jld_core
+from jld_core import Assembly, Bools, LimitAnalysisResult, Scene
+from jld_core import assembly as core_assembly
 from jld_core.limit import effects
-from jld_core.limit.mechanism import result_of_faces
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.scene.part import MemberKind
-from jld_core.scene.schema import Scene
-from jld_core.views import look, quantities
-from jld_explore.report.columns import DIGITS, ranked_by, rounded, rounded_each
-from jld_explore.report.page_contract import (
+from jld_core.limit import mechanism as core_mechanism
+from jld_explore.report import columns as explore_columns
+from jld_explore.space import Count, labelling, registered, to_string
+from jld_views import look, quantities
+from jld_views.page_contract import (
     FORMAT,
     VERSION,
     CaseSolution,
@@ -42,11 +40,13 @@ from jld_explore.report.page_contract import (
     Structure,
     Table,
 )
-from jld_explore.space import Count, registered, to_string
-from jld_explore.space.labelling import beside_nothing, dry_of, omitted, pack
 
 if TYPE_CHECKING:
     import pandas as pd
+
+rounded, rounded_each, ranked_by = explore_columns.rounded, explore_columns.rounded_each, explore_columns.ranked_by
+
+DIGITS: Final = explore_columns.DIGITS
 
 
 def page_data(
@@ -91,12 +91,15 @@ def page_data(
 
 def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
     """Return the elements and faces, with candidates (m,), of an assembly for a page."""
-    assembly = faces_of(assembly)
+    assembly = core_assembly.faces_of(assembly)
     elements, faces = assembly.elements, assembly.interfaces
     planar, bars = assembly.dimension == 2, assembly.members
     weight = rounded(np.linalg.norm(elements.weight, axis=1), DIGITS)
     shapes, centroids = rounded_each(elements.shape), rounded(elements.centroid)
-    polygons, areas = rounded_each(faces.polygon), rounded(faces.area, DIGITS)
+    polygons, areas = (
+        rounded_each(faces.polygon),
+        rounded(faces.area, DIGITS),
+    )
     origins, normals = rounded(faces.origin), rounded(faces.normal)
     return {
         "dimension": 2 if planar else 3,
@@ -131,7 +134,7 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
         "members": [
             {
                 "name": name,
-                "kind": cast(MemberKind | Literal["fill"], kind),
+                "kind": cast(Any, kind),
                 "elements": held.tolist(),
                 "points": rounded(points),
             }
@@ -201,7 +204,13 @@ def loads_of(assembly: Assembly) -> list[Load]:
 
 
 def _load(case: str, kind: Literal["live", "body", "couple"], element: str, at: Any, vector: Any) -> Load:
-    return {"case": case, "kind": kind, "element": element, "at": rounded(at), "vector": rounded(vector, DIGITS)}
+    return {
+        "case": case,
+        "kind": kind,
+        "element": element,
+        "at": rounded(at),
+        "vector": rounded(vector, DIGITS),
+    }
 
 
 def solution_of(result: LimitAnalysisResult) -> Solution:
@@ -223,8 +232,8 @@ def solution_of(result: LimitAnalysisResult) -> Solution:
 
 def within(solution: Solution, assembly: Assembly, text: str) -> Solution:
     """Extend the solution of a structure with omitted cells to the whole structure."""
-    gone = omitted(assembly, text)
-    faces = np.flatnonzero(~beside_nothing(text)).tolist()
+    gone = labelling.omitted(assembly, text)
+    faces = np.flatnonzero(~labelling.beside_nothing(text)).tolist()
     elements = np.flatnonzero(~gone).tolist()
 
     def spread(values: Any, rows: list[int], count: int, none: Any) -> Any:
@@ -253,7 +262,7 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
     """Return the data of one load case: λ, forces, thrust and mechanism."""
     if result.instability_mechanism is not None:
         result = replace(result, mechanism=result.instability_mechanism)  # Show the mechanism that proves instability.
-    whole, result = result, result_of_faces(result)
+    whole, result = result, core_mechanism.result_of_faces(result)
     assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
     found: CaseSolution = {
         "name": name,
@@ -283,7 +292,8 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
             "pressure": rounded(pressure, DIGITS),
             "on_face": [bool(on) for on in on_face],
             "vectors": rounded(
-                quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces)), DIGITS
+                quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces)),
+                DIGITS,
             ),
             "members": rounded(effects(whole.assembly, whole.forces), DIGITS) if whole.forces is not None else None,
             "thrust": [rounded(piece, DIGITS) for piece in quantities.thrust_segments(assembly, forces)],
@@ -323,7 +333,7 @@ def asset_names(wing: str = "report") -> list[str]:
 
 def _assets(wing: str) -> Traversable:
     """Return the folder of front-end files of a sub-package."""
-    return files("jld_studio" if wing == "studio" else "jld_explore.report").joinpath("assets")
+    return files("jld_studio" if wing == "studio" else "jld_views").joinpath("assets")
 
 
 def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
@@ -383,7 +393,7 @@ def page(data: Mapping[str, Any]) -> str:
         asset("report.html"),
         {
             "policy": html.escape(policy, quote=False),
-            "version": html.escape(__version__),
+            "version": html.escape(jld_core.__version__),
             "title": html.escape(str(data["title"])),
             "style": style,
             "data": packed(data),
@@ -441,9 +451,9 @@ def table_of(
 
     count, sense = axes[0]
     texts = results["labelling"].astype(str)
-    rows = [dry_of(text) for text in texts]
+    rows = [labelling.dry_of(text) for text in texts]
     bits = np.array(rows, dtype=bool).reshape(len(results), assembly.faces)
-    nothing = [beside_nothing(text) for text in texts]
+    nothing = [labelling.beside_nothing(text) for text in texts]
     beside = np.array(nothing if np.any(nothing) else [])
     evidence = pd.Series("visited", index=results.index, dtype=object)
     known = front.index.intersection(results.index)
@@ -459,9 +469,9 @@ def table_of(
     return {
         "rows": len(results),
         "columns": columns,
-        "labellings": base64.b64encode(pack(bits).tobytes()).decode("ascii"),
+        "labellings": base64.b64encode(labelling.pack(bits).tobytes()).decode("ascii"),
         "evidence": cast(list[Any], evidence.tolist()),
-        "beside": base64.b64encode(pack(beside.astype(bool)).tobytes()).decode("ascii"),
+        "beside": base64.b64encode(labelling.pack(beside.astype(bool)).tobytes()).decode("ascii"),
         "count": count,
         "sense": "max" if sense == "max" else "min",
         "line": len(axes) == 1,

@@ -16,12 +16,10 @@ from matplotlib.patheffects import withStroke
 from matplotlib.quiver import Quiver
 from matplotlib.transforms import ScaledTranslation
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly, blocks_of
+from jld_core import Assembly, Bits, Floats, LimitAnalysisResult, blocks_of
 from jld_core.limit import effects
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.views import quantities
-from jld_core.views.look import (
+from jld_views import quantities
+from jld_views.look import (
     HATCH,
     LOAD,
     MEMBER,
@@ -37,8 +35,8 @@ from jld_core.views.look import (
     WHITE,
     YIELDS,
 )
-from jld_core.views.quantities import MovementSign
-from jld_core.views.structure import DOTTED, Drawn, LineStyle, Move, element_points, extent, projection_of
+from jld_views.quantities import MovementSign
+from jld_views.structure import DOTTED, Drawn, LineStyle, Move, element_points, extent, projection_of
 
 USED: Final = LinearSegmentedColormap.from_list("used", list(USED_STOPS))
 """Colour map of utilisation, 0 … 1."""

@@ -7,12 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly, blocks_of
+from jld_core import Assembly, Bits, Bools, Floats, Ints, LimitAnalysisResult, blocks_of, resultants
 from jld_core.limit import displacement
-from jld_core.limit.mechanism import Movement, face_motions
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.loads import resultants
+from jld_core.limit import mechanism as core_mechanism
 from jld_core.mechanics import scaling_of, yield_set
 
 REACH: Final = 0.12
@@ -195,18 +192,18 @@ def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
 
 def movements(result: LimitAnalysisResult) -> tuple[tuple[MovementSign, ...], Floats]:
     """Return the kind of movement of each face in a result's mechanism, and its place (m, d) on the undeformed face."""
-    motions = face_motions(result)
+    motions = core_mechanism.face_motions(result)
     kinds = tuple(_SIGNS[motion.kind] for motion in motions)
     return kinds, np.array([motion.place for motion in motions]).reshape(len(kinds), -1)
 
 
 # Kind of movement in figures by kind of movement in the analysis
 _SIGNS: Final = {
-    Movement.CLOSED: MovementSign.STILL,
-    Movement.HINGE: MovementSign.HINGE,
-    Movement.SLIDE: MovementSign.SLIDE,
-    Movement.TWIST: MovementSign.SLIDE,
-    Movement.OPEN: MovementSign.OPEN,
-    Movement.CRACK_TENSION: MovementSign.CRACK,
-    Movement.CRACK_SHEAR: MovementSign.CRACK,
+    core_mechanism.Movement.CLOSED: MovementSign.STILL,
+    core_mechanism.Movement.HINGE: MovementSign.HINGE,
+    core_mechanism.Movement.SLIDE: MovementSign.SLIDE,
+    core_mechanism.Movement.TWIST: MovementSign.SLIDE,
+    core_mechanism.Movement.OPEN: MovementSign.OPEN,
+    core_mechanism.Movement.CRACK_TENSION: MovementSign.CRACK,
+    core_mechanism.Movement.CRACK_SHEAR: MovementSign.CRACK,
 }

@@ -17,15 +17,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly
-from jld_core.fields.bounds import FieldBounds, Stresses, Velocities
-from jld_core.views import annotations as notes
-from jld_core.views import quantities
-from jld_core.views.figures import draw_assembly, draw_rest, figure_for, finish, tints_of
-from jld_core.views.look import HATCH, INK, LOAD, PLAIN, PRESS, SUPPORT
-from jld_core.views.quantities import typical
-from jld_core.views.structure import Drawn, LineStyle, default_ink, extent, paint, projection_of
+from jld_core import Assembly, Bits, Bools, Floats
+from jld_core.fields import bounds as core_bounds
+from jld_views import annotations as notes
+from jld_views import quantities
+from jld_views.figures import draw_assembly, draw_rest, figure_for, finish, tints_of
+from jld_views.look import HATCH, INK, LOAD, PLAIN, PRESS, SUPPORT
+from jld_views.quantities import typical
+from jld_views.structure import Drawn, LineStyle, default_ink, extent, paint, projection_of
 
 Sign = Literal["compression", "tension"]
 """Sign of a principal stress."""
@@ -77,7 +76,7 @@ class Trajectory:
     stress: Floats  # (k,) magnitude of the principal stress there
 
 
-def averaged(assembly: Assembly, stresses: Stresses) -> AveragedStresses:
+def averaged(assembly: Assembly, stresses: core_bounds.Stresses) -> AveragedStresses:
     """Average a planar stress field on a regular grid, so that its trajectories can be drawn."""
     # The spacing of the grid is a share of a typical element. A Gaussian filter of this width smooths jumps between
     # triangles.
@@ -206,7 +205,7 @@ _DASH: Final = (5, 3)  # steps of a tensile trajectory that are drawn, and steps
 _CRUSHED: Final = 0.02  # share of the largest dissipation per area above which a triangle is shaded
 
 
-def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: Stresses | None) -> Drawn:
+def draw_stresses(ax: Axes, assembly: Assembly, labels: Bits, stresses: core_bounds.Stresses | None) -> Drawn:
     """Draw the trajectories of principal stresses of a layout on axes, wider with stress."""
     # Compression is solid, tension dashed. Stresses are first averaged over about a twelfth of an element.
     base = default_ink(ax, assembly, labels)
@@ -249,7 +248,7 @@ def _lines(found: list[Trajectory], largest: float, colour: str, kind: str) -> L
     return LineCollection(pieces, label=kind, zorder=3.0, **style)
 
 
-def draw_cracks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities | None) -> Drawn:
+def draw_cracks(ax: Axes, assembly: Assembly, labels: Bits, velocities: core_bounds.Velocities | None) -> Drawn:
     """Draw the displaced triangles of a velocity field, and where velocity jumps, on axes."""
     base = default_ink(ax, assembly, labels)
     if velocities is None:
@@ -279,7 +278,7 @@ def draw_cracks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velociti
     return drawn
 
 
-def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, moved: Floats) -> Drawn:
+def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: core_bounds.Velocities, moved: Floats) -> Drawn:
     """Draw supports and displaced triangles (t, 3, 2) in the tints of blocks; shade deforming ones."""
     mesh, tints = velocities.mesh, tints_of(assembly, labels)
     fills = [tints[cell] for cell in mesh.cell]
@@ -303,7 +302,7 @@ def _blocks(ax: Axes, assembly: Assembly, labels: Bits, velocities: Velocities, 
     return drawn
 
 
-def strain_power(velocities: Velocities) -> Floats:
+def strain_power(velocities: core_bounds.Velocities) -> Floats:
     """Return the integral (t,) of the rates of shear and dilation over each triangle, for a live load of power 1."""
     mesh = velocities.mesh
     slope = np.einsum("tki,tkj->tij", velocities.velocity, mesh.gradient)
@@ -311,7 +310,9 @@ def strain_power(velocities: Velocities) -> Floats:
     return np.asarray((shear + abs(slope[:, 0, 0] + slope[:, 1, 1])) * mesh.volume)
 
 
-def _jumps(labels: Bits, velocities: Velocities, moved: Floats, top: float, faces: int) -> tuple[Floats, Bools, Floats]:
+def _jumps(
+    labels: Bits, velocities: core_bounds.Velocities, moved: Floats, top: float, faces: int
+) -> tuple[Floats, Bools, Floats]:
     """Compute the displaced sides of dry joints and cracks (k, 2, 2, 2.
 
     Edge, side, end, coordinate), a mask (k,) of joints, and their largest jumps (k,). A support does not move.
@@ -343,7 +344,7 @@ def _crack_handles(drawn: Drawn, thick: float) -> list[Any]:
     return handles
 
 
-def figure_of_fields(assembly: Assembly, labels: Bits, bounds: FieldBounds) -> Figure:
+def figure_of_fields(assembly: Assembly, labels: Bits, bounds: core_bounds.FieldBounds) -> Figure:
     """Return a figure of labels, stress trajectories and cracks of one layout under one load."""
     figure, axes = figure_for(assembly, 3)
     draw_assembly(axes[0], assembly, labels)
@@ -353,7 +354,9 @@ def figure_of_fields(assembly: Assembly, labels: Bits, bounds: FieldBounds) -> F
     return figure
 
 
-def figure_of_field_layouts(layouts: Sequence[tuple[Assembly, Bits, FieldBounds]], titles: Sequence[str]) -> Figure:
+def figure_of_field_layouts(
+    layouts: Sequence[tuple[Assembly, Bits, core_bounds.FieldBounds]], titles: Sequence[str]
+) -> Figure:
     """Return a figure of layouts side by side, stress trajectories above cracks."""
     count = len(layouts)
     figure, axes = figure_for(layouts[0][0], 2 * count, columns=count)
@@ -365,7 +368,7 @@ def figure_of_field_layouts(layouts: Sequence[tuple[Assembly, Bits, FieldBounds]
     return figure
 
 
-def title_of_fields(assembly: Assembly, bounds: FieldBounds) -> str:
+def title_of_fields(assembly: Assembly, bounds: core_bounds.FieldBounds) -> str:
     """Return the title of a figure of fields: name, bounds on λ and number of triangles."""
     low, high = (f"{end:.4g}" if math.isfinite(end) else "none" for end in (bounds.lower, bounds.upper))
     name = textwrap.shorten(assembly.name, 90, placeholder=" …")

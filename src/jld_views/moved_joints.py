@@ -11,14 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.views import annotations as notes
-from jld_core.views.figures import draw_assembly, figure_for, finish
-from jld_core.views.look import FRONT, INK, PRESS, SOFT, TINTS
-from jld_core.views.quantities import SMALL, typical
-from jld_core.views.structure import projection_of
+from jld_core import Assembly, Bits, Floats, LimitAnalysisResult
+from jld_views import annotations as notes
+from jld_views.figures import draw_assembly, figure_for, finish
+from jld_views.look import FRONT, INK, PRESS, SOFT, TINTS
+from jld_views.quantities import SMALL, typical
+from jld_views.structure import projection_of
 
 _LONGEST: Final = 0.8  # length of the longest arrow, relative to a typical element
 

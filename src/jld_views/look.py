@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-from jld_core.views.quantities import SMALL, YIELDING, MovementSign
+from jld_views.quantities import SMALL, YIELDING, MovementSign
 
 TINTS: Final = ("#CFE1F2", "#FBE3B5", "#D3EBCD", "#F6D3D9", "#E3D9EE", "#D5EFEE", "#EDE7CF", "#F9D9C0")
 """Fill colours of blocks: light, so that lines remain visible, and of different lightness."""

@@ -18,21 +18,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from jld_core.arrays import Bits, Bools, Floats
-from jld_core.assembly import Assembly, with_members
-from jld_core.limit.options import Status
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.scene.search import Front
-from jld_core.views import figures as core
-from jld_core.views.annotations import frame
-from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
-from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
-from jld_explore.report.columns import known_front, ranked_by, value_in_words
-from jld_explore.report.reading import Exploration
+from jld_core import Assembly, Bits, Bools, Floats, LimitAnalysisResult, Status
+from jld_core import assembly as core_assembly
+from jld_core.scene import Search
+from jld_explore import Exploration
+from jld_explore.report import columns as explore_columns
 from jld_explore.space import Count, count_named, cut, registered
-from jld_explore.space.labelling import dry_of
+from jld_explore.space import labelling as explore_labelling
+from jld_views import figures as core
+from jld_views.annotations import frame
+from jld_views.look import DOTS, FRONT, INK, PLAIN, SOFT
+from jld_views.structure import LineStyle, element_points, extent, paint, projection_of
 
-FIRST: Final[str] = Front().count  # default count of the front in pictures
+FIRST: Final[str] = Search().front.count  # default count of the front in pictures
 
 # colours of the share of layouts in which a face is dry
 SHARE: Final = LinearSegmentedColormap.from_list("share", ["#C9C9C9", "#D89A2B", "#8C2300"])
@@ -65,7 +63,7 @@ def plot_pareto(
         raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
     counted = count_named(count)
     shown = collapsed(results)
-    best, sure = known_front(collapsed(front).sort_values(count, kind="stable"))
+    best, sure = explore_columns.known_front(collapsed(front).sort_values(count, kind="stable"))
     points = best[[count, "load_factor"]].to_numpy(dtype=float)
     width, height = 9.6, 4.3
     chosen = spread(points, shown[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts)
@@ -74,7 +72,7 @@ def plot_pareto(
     figure = figure_of(width, total)
     ax = axes_of(figure, (0.75, total - 0.35 - height, width - 1.0, height))
     ax.set_xlabel(counted.label(assembly), fontsize=9)
-    ax.set_ylabel(f"load factor {ranked_by(results)} [–]", fontsize=9)
+    ax.set_ylabel(f"load factor {explore_columns.ranked_by(results)} [–]", fontsize=9)
     if len(shown):
         many = len(shown) > MANY
         ax.plot(
@@ -96,7 +94,7 @@ def plot_pareto(
         say_nothing(ax, "no labelling collapses at a finite load factor")
     for number, k in enumerate(chosen):
         ax.text(points[k, 0], points[k, 1], str(number + 1), **circle(), zorder=3.0)
-        value = f"{value_in_words(results, points[k, 1])}   {counted.words(points[k, 0], assembly)}"
+        value = f"{explore_columns.value_in_words(results, points[k, 1])}   {counted.words(points[k, 0], assembly)}"
         gallery.draw(figure, number, assembly, best["labelling"].iloc[k], value)
     figure.text(0.5, 0.1 / total, caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
     ax.set_title(textwrap.shorten(assembly.name, 60, placeholder=" …"), fontsize=10, loc="left")
@@ -118,7 +116,7 @@ def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
     ax = axes_of(figure, (0.75, 0.85, 7.0, 3.25))
     counted = count_named(count)
     ax.set_xlabel(counted.axis if isinstance(counted.axis, str) else f"{counted.noun}s", fontsize=9)
-    ax.set_ylabel(f"load factor {ranked_by(results)} [–]", fontsize=9)
+    ax.set_ylabel(f"load factor {explore_columns.ranked_by(results)} [–]", fontsize=9)
     if shown.empty:
         say_nothing(ax, "no labelling collapses at a finite load factor")
     else:
@@ -217,7 +215,7 @@ def labels_of(text: object, assembly: Assembly) -> Bits:
     count = assembly.faces
     if not isinstance(text, str) or len(text) != count:
         raise ValueError(f"labelling {text!r}: expected {count} letters d, i or v")
-    return with_members(assembly, dry_of(text))
+    return core_assembly.with_members(assembly, explore_labelling.dry_of(text))
 
 
 def collapsed(table: pd.DataFrame) -> pd.DataFrame:
@@ -368,8 +366,8 @@ def plot_three(
     (first, _), (second, _) = axes
     counted = [count_named(name) for name, _ in axes]
     shown = collapsed(results)
-    best = known_front(collapsed(front))[0].sort_values([first, second, "load_factor"], kind="stable")
-    best, sure = known_front(best.drop_duplicates([first, second], keep="last"))
+    best = explore_columns.known_front(collapsed(front))[0].sort_values([first, second, "load_factor"], kind="stable")
+    best, sure = explore_columns.known_front(best.drop_duplicates([first, second], keep="last"))
     points = best[[first, second, "load_factor"]].to_numpy(dtype=float)
     width, height = 9.6, 4.6
     places = shown[[first, second]].to_numpy(dtype=float)
@@ -394,7 +392,7 @@ def plot_three(
     (_squares if squares else _dots)(ax, shown[[first, second, "load_factor"]], points, sure, scale)
     beside = axes_of(figure, (width - 1.0, total - 0.4 - height, 0.16, height))
     bar = figure.colorbar(ScalarMappable(scale, STRENGTH), cax=beside)
-    bar.set_label(f"load factor {ranked_by(results)} of the front [–]", fontsize=9)
+    bar.set_label(f"load factor {explore_columns.ranked_by(results)} of the front [–]", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     for number, k in enumerate(chosen):
         # Place the circle beside the number or dot.
@@ -404,7 +402,11 @@ def plot_three(
         ax.annotate(str(number + 1), at, away, textcoords="offset points", **circle(), zorder=4.0)
         words = "  ".join(c.words(v, assembly) for c, v in zip(counted, points[k, :2], strict=True))
         gallery.draw(
-            figure, number, assembly, best["labelling"].iloc[k], f"{value_in_words(results, points[k, 2])}  {words}"
+            figure,
+            number,
+            assembly,
+            best["labelling"].iloc[k],
+            f"{explore_columns.value_in_words(results, points[k, 2])}  {words}",
         )
     return figure
 
