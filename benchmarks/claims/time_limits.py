@@ -35,7 +35,7 @@ from jld_core import samples
 
 CLAIM: Final = "jld explore --seconds S ends within 1.1 S + 2 s with a layout, its page and its best λ"
 
-DRIVERS: Final = ("", "enumeration", "random", "hillclimb", "anneal", "genetic", "optuna", "exact")
+DRIVERS: Final = ("", "enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
 """Drivers by name, "" for the one that is chosen where none is named."""
 
 SECONDS: Final = (2.0, 3.0, 4.0)

@@ -26,6 +26,7 @@ from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.protocol import FAILED, ORDER, objectives, sort_key, status_ranks
 from jld_explore.search import driver_choice
 from jld_explore.space import feasible, keys
+from jld_explore.space.labelling import canonical
 
 BEST = 12.6221788  # of all 6 382 classes, by enumeration
 
@@ -182,26 +183,28 @@ def test_the_driver_reaches_the_proven_best(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("without_field_check")
-@pytest.mark.parametrize("chains", [1, 8])
-def test_a_small_space_is_left_completely_known(chains: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("chains", [1, 8, None])
+def test_a_small_space_is_left_completely_known(chains: int | None, tmp_path: Path) -> None:
     """What waits in the population when changes run out is asked as well."""
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], **OPTIONS))
     every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False)).summary.facts
-    settings = ExploreSettings(driver="anneal", pictures=False, small=0, options={"chains": chains})
-    found = explore(scene, tmp_path / "anneal", settings).summary.facts
+    own = ("portfolio", {}) if chains is None else ("anneal", {"chains": chains})
+    settings = ExploreSettings(driver=own[0], pictures=False, small=0, options=own[1])
+    found = explore(scene, tmp_path / "found", settings).summary.facts
     assert found["stop_reason"] == "exhausted"
     assert found["evaluated"] == every["evaluated"] > 50
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
 
 
-def test_evaluations_decide_what_is_next_and_no_clock() -> None:
+@pytest.mark.parametrize(("name", "options"), [("anneal", {"chains": 4}), ("portfolio", {})])
+def test_evaluations_decide_what_is_next_and_no_clock(name: str, options: dict[str, int]) -> None:
     """The same seed and budget give the same rows, whatever the portions that answers come in."""
     scene = parse_scene(grid_document(WALL, **OPTIONS))
     space = search_space(scene, build_assembly(scene))
     solver = Evaluator(space.assembly, EvaluatorSettings())
     asked = []
     for portion in (None, 7):
-        driver, rows = DRIVERS["anneal"](space, 3, chains=4), []
+        driver, rows = DRIVERS[name](space, 3, **options), []
         while sum(map(len, rows)) < 300:
             rows.append(driver.ask(portion))
             driver.tell(rows[-1], [solver.evaluate(labels) for labels in rows[-1]])
@@ -357,17 +360,17 @@ def test_the_default_driver_proves_the_same_as_exact(tmp_path: Path) -> None:
     assert [one["best"] for one in found] == pytest.approx([found[2]["best"]] * 3, rel=1e-6)
 
 
-def test_the_default_driver_does_what_the_genetic_one_does(tmp_path: Path) -> None:
-    """Where the default is the genetic driver, both see the same layouts in the same order, with the same name."""
+def test_the_default_driver_does_what_the_portfolio_does(tmp_path: Path) -> None:
+    """Where the default is the portfolio, both see the same layouts in the same order, whatever the jobs."""
     scene = parse_scene(grid_document(["a" * 8] * 6 + ["###..###"], block_cells=[2, 4]))
     facts, orders = [], []
-    for driver in (None, "genetic"):
-        settings = ExploreSettings(driver=driver, budget=100, jobs=1, pictures=False, check_fields=0)
+    for driver, jobs in ((None, 2), ("portfolio", 1)):
+        settings = ExploreSettings(driver=driver, budget=100, jobs=jobs, pictures=False, check_fields=0)
         done = explore(scene, tmp_path / str(driver), settings)
         facts.append([done.summary.facts[key] for key in ("driver", "evaluated", "best", "classes")])
         with closing(sqlite3.connect(done.folder / "records.sqlite3")) as file:
             orders.append(file.execute("SELECT labelling FROM evaluations ORDER BY id").fetchall())
-    assert facts[0] == facts[1] == ["genetic", 100, facts[0][2], None]
+    assert facts[0] == facts[1] == ["portfolio", 100, facts[0][2], None]
     assert orders[0] == orders[1]
     assert len(orders[0]) == 100
 
@@ -389,3 +392,53 @@ def test_counting_takes_a_small_share_of_the_time(monkeypatch: pytest.MonkeyPatc
         driver_choice.choose_driver(search_space(scene, build_assembly(scene)), ExploreSettings(), Deadline(10.0))
     assert left == pytest.approx([0.6, 0.6], rel=0.2)
     assert quick_counts == [False, True]
+
+
+# The portfolio: what a climb merges, where it begins again, and where it is the default.
+
+
+def test_a_climb_merges_the_changes_that_gained() -> None:
+    """Two joints moved one by one are both moved in a labelling that is asked next."""
+    scene = parse_scene(grid_document(["aaaa"] * 3 + ["####"], block_cells=[1, 3]))
+    space = search_space(scene, build_assembly(scene))
+    driver = make_driver("portfolio", space, 0)
+    start = space.candidates | space.fixed  # every cell a block
+    one, other = start.copy(), start.copy()
+    free = np.flatnonzero(space.candidates)
+    one[free[0]] = other[free[-1]] = False
+    driver._climb.before, driver._climb.better = start, [one, other]
+    merged = driver._merged(driver._climb)
+    assert canonical((one & other)[None], space.group)[0].tolist() in merged.tolist()
+
+
+def test_climbs_begin_where_the_incumbent_was_found_and_share_time_by_success() -> None:
+    scene = parse_scene(grid_document(WALL, **OPTIONS))
+    driver = make_driver("portfolio", search_space(scene, build_assembly(scene)), 0)
+    best = driver.operators.draw(1, driver.rng)[0]
+    shares = []
+    for energy in (-1.0, -1.0, -1.0, -2.0):
+        climb = driver._climb or driver._next_climb()
+        climb.energy, climb.spent, driver._best = energy, 1000, (energy, best, 0)
+        driver._end_climb(climb)
+        shares.append(driver._left / 1000)
+    assert shares == [1.0, 2.0, 4.0, 2.0]
+    driver._best = (-3.0, best, 0)  # found by chains or the population
+    assert driver._next_climb().labelling is best
+
+
+@pytest.mark.parametrize(
+    ("search", "options", "name"),
+    [
+        ({}, {}, "portfolio"),
+        ({}, {"aim": "best"}, "portfolio"),
+        ({}, {"population": 40}, "genetic"),
+        ({"front": {"counts": ["blocks", "shapes"], "sense": ["max", "min"]}}, {}, "genetic"),
+    ],
+)
+def test_the_portfolio_is_the_default_where_it_applies(
+    search: dict[str, object], options: dict[str, object], name: str
+) -> None:
+    scene = parse_scene(grid_document(["a" * 8] * 6 + ["###..###"], block_cells=[2, 4], **search))
+    space = search_space(scene, build_assembly(scene))
+    assert driver_for(space, 0, SolveOptions(), None, options, many=False).name == name
+    assert driver_for(space, 0, SolveOptions(), None, options, many=True).name == "genetic"
