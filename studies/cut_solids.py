@@ -129,7 +129,7 @@ SOLIDS: Final[dict[str, Case]] = {
 }
 
 
-def independent_check(folder: Path, fit: float) -> dict[str, Any]:
+def independent_check(folder: Path, fit: tuple[float, float, float]) -> dict[str, Any]:
     """Read the parts of a folder again: watertight, in their box, disjoint, and each path of assembly free."""
     table = pd.read_csv(folder / "parts.csv").sort_values("part")
     meshes = {int(row["part"]): trimesh.load_mesh(folder / row["file"]) for _, row in table.iterrows()}
@@ -150,11 +150,11 @@ def independent_check(folder: Path, fit: float) -> dict[str, Any]:
                 moved = solids[part].translate(tuple(share * size * way))
                 blocked += any((moved ^ solids[other]).volume() > 1e-6 * whole for other in laid)
         laid.append(part)
-    # the box of least volume may be longer than the one along the axes
-    sides = [min(one.extents.max(), one.bounding_box_oriented.primitive.extents.max()) for one in meshes.values()]
+    beds = [trimesh.load_mesh(folder / "bed" / Path(row["file"]).name) for _, row in table.iterrows()]
+    sides = np.array([np.sort(one.extents) for one in beds])
     return {
         "watertight": all(one.is_watertight for one in meshes.values()),
-        "in_box": bool(max(sides) <= fit * (1 + 1e-4)),
+        "in_box": bool((sides <= np.sort(fit) * (1 + 1e-4)).all()),
         "overlap": overlap,
         "blocked": blocked,
     }
@@ -186,7 +186,7 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
         | {key: found[key] for key in (*kept, "file_error", "seconds")}
         | {f"{key}_{end}": found[key][k] for key in ("bracket", "uncut") for k, end in enumerate(("lo", "hi"))}
         | {"of_cells": found["load_factor_of_cells"], "grid": grid.get("load_factor"), "grid_parts": grid.get("parts")}
-        | independent_check(out / name, case.fit)
+        | independent_check(out / name, (case.fit,) * 3)
     )
 
 

@@ -15,7 +15,10 @@ from pathlib import Path
 
 import pytest
 
+from jld_explore.__main__ import main as entry
 from jld_explore.cli.command import main
+
+__all__ = ["entry", "main"]
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ FOLDERS: Final = ("src", "tests", "benchmarks", "studies", "tools")
 MISSION: Final = ("jld_core", "jld_explore")
 """Packages that never import another one of this project; what add-ons import is exported by them."""
 
-SLOW: Final = ("jld_core.views.", "jld_explore.report.pictures")
+SLOW: Final = ("jld_core.views.",)
 """Modules that load what is slow; names that they define stay imported from them."""
 
 

@@ -12,8 +12,9 @@ from benchmarks.common import ROOT
 from benchmarks.scenes import cubes, grid, middle, strength, vault
 from jld_core import Scene, load_scene, samples
 from jld_core.scene.reading import parse_scene
+from jld_maps.benchmark import PROBLEMS as _PACKAGED
 
-FOLDER: Final = ROOT / "benchmarks" / "problems"
+FOLDER: Final = _PACKAGED
 TOP: Final = {"element": "c0r0", "force": [1, 0]}
 PUSH: Final = [{"body": [1, 0]}]
 

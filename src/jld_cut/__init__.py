@@ -4,6 +4,15 @@
 - `cut`: cut a solid of a file to parts
 """
 
-from jld_cut.cut import Options, cut
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from jld_core import export_lazily
+
+if TYPE_CHECKING:
+    from jld_cut.cut import Options, cut
 
 __all__ = ["Options", "cut"]
+
+export_lazily(__name__, {"cut": ["Options", "cut"]})

@@ -6,7 +6,8 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,19 +16,20 @@ import numpy as np
 import pandas as pd
 import shapely
 
-from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, ParameterError, files, plugins
-from jld_core.exchange import Layout, export
-from jld_cut.cells import Limits
+from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, Layout, ParameterError, files, plugins
+from jld_cut.cells import Joint, Limits
 from jld_cut.families import FAMILIES
 from jld_cut.loads import parse_load, parse_region
+from jld_cut.marks import add_tenons, engrave
 from jld_cut.meshes import read_solid
-from jld_cut.parts import Part, lay, parts_of, write_parts
+from jld_cut.partitions import frames
+from jld_cut.parts import Part, different, lay, parts_of, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts
 from jld_cut.scene import Matter, Setting
-from jld_cut.search import Family, Truth, Wish, anneal, candidates, cut_ways, prove
-from jld_explore import Exploration
-from jld_explore.report import csv_of, page_of_study
-from jld_explore.space import from_string
+from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, layout_of, search_all
+from jld_explore.report import csv_of
+from jld_formats import export
+from jld_views import page_of_study
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
@@ -62,8 +64,13 @@ class Options:
         Unit of the file: mm, cm, m, in or ft.
     seconds : float
         Time for all.
-    seed : int
-        Seed of random choices.
+    keep_whole : tuple of str
+        Boxes x0,y0,z0,x1,y1,z1 that no joint meets.
+    tenons : bool
+        Whether joints have tenons where they fit; λ does not count on them.
+    mark : float or None
+        Depth of the number and the arrow cut into each part, in the unit of the file; 0 for none, None for 0.4 % of
+        the shortest side of the box.
     """
 
     fit: tuple[float, float, float]
@@ -78,7 +85,9 @@ class Options:
     cells: int = 24
     unit: str = "m"
     seconds: float = 60.0
-    seed: int = 0
+    keep_whole: tuple[str, ...] = ()
+    tenons: bool = False
+    mark: float | None = None
 
     def wish(self) -> Wish:
         """Return what the search is asked for, in m and kg; ParameterError for what cannot be used."""
@@ -97,6 +106,8 @@ class Options:
                 raise ParameterError(name, f"{value:g} is too small", "a number above 0")
         if not 0.0 <= self.clearance < min(self.fit):
             raise ParameterError("clearance", f"{self.clearance:g} is no gap of joints", "a small part of a side")
+        if self.mark is not None and not 0.0 <= self.mark < 0.1 * min(self.fit):
+            raise ParameterError("mark", f"{self.mark:g} is no depth of a number", "a small part of a side, or 0")
         if not self.loads:
             raise ParameterError("load", "no load is given", 'a force such as "0,0,-1000", N, or body:X,Y,Z')
         unknown = [name for name in self.families if name not in FAMILIES]
@@ -104,10 +115,11 @@ class Options:
             raise ParameterError("families", f"{', '.join(unknown) or 'none'} is no way to cut", ", ".join(FAMILIES))
         loads = [parse_load(text, scale) for text in self.loads]
         patches = [parse_region("support", text, scale) for text in self.support]
+        regions = tuple(parse_region("keep_whole", text, scale) for text in self.keep_whole)
         volume = np.inf if self.mass is None else self.mass / self.matter.density
         limits = Limits(scale * np.sort(np.array(self.fit, dtype=float)), volume, self.cells)
         setting = Setting(self.matter, loads, patches)
-        return Wish(setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, self.seed)
+        return Wish(setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, regions)
 
 
 @dataclass
@@ -116,15 +128,19 @@ class Chosen:
 
     family: Family
     fine: Truth
-    run: Exploration
     coarse: float
-    bracket: tuple[float | None, float | None]  # on convex cells
-    uncut: tuple[float | None, float | None]
+    bracket: Bracket  # on convex cells
+    uncut: Bracket
     block: Ints
     layout: Layout
     laying: Any
     parts: list[Part]
     too_large: list[int]  # parts that do not fit the box
+
+    @property
+    def low(self) -> float:
+        """Lower end of the bracket, infinite where no load makes it collapse."""
+        return _low(self.bracket)
 
     @property
     def can_be_laid(self) -> bool | None:
@@ -173,26 +189,18 @@ def cut(
         """Return a share of the time that is left, s."""
         return share * (options.seconds - (time.perf_counter() - start))
 
-    families = cut_ways(solid, path.stem, wish, say)
-    anneal(families, out, wish, left(0.45), say)
-
-    def write(proved: bool) -> dict[str, Any]:
-        """Write the best so far; a run that is stopped later leaves it."""
-        end = time.perf_counter() + left(0.4)
-        chosen = _choose(families, wish, scale * options.clearance, end, say)
-        summary = _summary(chosen, families, solid, options)
-        _write(chosen, summary, out, scale)
-        if proved:
-            summary["by_fields"] = _by_fields(chosen, out, left(0.8))
-            _draw(chosen, summary, out, left(0.8))
-        summary["seconds"] = time.perf_counter() - start
-        files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
-        return summary
-
-    say(write(False)["verdict"])
-    prove(families, out, wish, left(0.6), say)
-    summary = write(True)
+    now = time.time()
+    families = search_all(solid, path.stem, wish, now + left(0.4), say)
+    chosen = _choose(families, wish, scale * options.clearance, time.time() + left(0.55), say)
+    summary = _summary(chosen, families, solid, options)
+    summary |= _joined_and_marked(chosen, wish, options)
+    _write(chosen, summary, out, scale)
     say(summary["verdict"])
+    with _fields_beside(chosen, out, left(0.95)) as bracket:
+        _draw(chosen, summary, out, left(0.4))
+        summary["by_fields"] = bracket(left(0.95))
+    summary["seconds"] = time.perf_counter() - start
+    files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     return summary
 
 
@@ -205,72 +213,98 @@ def _refuse_thin(solid: Any, clearance: float) -> None:
 
 
 def _choose(families: list[Family], wish: Wish, clearance: float, end: float, say: Callable[[str], None]) -> Chosen:
-    """Return the strongest layout on convex cells among the best that fit and can be laid."""
-    judged: list[tuple[tuple[Any, ...], Any]] = []
-    uncut: tuple[float | None, float | None] = (None, None)
-    for family in families[:2]:
-        best = candidates(family)
-        if not best or (family.key[:2] > families[0].key[:2]):
-            continue
-        family.truth = family.truth or Truth(family, wish.setting)
-        truth: Truth = family.truth
-        uncut = truth.solve(np.zeros(len(family.cutting.cells), dtype=np.int64)) if uncut == (None, None) else uncut
-        count = 0
-        for run, labelling, coarse in best:
-            if judged and time.perf_counter() > end:
+    """Return the strongest layout on convex cells of the fewest parts that carry, fit and can be laid."""
+    made: Chosen | None = None
+    numbers = sorted({n for one in families for n, of in one.found.of.items() if len(of.low)})
+    carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
+    for parts in carrying or numbers[-1:]:
+        for family, block, coarse, bracket in _judged(families, parts, wish, end, made is not None, say):
+            tried = _chosen(family, block, coarse, bracket, wish, clearance, end)
+            made = made or tried
+            if not tried.too_large and tried.can_be_laid is not False:
+                if tried.low >= wish.require * (1 - 1e-6):
+                    return tried
+                made = tried if made.too_large or made.can_be_laid is False else made
                 break
-            layout = Layout(run.scene, run.assembly, from_string(labelling))
-            block = layout.block_of[: len(family.cutting.cells)]
-            bracket = truth.solve(block)
-            low = np.inf if bracket[1] is None and bracket[0] is not None else bracket[0] or -np.inf
-            judged.append(((low, coarse), (family, truth, run, labelling, coarse, bracket, block)))
-            count += 1
-        say(f"{family.name:<8} {truth.cells} cells whose inner faces may crack, {count} of {len(best)} layouts")
-    judged.sort(key=lambda one: one[0], reverse=True)
-    made = None
-    for _, (family, truth, run, labelling, coarse, bracket, block) in judged:
-        layout = Layout(run.scene, run.assembly, from_string(labelling))
-        laying = _order(layout, max(3.0, end - time.perf_counter()))
-        parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
-        large = [part.number for part in parts if not lay(part, wish.limits.fit)]
-        tried = Chosen(family, truth, run, coarse, bracket, uncut, block, layout, laying, parts, large)
-        if not large and tried.can_be_laid is not False:
-            return tried
-        made = made or tried
+        if time.time() > end:
+            break
     assert made is not None
     return made
+
+
+def _top(family: Family, parts: int) -> float:
+    found = family.found.of.get(parts)
+    return -np.inf if found is None or not len(found.low) else float(found.low[0])
+
+
+def _judged(
+    families: list[Family], parts: int, wish: Wish, end: float, late: bool, say: Callable[[str], None]
+) -> list[tuple[Family, Ints, float, Bracket]]:
+    """Return the layouts of one number of parts that are best on the cells, the strongest on convex cells first."""
+    judged: list[tuple[float, float, tuple[Family, Ints, float, Bracket]]] = []
+    for family in sorted(families, key=lambda one: -_top(one, parts)):
+        if (not np.isfinite(_top(family, parts)) and _top(family, parts) < 0) or (judged and time.time() > end):
+            continue
+        family.truth = family.truth or Truth(family, wish.setting)
+        found, count = family.found.of[parts], 0
+        for block, coarse in zip(found.blocks[:BEST], found.low.tolist(), strict=False):
+            if judged and (count and time.time() > end):
+                break
+            bracket = family.truth.solve(block)
+            judged.append((_low(bracket), coarse, (family, block, coarse, bracket)))
+            count += 1
+        say(
+            f"{family.name:<8} {family.truth.cells} cells whose inner faces may crack: {count} layouts of {parts} parts"
+        )
+    judged.sort(key=lambda one: one[:2], reverse=True)
+    return [one for _, _, one in judged]
+
+
+def _low(bracket: Bracket) -> float:
+    return np.inf if bracket[1] is None and bracket[0] is not None else -np.inf if bracket[0] is None else bracket[0]
+
+
+def _chosen(
+    family: Family, block: Ints, coarse: float, bracket: Bracket, wish: Wish, clearance: float, end: float
+) -> Chosen:
+    """Return a layout with its order and parts."""
+    layout = layout_of(family, block)
+    parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
+    turned = frames(family.normals)
+    large = [part.number for part in parts if not lay(part, wish.limits.fit, turned)]
+    laying = _order(layout, max(3.0, end - time.time()))
+    uncut = family.truth.solve(np.zeros(len(family.cutting.cells), dtype=np.int64))
+    return Chosen(family, family.truth, coarse, bracket, uncut, block, layout, laying, parts, large)
 
 
 def _order(layout: Layout, seconds: float) -> Any:
     """Return an order of laying by translations; None where it takes too long."""
     try:
         with Deadline(seconds).enforced():
-            return plugins.part("assembly_order")(layout.assembly, layout.labels)
+            found = plugins.part("order_without_stages")(layout.assembly, layout.labels)
+            return found or plugins.part("assembly_order")(layout.assembly, layout.labels)
     except DeadlinePassed:
         return None
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
     """Return the facts of a cut solid."""
-    exact = [one for one in chosen.family.found if one.summary.driver == "exact"]
-    last = exact[-1].summary if exact else None
     low, high = chosen.bracket
-    coarse = chosen.coarse if np.isfinite(chosen.coarse) else None
-    # the bound of the exact search holds for all layouts of so many parts on these cells
-    proven = bool(last and last.proven and (last.best is None or coarse is None or coarse >= last.best * (1 - 1e-4)))
+    found, parts = chosen.family.found, len(chosen.parts)
     volumes = [cell.volume() for cell in chosen.family.cutting.cells]
     box = np.array([part.box for part in chosen.parts])
     summary: dict[str, Any] = {
-        "parts": len(chosen.parts),
+        "parts": parts,
         "load_factor": low,
         "bracket": [low, high],
         "locked": low is not None and high is None,
-        "load_factor_of_cells": coarse,
-        "proven": proven,
-        "bound": None if last is None else last.bound,
+        "load_factor_of_cells": _finite(chosen.coarse),
+        "proven": found.proven(parts),
+        "bound": _finite(found.bound(parts)),
+        "layouts": sum(one.solved for one in found.of.values()),
         "uncut": list(chosen.uncut),
         "require": options.require,
-        "meets": low is not None and low >= options.require * (1 - 1e-6),
+        "meets": chosen.low >= options.require * (1 - 1e-6),
         "fits": not chosen.too_large,
         "too_large": chosen.too_large,
         "coarse_truth": chosen.fine.coarse,
@@ -278,36 +312,60 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "can_be_laid": chosen.can_be_laid,
         "locked_parts": [int(b) for b in chosen.laying.locked] if chosen.can_be_laid is False else [],
         "family": chosen.family.name,
-        "families": {
-            one.name: {
-                "cells": len(one.cutting.cells),
-                "joints": len(one.joints),
-                "parts": None if not len(one.rows()) else int(one.rows().iloc[0]["blocks"]),
-                "load_factor": _best(one),
-                "evaluated": sum(run.summary.evaluated for run in one.found),
-                "proven": any(run.summary.proven for run in one.found if run.summary.driver == "exact"),
-                "bound": next((r.summary.bound for r in reversed(one.found) if r.summary.driver == "exact"), None),
-                "problem": one.error or None,
-            }
-            for one in families
-        },
-        "front": [
-            {"parts": int(row["blocks"]), "load_factor": float(row["load_factor"])}
-            for _, row in chosen.family.found[0].front.iterrows()
-            if np.isfinite(row["load_factor"])
-        ],
+        "families": [_facts(one, parts, options.require) for one in families],
+        "front": _front(families),
         "volume": solid.volume(),
         "volume_error": abs(sum(volumes) - solid.volume()) / solid.volume(),
         "largest_box": (box.max(axis=0) / UNITS[options.unit]).tolist(),
         "largest_mass": max(part.mass for part in chosen.parts),
+        "different_parts": different(chosen.parts),
     }
     summary["verdict"] = verdict(summary)
     return summary
 
 
-def _best(family: Family) -> float | None:
-    rows = family.rows()
-    return None if not len(rows) or not np.isfinite(rows.iloc[0]["strength"]) else float(rows.iloc[0]["strength"])
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _facts(family: Family, parts: int, require: float) -> dict[str, Any]:
+    """Return what a family found: of its own fewest parts, and the strongest of at most so many parts."""
+    found = family.found
+    own = next((n for n in sorted(found.of) if _top(family, n) >= require * (1 - 1e-6)), None)
+    known = {} if family.truth is None else family.truth.known
+    true = [_low(known[key]) for n in range(1, parts + 1) for key in _keys(family, n) if key in known]
+    return {
+        "name": family.name,
+        "cells": len(family.cutting.cells),
+        "joints": len(family.joints),
+        "sets": found.sets,
+        "evaluated": sum(one.solved for one in found.of.values()),
+        "parts": own,
+        "load_factor_of_cells": None if own is None else _finite(_top(family, own)),
+        "proven": own is not None and found.proven(own),
+        "bound": None if own is None else _finite(found.bound(own)),
+        "load_factor": _finite(max(true)) if true else None,
+        "locked": bool(true) and max(true) == np.inf,
+        "problem": found.problem or None,
+    }
+
+
+def _keys(family: Family, parts: int) -> list[bytes]:
+    found = family.found.of.get(parts)
+    return [] if found is None else [block.tobytes() for block in found.blocks[:BEST]]
+
+
+def _front(families: list[Family]) -> list[dict[str, Any]]:
+    """Return the strongest layout of each number of parts on the cells of all families."""
+    rows = []
+    for parts in sorted({n for one in families for n in one.found.of}):
+        best = max(families, key=lambda one: _top(one, parts))
+        if _top(best, parts) >= 0.0:
+            row = {"parts": parts, "load_factor_of_cells": _finite(_top(best, parts)), "family": best.name}
+            true = [_low(best.truth.known[key]) for key in _keys(best, parts) if best.truth and key in best.truth.known]
+            proven = all(one.found.proven(parts) for one in families)
+            rows.append(row | {"load_factor": _finite(max(true)) if true else None, "proven": proven})
+    return rows
 
 
 def verdict(summary: dict[str, Any]) -> str:
@@ -338,8 +396,8 @@ def verdict(summary: dict[str, Any]) -> str:
     return "; ".join([told, *summary.get("warnings", ())]) + "."
 
 
-def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> None:
-    """Write parts, table, order and pictures."""
+def _joined_and_marked(chosen: Chosen, wish: Wish, options: Options) -> dict[str, Any]:
+    """Give parts their steps, tenons and numbers; return how many have them."""
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}
     for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):
@@ -349,6 +407,26 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> 
             if len(elements):
                 part = chosen.parts[place[int(chosen.block[elements[0]])]]
                 part.step, part.direction = number, -np.asarray(step.direction, dtype=float)
+    scale, family = UNITS[options.unit], chosen.family
+    dry = [joint for joint in family.joints if _parts_two(joint, chosen.block)]
+    count = 0
+    if options.tenons:
+        turned = frames(family.normals)
+        gap = scale * options.clearance
+        count = add_tenons(chosen.parts, chosen.block, dry, gap, lambda part: lay(part, wish.limits.fit, turned))
+    depth = scale * (0.004 * min(options.fit) if options.mark is None else options.mark)
+    planes = [np.array([*joint.normal, joint.normal @ joint.polygon[0]]) for joint in dry]
+    plain = [part.number for part in chosen.parts if not (depth and engrave(part, planes, depth))]
+    return {"tenons": count, "not_marked": plain}
+
+
+def _parts_two(joint: Joint, block: Ints) -> bool:
+    """Whether a joint lies between two parts, or a part and a support."""
+    return joint.b >= len(block) or joint.a >= len(block) or bool(block[joint.a] != block[joint.b])
+
+
+def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> None:
+    """Write parts, table, order and pictures."""
     write_parts(out, chosen.parts, scale)
     summary["watertight"] = all(part.watertight for part in chosen.parts)
     summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]
@@ -368,20 +446,31 @@ def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, seconds: float) ->
     figure_of_parts(chosen.parts, summary["verdict"], out / "parts.png")
     if chosen.can_be_laid:
         figure_of_order(chosen.parts, out / "order.png")
-    page_of_study.write_report(chosen.run, out, patience=max(1.0, seconds - 3.0))
+    done = explored(chosen.family, chosen.block, out / "search", max(1.0, seconds))
+    page_of_study.write_report(done, out, patience=max(1.0, seconds))
 
 
-def _by_fields(chosen: Chosen, out: Path, seconds: float) -> list[float | None] | None:
-    """Return the bracket of λ by fields from a process that the clock ends; None where it did not finish."""
+@contextmanager
+def _fields_beside(chosen: Chosen, out: Path, seconds: float) -> Iterator[Callable[[float], list[float | None] | None]]:
+    """Begin bounds of λ by fields in a process that the clock ends; yield what waits for its bracket."""
     if not chosen.fine.convex or seconds < 5.0:
-        return None
-    order = [sys.executable, "-m", "jld_explore", "solve", str(out / "scene.json"), "--cracks", "fields:0.1", "--json"]
+        yield lambda _: None
+        return
+    order = [sys.executable, "-m", "jld_explore", "solve", str(out / "scene.json"), "--cracks", "fields:0.5", "--json"]
+    process = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+
+    def bracket(seconds: float) -> list[float | None] | None:
+        try:
+            found = json.loads(process.communicate(timeout=max(0.1, seconds))[0])["bracket"]
+        except (subprocess.TimeoutExpired, ValueError, KeyError):
+            return None
+        return [None if end is None else float(end) for end in found]
+
     try:
-        done = subprocess.run(order, capture_output=True, timeout=seconds, check=False)
-        found = json.loads(done.stdout)["bracket"]
-    except (subprocess.TimeoutExpired, ValueError, KeyError):
-        return None
-    return [None if end is None else float(end) for end in found]
+        yield bracket
+    finally:
+        process.kill()
+        process.wait()
 
 
 def table_of(parts: list[Part], scale: float) -> pd.DataFrame:

@@ -41,6 +41,7 @@ class Part:
     box: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) sides of its smallest box, ascending
     bed: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) rotation that lays it on the bed
     open: int = 0  # edges of its file that other than two faces meet at
+    tenons: Any = None  # what stands out of it into others
     step: int = 0
     direction: Floats = field(default_factory=lambda: np.zeros(3))
     error: float = 0.0  # of the volume in its file, or of what was cut, whichever is more
@@ -94,16 +95,37 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
     return found
 
 
-def lay(part: Part, fit: Floats) -> bool:
-    """Find box and bed of a part; return whether it fits into a box of sides `fit` (3,), ascending."""
-    points, triangles = surface_of(part.exact)
+def different(parts: list[Part]) -> int:
+    """Return how many parts are of different shape, by volume and moments: a part and its mirror image are alike."""
+    found = []
+    for part in parts:
+        points, triangles = surface_of(part.exact)
+        corners = points[triangles]
+        volume = np.linalg.det(corners) / 6.0
+        whole = volume.sum()
+        middle = (volume[:, None] * corners.sum(axis=1)).sum(axis=0) / (4.0 * whole)
+        corners = corners - middle
+        volume = np.linalg.det(corners) / 6.0
+        total = corners.sum(axis=1)
+        second = np.einsum("k,ki,kj->ij", volume, total, total) + np.einsum("k,kci,kcj->ij", volume, corners, corners)
+        found.append([whole ** (1 / 3), *(np.maximum(np.linalg.eigvalsh(second / 20.0), 0.0) ** 0.2)])
+    values = np.array(found)
+    return len(np.unique(np.round(values / (1e-5 * values.max())), axis=0))
+
+
+def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool:  # noqa: B008
+    """Find box and bed of a part; return whether it fits into a box of sides `fit` (3,), ascending.
+
+    turned: (k, 3, 3) rotations that are tried beside those that lay it on a face.
+    """
+    points, triangles = surface_of(part.exact if part.tenons is None else part.exact + part.tenons)
     corners = points[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
     kinds, place = np.unique(np.round(normal / np.maximum(area, 1e-300)[:, None], 4), axis=0, return_inverse=True)
     share = np.bincount(place.reshape(-1), area)
     largest = np.argsort(-share)[:_BEDS].tolist()
-    best: tuple[Any, ...] | None = None
+    spins = []
     for down, size in [*((kinds[k], float(share[k])) for k in largest), *((axis, 0.0) for axis in np.eye(3))]:
         if np.linalg.norm(down) < 0.5:
             continue
@@ -115,12 +137,15 @@ def lay(part: Part, fit: Floats) -> bool:
         # the smallest rectangle may be long where one along the axes is not
         for turn in (float(np.arctan2(first[1], first[0])), 0.0):
             spin = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]) @ frame
-            sides = np.sort(np.ptp(points @ spin.T, axis=0))
-            scale = float((sides / fit).max())
-            good = scale <= 1.0 + 1e-6
-            key = (good, size if good else -scale, -scale)
-            if best is None or key > best[0]:
-                best = key, sides, spin, good
+            spins.append((size, spin))
+    best: tuple[Any, ...] | None = None
+    for size, spin in [*spins, *((0.0, one) for one in turned)]:
+        sides = np.sort(np.ptp(points @ spin.T, axis=0))
+        scale = float((sides / fit).max())
+        good = scale <= 1.0 + 1e-6
+        key = (good, size if good else -scale, -scale)
+        if best is None or key > best[0]:
+            best = key, sides, spin, good
     assert best is not None
     _, part.box, part.bed, fits = best
     return bool(fits)

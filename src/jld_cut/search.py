@@ -1,26 +1,35 @@
-"""Search of the fewest parts that fit and carry: anneal on all families, exact on the best, truth on convex cells."""
+"""Search of the fewest parts that fit and carry: all layouts of all families, and their truth on convex cells."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
-from jld_core import InputError, Ints, build_assembly, parse_scene, solve_many
+from jld_core import Assembly, Bits, Floats, InputError, Ints, Layout, build_assembly, parse_scene, solve_many
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.families import FAMILIES, Body
-from jld_cut.loads import Facet, facet_of, shares
+from jld_cut.loads import Facet, Region, facet_of, shares
 from jld_cut.meshes import surface_of
+from jld_cut.partitions import Asked, Boxes, Found, frames, search
 from jld_cut.scene import Setting, grounds_of, scene_of
-from jld_explore import Exploration, ExploreSettings, explore
+from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
+from jld_explore.evaluation import Pool
 
-BEST: Final = 10  # layouts that are judged on convex cells
-SMALL: Final = 12  # joints up to which every layout is looked at
+Bracket = tuple[float | None, float | None]
+
+BEST: Final = 10  # layouts of one number of parts that are judged on convex cells
 PIECES: Final = 150  # most convex cells
+MOST: Final = 24  # parts, where no other number is asked for
+_CONVEX: Final = 1e-3  # share of a convex hull that a joint between convex cells may lack
+_BESIDE: Final = 8.0  # time of a search from which families are searched beside each other, s
+_FINER: Final = 1.7  # cells of the second cutting of each family by those of the first
 
 
 @dataclass
@@ -31,36 +40,33 @@ class Family:
     cutting: Cutting
     joints: list[Joint]
     document: dict[str, Any]
-    found: list[Exploration] = field(default_factory=list)
-    error: str = ""
+    together: list[int]  # sets of cells that no joint may part
+    found: Found = field(default_factory=Found)
     truth: Any = None  # made once
 
     @property
-    def key(self) -> tuple[float, float, float]:
-        """Order of families: one that carries first, then fewer parts, then the stronger."""
-        rows = self.rows()
-        if not len(rows):
-            return (1.0, np.inf, 0.0)
-        top = rows.iloc[0]
-        return (float(not top["meets"]), float(top["blocks"]), -_strength(top))
+    def around(self) -> list[int]:
+        """Return the set of cells that each cell has a joint with."""
+        place = {element["id"]: k for k, element in enumerate(self.document["elements"])}
+        found = [0] * len(self.cutting.cells)
+        for one in self.document["interfaces"]:
+            a, b = (place[name] for name in one["elements"])
+            if max(a, b) < len(found):
+                found[a] |= 1 << b
+                found[b] |= 1 << a
+        return found
 
-    def rows(self) -> pd.DataFrame:
-        """Return the layouts found, the best first."""
-        tables = [one.results.assign(run=k) for k, one in enumerate(self.found)]
-        if not tables:
-            return pd.DataFrame()
-        table = pd.concat(tables, ignore_index=True)
-        table = table[table["status"].isin(["collapse", "locked"])]
-        strength = np.where(table["status"] == "locked", np.inf, table["bracket_lo"].astype(float))
-        least = self.document["search"]["require"]["load_factor"]
-        table = table.assign(strength=strength, meets=strength >= least * (1 - 1e-6))
-        by = ["meets", "parts_first", "strength"]
-        table["parts_first"] = np.where(table["meets"], -table["blocks"], 0)
-        return table.sort_values(by, ascending=False, kind="stable").drop_duplicates("labelling")
+    @property
+    def normals(self) -> Floats:
+        """Return the different normals (c, 3) of its cuts."""
+        found = np.array([plane[:3] for plane in self.cutting.planes]).reshape(-1, 3)
+        return found[[k for k, n in enumerate(found) if not (np.abs(found[:k] @ n) > 1 - 1e-6).any()]]
 
-
-def _strength(row: Any) -> float:
-    return float(row["strength"])
+    def boxes(self) -> Boxes:
+        """Return the boxes of the cells in all frames in which a part may lie."""
+        cells = self.cutting.cells
+        corners = [surface_of(cell.hull())[0] for cell in cells]
+        return Boxes.of(corners, np.array([cell.volume() for cell in cells]), frames(self.normals))
 
 
 @dataclass(frozen=True)
@@ -74,7 +80,7 @@ class Wish:
     most: int | None  # parts
     families: tuple[str, ...]
     seconds: float
-    seed: int
+    whole: tuple[Region, ...] = ()  # that no joint meets
 
 
 def body_of(solid: Any, wish: Wish) -> Body:
@@ -103,40 +109,17 @@ def family_of(name: str, title: str, body: Body, wish: Wish) -> Family | None:
     cutting = FAMILIES[name](body)
     if cutting is None:
         return None
-    cutting.halve(wish.limits)
-    joints = cutting.tidy(wish.limits)
+    cutting.halve(body.limits)
+    joints = cutting.tidy(body.limits)
     document = scene_of(f"{title}, {name}", cutting, joints, wish.setting, BENT, cutting.planes)
-    document["search"] = {
-        "block_extent": [None, wish.limits.extent],
-        "require": {"load_factor": wish.require},
-        "front": {"count": "blocks", "sense": "min"},
-        **({} if wish.mass is None else {"block_mass": [None, wish.mass]}),
-        **({} if wish.most is None else {"blocks": [None, wish.most]}),
-    }
-    return Family(name, cutting, joints, document)
+    whole = [joint for joint in joints for region in wish.whole if _meets(joint, region)]
+    return Family(name, cutting, joints, document, [1 << joint.a | 1 << joint.b for joint in whole])
 
 
-def run(family: Family, out: Path, driver: str, seconds: float, seed: int, parts: int | None = None) -> None:
-    """Search one family for a time; with `parts`, the strongest of at most so many parts."""
-    document = {**family.document, "search": dict(family.document["search"])}
-    if parts is not None:
-        del document["search"]["require"], document["search"]["front"]
-        document["search"]["blocks"] = [None, parts]
-    # fields and pictures of all families would take the time of the search
-    settings = ExploreSettings(check_fields=0, pictures=False, seed=seed)
-    try:
-        family.found.append(explore(document, out, settings, driver=driver, seconds=seconds))
-    except InputError as error:
-        family.error = str(error)
-
-
-def candidates(family: Family, most: int = BEST) -> list[tuple[Exploration, str, float]]:
-    """Return the best layouts of a family with the number of parts of the first."""
-    rows = family.rows()
-    if not len(rows):
-        return []
-    rows = rows[(rows["blocks"] == rows.iloc[0]["blocks"]) & (rows["meets"] == rows.iloc[0]["meets"])].head(most)
-    return [(family.found[int(row["run"])], str(row["labelling"]), _strength(row)) for _, row in rows.iterrows()]
+def _meets(joint: Joint, region: Region) -> bool:
+    ring = joint.polygon
+    triangles = np.array([ring[[0, k, k + 1]] for k in range(1, len(ring) - 1)])
+    return bool(region.clipped(triangles)[0].sum() > 0.0)
 
 
 class Truth:
@@ -146,18 +129,18 @@ class Truth:
         cutting = family.cutting
         pieces, self.of, planes, self.convex = convex_parts(cutting.cells, max(PIECES, 2 * len(cutting.cells)))
         fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
-        joints = joints_of(pieces, fine.planes, fine.size, 1e-3)
-        self.document = scene_of(family.document["name"], fine, joints, setting, 1e-3, fine.planes)
+        joints = joints_of(pieces, fine.planes, fine.size, _CONVEX)
+        self.document = scene_of(family.document["name"], fine, joints, setting, _CONVEX, fine.planes)
         self.coarse = ""  # why the cells of the search stand for convex ones
         try:
             self.assembly = build_assembly(parse_scene(self.document))
         except InputError as error:  # splinters of bisector planes may leave joints that no face bears out
             self.coarse = str(error)
             self.of, self.convex = np.arange(len(cutting.cells)), False
-            self.document = {key: value for key, value in family.document.items() if key != "search"}
+            self.document = family.document
             self.assembly = build_assembly(parse_scene(self.document))
         self.cells = len(self.of)
-        self._known: dict[bytes, tuple[float | None, float | None]] = {}
+        self.known: dict[bytes, Bracket] = {}
 
     def labels(self, block: Ints) -> Any:
         """Return labels (m,) of the pieces' faces, True = dry, for parts (n,) of the cells."""
@@ -172,62 +155,116 @@ class Truth:
         cells = [one | {"block": name} for one, name in zip(self.document["elements"], names, strict=False)]
         return self.document | {"elements": cells + self.document["elements"][len(cells) :]}
 
-    def solve(self, block: Ints) -> tuple[float | None, float | None]:
+    def solve(self, block: Ints) -> Bracket:
         """Return the bracket of a layout by the parts (n,) of the cells."""
         key = block.tobytes()
-        if key not in self._known:
+        if key not in self.known:
             found = solve_many(self.assembly, self.labels(block)[None])
             high = None if str(found.status[0]) == "locked" else _end(found.high[0])
-            self._known[key] = _end(found.low[0]), high
-        return self._known[key]
+            self.known[key] = _end(found.low[0]), high
+        return self.known[key]
 
 
 def _end(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def cut_ways(solid: Any, title: str, wish: Wish, say: Callable[[str], None]) -> list[Family]:
-    """Cut a solid in all ways; InputError where no way is left."""
+def _cut_ways(solid: Any, title: str, wish: Wish, say: Callable[[str], None], until: float) -> Iterator[Family]:
+    """Cut a solid in all ways, then again to finer cells while time lasts."""
     body = body_of(solid, wish)
-    families = []
-    for name in wish.families:
-        family = family_of(name, title, body, wish)
-        cells = "no such way to cut this solid"
-        if family is not None:
+    finer = replace(body.limits, aim=min(body.limits.cells, round(_FINER * body.limits.aim)))
+    known: set[tuple[str, int]] = set()
+    for limits in (body.limits, finer):
+        for name in wish.families:
+            if limits is finer and (time.time() > until or name not in {one for one, _ in known}):
+                continue
+            family = family_of(name, title, replace(body, limits=limits), wish)
+            if family is None:
+                say(f"{name:<8} no such way to cut this solid")
+            elif (name, len(family.cutting.cells)) not in known:
+                known.add((name, len(family.cutting.cells)))
+                yield family
+
+
+def search_all(solid: Any, title: str, wish: Wish, until: float, say: Callable[[str], None]) -> list[Family]:
+    """Search all families, two at a time, until the time ends; InputError where no layout stands."""
+    families: list[Family] = []
+    futures: list[Callable[[], Found]] = []
+    start = time.time()
+    # processes take seconds to start
+    jobs = 2 if until - start > _BESIDE and (os.cpu_count() or 1) > 1 else 1
+    with Pool(jobs) as pool:
+        for family in _cut_ways(solid, title, wish, say, start + (0.4 * (until - start) if jobs > 1 else 0.0)):
+            share = (
+                until if jobs > 1 else time.time() + (until - time.time()) / max(1, len(wish.families) - len(families))
+            )
+            asked = Asked(wish.require, wish.most or MOST, share, until + 0.5 * (until - start))
+            task = family.document, family.boxes(), family.around, wish.limits, family.together, asked
             families.append(family)
-            cells = f"{len(family.cutting.cells)} cells, {len(family.joints)} joints"
-        say(f"{name:<8} {cells}")
+            futures.append(pool.submit(search, *task).result if jobs > 1 else partial(search, *task))
+            if jobs == 1:
+                family.found = futures[-1]()
+        for family, result in zip(families, futures, strict=True):
+            family.found = result() if jobs > 1 else family.found
+            say(f"{family.name:<8} {len(family.cutting.cells)} cells: {told(family, wish.require)}")
     if not families:
         raise InputError("jld cut", f"the solid cannot be cut by {', '.join(wish.families)}", "a further family")
+    if not any(len(one.low) for family in families for one in family.found.of.values()):
+        reasons = "; ".join(f"{one.name}: {told(one, wish.require)}" for one in families)
+        raise InputError("jld cut", f"no layout was found ({reasons})", "a larger box, more time or other supports")
     return families
 
 
-def anneal(families: list[Family], out: Path, wish: Wish, seconds: float, say: Callable[[str], None]) -> None:
-    """Search all families for the fewest parts that carry, and put the best first; InputError where none stands."""
-    for family in families:
-        driver = "anneal" if len(family.joints) > SMALL else "enumeration"
-        run(family, out / family.name, driver, max(2.0, seconds / len(families)), wish.seed)
-        say(f"{family.name:<8} {_told(family)}")
-    families.sort(key=lambda one: one.key)
-    if not len(families[0].rows()):
-        reasons = "; ".join(f"{one.name}: {one.error or 'every layout falls'}" for one in families)
-        raise InputError("jld cut", f"no layout was found ({reasons})", "a larger box, more time or other supports")
+def told(family: Family, require: float) -> str:
+    """Return in words what was found on the cells of a family."""
+    found = family.found
+    solved = sum(one.solved for one in found.of.values())
+    best = next((n for n, one in sorted(found.of.items()) if len(one.low) and one.low[0] >= require), None)
+    best = best or max((n for n, one in found.of.items() if len(one.low)), default=None)
+    if best is None:
+        fits = "every layout falls" if solved else "no parts fit the box"
+        return f"{found.problem or fits}, {solved} layouts"
+    value = f"λ = {found.of[best].low[0]:.4g}" if np.isfinite(found.of[best].low[0]) else "no load makes it collapse"
+    proof = ", all known" if found.proven(best) else ""
+    return f"{solved} layouts, {best} parts, {value}{proof}"
 
 
-def prove(families: list[Family], out: Path, wish: Wish, seconds: float, say: Callable[[str], None]) -> None:
-    """Search the strongest layouts of as few parts with proof, on the two best families."""
-    equal = [one for one in families[:2] if one.key[:2] == families[0].key[:2]]
-    parts = int(equal[0].rows().iloc[0]["blocks"])
-    for family in equal:
-        run(family, out / f"{family.name}-exact", "exact", max(2.0, seconds / len(equal)), wish.seed, parts)
-        say(f"{family.name:<8} exact: {_told(family)}")
-    families.sort(key=lambda one: one.key)
+class Listed(Driver):
+    """Driver that has given layouts evaluated."""
+
+    name = "listed"
+
+    def __init__(self, space: SearchSpace, rows: Bits) -> None:
+        super().__init__(space)
+        self._rows = rows
+
+    def ask(self, limit: int | None = None) -> Bits:
+        given, self._rows = self._rows[:limit], self._rows[len(self._rows[:limit]) :]
+        return given
+
+    def tell(self, labellings: Bits, evaluations: Any) -> None: ...
 
 
-def _told(family: Family) -> str:
-    rows = family.rows()
-    if not len(rows):
-        return family.error or "every layout falls"
-    top, last = rows.iloc[0], family.found[-1].summary
-    value = "no load makes it collapse" if top["status"] == "locked" else f"λ = {_strength(top):.4g}"
-    return f"{last.evaluated} layouts, {int(top['blocks'])} parts, {value}{', proven' if last.proven else ''}"
+def layout_of(family: Family, block: Ints) -> Layout:
+    """Return the layout of the parts (n,) of the cells of a family."""
+    scene = parse_scene(family.document)
+    assembly = build_assembly(scene)
+    return Layout(scene, assembly, _labels(assembly, block[None])[0])
+
+
+def _labels(assembly: Assembly, blocks: Ints) -> Bits:
+    """Return labels (k, m), True = dry, for parts (k, n) of the cells."""
+    part = np.full((len(blocks), len(assembly.elements)), -1)
+    part[:, : blocks.shape[1]] = blocks
+    faces = assembly.interfaces
+    return np.asarray(part[:, faces.a] != part[:, faces.b])
+
+
+def explored(family: Family, block: Ints, out: Path, seconds: float) -> Exploration:
+    """Return the best layouts of a family as a search, with its tables and records in a folder."""
+    scene = parse_scene(family.document | {"search": {"front": {"count": "blocks", "sense": "min"}}})
+    assembly = build_assembly(scene)
+    rows = np.concatenate([block[None], *(one.blocks[:BEST] for one in family.found.of.values() if len(one.low))])
+    labels, first = np.unique(_labels(assembly, rows), axis=0, return_index=True)
+    driver = Listed(search_space(scene, assembly), labels[np.argsort(first)])
+    return explore(scene, out, ExploreSettings(check_fields=0, pictures=False), driver=driver, seconds=seconds)

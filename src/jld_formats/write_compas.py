@@ -8,34 +8,36 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Floats
-from jld_core.exchange import Layout, solids_of
-from jld_core.exchange import facts as exchange_facts
+from jld_core import Floats, Layout
 from jld_core.geometry import area_vector, unions
+from jld_formats.facts import element_keys, facts_of, interfaces_of, scene_of
+from jld_formats.read_mesh import solids_of
 
 # Namespace of the name-based guids of written objects
 _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
 
 
 def compas_text(layout: Layout, *, cells: bool) -> str:
+    """Write the JSON of a `compas_assembly` Assembly: a node for each block (or cell), an edge for each contact."""
+    # Facts that COMPAS has no place for (loads, strengths, stated interfaces) go into an attribute of jld's own.
     solids = list(solids_of(layout, cells=cells))
     keys = weights_of(layout, cells)
     if cells and layout.assembly.dimension == 3:
-        facts = exchange_facts.scene_of(layout, interfaces=True)
-        facts.pop("elements")  # at the nodes
+        facts = scene_of(layout, interfaces=True)
+        facts.pop("elements")  # the nodes say them
     else:
-        facts = exchange_facts.facts_of(layout, cells=cells)
-    if cells and layout.assembly.dimension == 2:
+        facts = facts_of(layout, cells=cells)
+    if cells and layout.assembly.dimension == 2:  # stated faces are drawn in space, as blocks are
         facts["interfaces"] = [
             {**entry, "polygon": _in_space(layout, np.array(entry["polygon"])).tolist()}
-            for entry in exchange_facts.interfaces_of(layout)
+            for entry in interfaces_of(layout)
         ]
     nodes, edges = {}, {str(k): {} for k in range(len(solids))}  # type: ignore[var-annotated]
     for k, (name, support, surface) in enumerate(solids):
         block = _block(name, k, surface)
         x, y, z = surface.points.mean(axis=0).tolist()
         own = dict(keys.get(name, {}))
-        if "block" in own:
+        if "block" in own:  # "block" is COMPAS's own key
             own["block_name"] = own.pop("block")
         nodes[str(k)] = {
             "block": _envelope("compas_assembly.datastructures/Block", block, name),
@@ -142,9 +144,7 @@ def weights_of(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
     layout = layout.drawn_from or layout
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)
-    found: dict[str, dict[str, Any]] = (
-        exchange_facts.element_keys(layout) if cells and layout.assembly.dimension == 3 else {}
-    )
+    found: dict[str, dict[str, Any]] = element_keys(layout) if cells and layout.assembly.dimension == 3 else {}
     if cells and layout.assembly.dimension == 3:
         return found
     if cells:

@@ -8,14 +8,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Floats, InputError, Route
-from jld_core.exchange import Layout, solids_of
-from jld_core.exchange import facts as exchange_facts
+from jld_core import Floats, InputError, Layout, Route
 from jld_core.geometry import area_vector
 from jld_core.limit import displacement
 from jld_core.scene import standard
-from jld_core.views import quantities
+from jld_formats.facts import facts_of
+from jld_formats.read_mesh import solids_of
 from jld_formats.write_compas import mesh_data, named_faces, point_in_space
+from jld_views import quantities
 
 _ROUTE: Final = Route("files of COMPAS")
 
@@ -172,7 +172,7 @@ class Dem:
 
     def _problem(self) -> dict[str, Any]:
         """Return the problem: boundary conditions of each load case, and the contact model."""
-        facts = exchange_facts.facts_of(self._layout, cells=self._cells)["loads"]
+        facts = facts_of(self._layout, cells=self._cells)["loads"]
         cases = facts.get("cases") or [{"name": "Live", "live": facts.get("live", []), "dead": []}]
         groups = [self._group(str(case["name"]), case.get("live", [])) for case in cases]
         if facts.get("dead"):

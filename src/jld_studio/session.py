@@ -23,10 +23,11 @@ from jld_core.models import CaseAnalysis, by_fields
 from jld_core.scene import FillLoad, loads, units
 from jld_core.scene import cracks as scene_cracks
 from jld_explore import SearchSpace, search_space
-from jld_explore.report import columns, page_data
+from jld_explore.report import columns
 from jld_explore.space import LETTERS, from_string, reasons_against
 from jld_geometry import MovedScene
 from jld_studio.joint_vertices import JointVertices
+from jld_views import page_data
 
 METRIC: Final = ("MN", "kN", "N")
 """Units of force among which a number chooses the largest in which it is at least 1."""

@@ -407,6 +407,7 @@ def test_a_given_centroid_is_where_weight_acts_and_moments_refer_to() -> None:
     np.testing.assert_allclose(found.live[1], [0, -1, -0.25])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("opening", [0.1, 0.5, 1.0, 1.7])
 def test_a_wedge_is_named_however_the_scene_is_turned(opening: float) -> None:
     """A block that touches its support along one edge and opens by degrees: no joint, and a warning in every turn."""

@@ -14,8 +14,7 @@ import pytest
 
 from cases import ROUTE, dry_and_inner, solid_of
 from command import Command
-from jld_core import Deadline, InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.exchange import Layout
+from jld_core import Deadline, InputError, Layout, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.refinement import refine
 from jld_explore import ExploreSettings, Interrupted, explore
 from jld_practice.design import (

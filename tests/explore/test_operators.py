@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from cases import box, every_layout, grid_document
 from cases import scene_in_space as spatial_scene
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.scene.cracks import FieldCracks
+from jld_core.scene import cracks
 from jld_explore import ExploreSettings, SearchSpace, explore, read_folder, search_space
 from jld_explore.drivers import BufferedRandom, Register, make_driver, operators
 from jld_explore.drivers.operators.segmentations import Segmentations
@@ -311,6 +311,6 @@ def test_the_exact_driver_proves_a_front_of_two_counts_by_enumeration(tmp_path: 
 
 def test_by_fields_two_counts_have_no_exact_front(tmp_path: Path) -> None:
     settings = ExploreSettings(driver="exact", options={"aim": "front"}, pictures=False)
-    scene = scene_of().model_copy(update={"cracks": FieldCracks(kind="fields")})
+    scene = scene_of().model_copy(update={"cracks": cracks.FieldCracks(kind="fields")})
     with pytest.raises(InputError, match=r"search\.front\.counts: by fields two counts have no exact front"):
         explore(scene, tmp_path / "done", settings)

@@ -17,8 +17,8 @@ from tools.gallery import ENTRIES, PAGE, files_of, page_text, write_entry
 
 from command import ROOT, Command
 from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, load_scene, solve
-from jld_core.views.figures import save_figure
-from jld_explore.report.pictures import (
+from jld_views import figures
+from jld_views.pictures import (
     labels_of,
     plot_best,
     plot_convergence,
@@ -106,7 +106,7 @@ def test_circles_and_thumbnails_carry_the_same_numbers_and_keep_apart(
     assembly: Assembly, results: pd.DataFrame, tmp_path: Path
 ) -> None:
     figure = plot_pareto(results, front_of(results, "dry_faces", "max"), assembly, layouts=4)
-    save_figure(figure, tmp_path / "pareto.png")
+    figures.save_figure(figure, tmp_path / "pareto.png")
     circles = figure.axes[0].texts
     assert [text.get_text() for text in circles] == numbers(figure)
     assert 2 <= len(circles) <= 4
@@ -136,18 +136,18 @@ def test_tables_without_collapse_or_front(assembly: Assembly, results: pd.DataFr
         figure = plot_pareto(table, table.iloc[:0], assembly)
         assert len(figure.axes) == 1
         assert "no labelling" in figure.axes[0].texts[0].get_text()
-        save_figure(figure, tmp_path / f"{number}.png")
+        figures.save_figure(figure, tmp_path / f"{number}.png")
         assert "no labelling" in plot_distribution(table).axes[0].texts[0].get_text()
         assert "no labelling" in plot_dry_frequency(table, assembly).axes[0].texts[0].get_text()
     figure = plot_pareto(results, results.iloc[:0], assembly)
     assert len(figure.axes) == 1
-    save_figure(figure, tmp_path / "no_front.png")
+    figures.save_figure(figure, tmp_path / "no_front.png")
 
 
 def test_one_row_is_a_front(assembly: Assembly, results: pd.DataFrame, tmp_path: Path) -> None:
     one = results.head(1)
     figure = plot_pareto(one, one, assembly)
-    save_figure(figure, tmp_path / "one.png")
+    figures.save_figure(figure, tmp_path / "one.png")
     assert numbers(figure) == ["1"]
 
 
@@ -221,6 +221,7 @@ def test_pictures_are_drawn_again_as_vectors(tmp_path: Path, monkeypatch: pytest
     assert single.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("driver", "options", "expected"),
     [

@@ -155,6 +155,7 @@ def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(
     assert pool.deaths >= 2
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore")
 def test_workers_of_a_cluster_join_and_die(tmp_path: Path) -> None:
     """One worker at first, another joins, and the first is killed on the way: the same table as one job."""

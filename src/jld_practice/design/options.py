@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 
 from jld_core import Assembly, Floats, InputError, ParameterError, Scene, build_assembly, parse_scene
-from jld_core.exchange import ImportOptions, forces
 from jld_core.geometry import unions
 from jld_core.refinement import prism_of, voussoirs
+from jld_formats import ImportOptions, forces
 from jld_practice.laying.order import LAID
 
 SIDES: Final = ("top", "bottom", "left", "right")

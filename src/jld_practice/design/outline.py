@@ -12,9 +12,9 @@ import shapely
 
 from jld_core import InputError, ParameterError, Scene, build_assembly, load_scene, parse_scene
 from jld_core.build import build_geometry
-from jld_core.exchange import Notes, cells, import_file, libraries
-from jld_core.exchange import options as exchange_options
 from jld_core.geometry import unions
+from jld_formats import Notes, cells, import_file, libraries
+from jld_formats import options as exchange_options
 from jld_practice.design.options import LOW_FRICTION, READING, DesignOptions
 from jld_practice.laying.order import LAID
 

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 import jld_core
 from jld_core import files
-from jld_core.views import figures, look, moved_joints, writing
 from jld_practice.design_check.check import DesignCheck
 from jld_practice.design_check.tables import Content, Table, content_of
+from jld_views import figures, look, moved_joints, writing
 
 _PAPER: Final = (8.27, 11.69)  # size of a sheet, DIN A4, inches
 

@@ -17,12 +17,12 @@ from jld_core.limit import effects, number
 from jld_core.scene import cracks as scene_cracks
 from jld_core.scene import design as scene_design
 from jld_core.scene import standard, uncertain
-from jld_explore.report import languages
+from jld_practice import languages
 from jld_practice.design_check.check import LISTED, CaseCheck, DesignCheck
 from jld_practice.design_check.design_values import at_design_values
 from jld_practice.reactions.thrust import Reserve
 
-# texts by key, in the order of `report.languages.LANGUAGES`
+# texts by key, in the order of `languages.LANGUAGES`
 WORDS: Final[dict[str, tuple[str, str, str]]] = {
     "title": ("Design check", "Nachweis", "Verifica di progetto"),
     "verified": (

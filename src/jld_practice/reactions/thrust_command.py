@@ -115,8 +115,8 @@ def _words(found: ThrustRanges) -> str:
 
 def _write(found: list[ThrustRanges], told: str, out: Path) -> None:
     """Write thrust.json and one picture per resultant and load case."""
-    from jld_core.views import figures
     from jld_practice.reactions.thrust_figure import figure_of_range
+    from jld_views import figures
 
     out.mkdir(parents=True, exist_ok=True)
     files.write_text(out / "thrust.json", told)
@@ -175,8 +175,8 @@ def _settlement_words(found: Settled) -> str:
 
 
 def _write_settlement(found: list[Settled], told: str, out: Path) -> None:
-    from jld_core.views import figures
     from jld_practice.reactions.thrust_figure import figure_of_settled
+    from jld_views import figures
 
     out.mkdir(parents=True, exist_ok=True)
     files.write_text(out / "settlement.json", told)

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jld_core.views import figures, look, structure
 from jld_practice.reactions import Settled
 from jld_practice.reactions.force_range import Thrust
 from jld_practice.reactions.thrust import ResultantRange, ThrustRanges
+from jld_views import figures, look, structure
 
 
 def figure_of_range(found: ThrustRanges, one: ResultantRange) -> Figure:

@@ -1,0 +1,226 @@
+"""All ways to join cells to parts within limits, by the number of parts, and the strongest of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import islice, product
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core import Floats, Ints, build_assembly, one_thread, parse_scene, solve_many
+from jld_cut.cells import Limits
+
+# sets of cells are whole numbers with one bit for each cell
+
+SETS: Final = 60_000  # connected sets above which they are not listed
+LAYOUTS: Final = 20_000  # layouts of one number of parts above which they are not all solved
+_FURTHER: Final = 2_000  # the same of more parts than the fewest
+KEPT: Final = 40  # strongest layouts of each number of parts that are kept
+_CHUNK: Final = 256  # layouts solved together
+_MORE: Final = 3  # numbers of parts above the fewest that the front holds
+_TURNS: Final = 12  # turns about each axis at which a box is tried
+
+
+def frames(normals: Floats) -> Floats:
+    """Return rotations (k, 3, 3) in which a part may lie in a box: along the axes, turned, and along cuts (c, 3)."""
+    found = [np.eye(3)]
+    for axis, turn in product(range(3), np.arange(1, _TURNS) * np.pi / (2 * _TURNS)):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        one = np.eye(3)
+        one[i, i], one[i, j], one[j, i], one[j, j] = np.cos(turn), np.sin(turn), -np.sin(turn), np.cos(turn)
+        found.append(one)
+    for first, second in product(normals[:_TURNS], repeat=2):
+        across = np.cross(first, second)
+        if np.linalg.norm(across) > 0.1:
+            across /= np.linalg.norm(across)
+            found.append(np.array([first, across, np.cross(first, across)]))
+    # a long part lies along the diagonal of a box
+    found.append(np.linalg.qr(np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]).T)[0].T)
+    return np.array(found)
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Cells as boxes in several frames; parts are those of their cells."""
+
+    low: Floats  # (n, k, 3) in k frames
+    high: Floats
+    volume: Floats  # (n,)
+
+    @classmethod
+    def of(cls, points: list[Floats], volume: Floats, turned: Floats) -> Boxes:
+        """Return the boxes of cells with corners (c, 3) each."""
+        seen = [np.einsum("kij,cj->cki", turned, corners) for corners in points]
+        return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), volume)
+
+    def fit(self, low: Floats, high: Floats, limits: Limits) -> Any:
+        """Return whether boxes (s, k, 3) of sets fit the limits in some frame, (s,)."""
+        sides = np.sort(high - low, axis=-1)
+        return (sides <= limits.fit * (1 + 1e-9)).all(axis=-1).any(axis=-1)
+
+
+def connected_sets(boxes: Boxes, around: list[int], limits: Limits, together: list[int], until: float) -> list[int]:
+    """Return all connected sets of cells within limits, none of which parts a set of `together`; none above `SETS`."""
+    count = len(around)
+    level, found = [1 << e for e in range(count)], list[int]()
+    touched, low, high, volume = list(around), boxes.low, boxes.high, boxes.volume
+    while level:
+        good = boxes.fit(low, high, limits) & (volume <= limits.volume * (1 + 1e-9))
+        rows = np.flatnonzero(good).tolist()
+        found += [level[k] for k in rows]
+        if len(found) > SETS or time.time() > until:
+            return []
+        grown: dict[int, tuple[int, int]] = {}
+        for k in rows:
+            left = touched[k] & ~level[k]
+            while left:
+                bit = left & -left
+                left ^= bit
+                grown.setdefault(level[k] | bit, (k, bit.bit_length() - 1))
+        if len(grown) > 4 * SETS:
+            return []
+        parent, added = np.array(list(grown.values()), dtype=np.int64).reshape(-1, 2).T
+        touched = [touched[k] | around[e] for k, e in zip(parent.tolist(), added.tolist(), strict=True)]
+        level = list(grown)
+        low, high = np.minimum(low[parent], boxes.low[added]), np.maximum(high[parent], boxes.high[added])
+        volume = volume[parent] + boxes.volume[added]
+    return [one for one in found if all(one & whole in (0, whole) for whole in together)]
+
+
+def covers(sets: list[int], count: int, parts: int) -> Iterator[list[int]]:
+    """Yield all ways to choose so many disjoint sets that hold all cells."""
+    holding = [[one for one in sets if one >> e & 1] for e in range(count)]
+    order = sorted(range(count), key=lambda e: len(holding[e]))
+    reach = [0] * count  # cells that may be in one part with this one
+    for e, own in enumerate(holding):
+        for one in own:
+            reach[e] |= one
+
+    @cache
+    def fewest(left: int) -> int:
+        """Return how many cells no two of which may be in one part are left, at least."""
+        number = 0
+        while left:
+            e = min((e for e in order if left >> e & 1), key=lambda e: (reach[e] & left).bit_count())
+            number, left = number + 1, left & ~reach[e]
+        return number
+
+    def rest(left: int, parts: int) -> Iterator[list[int]]:
+        if not left or not parts or fewest(left) > parts:
+            if not left and not parts:
+                yield []
+            return
+        e = next(e for e in order if left >> e & 1)
+        for one in holding[e]:
+            if not one & ~left:
+                yield from ([one, *more] for more in rest(left & ~one, parts - 1))
+
+    yield from rest((1 << count) - 1, parts)
+
+
+@dataclass
+class Layouts:
+    """Layouts of the parts of one number that were solved, the strongest first."""
+
+    complete: bool  # every layout was solved
+    solved: int
+    blocks: Ints  # (k, n) part of each cell
+    low: Floats  # (k,) infinite where no load makes the layout collapse
+    high: float  # no layout of the complete list carries more
+
+
+@dataclass
+class Found:
+    """What a search of all layouts found, by the number of parts."""
+
+    of: dict[int, Layouts] = field(default_factory=dict)
+    sets: int = 0
+    problem: str = ""
+
+    def proven(self, parts: int) -> bool:
+        """Return whether all layouts of at most so many parts were solved."""
+        return all(n in self.of and self.of[n].complete for n in range(1, parts + 1))
+
+    def bound(self, parts: int) -> float:
+        """Return what no layout of at most so many parts exceeds; infinite where that is not known."""
+        return max(self.of[n].high for n in range(1, parts + 1)) if self.proven(parts) else np.inf
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What parts must carry, how many they may be, and when a search ends: after layouts that carry, and without."""
+
+    require: float
+    most: int
+    until: float
+    last: float
+
+
+@one_thread()
+def search(
+    document: dict[str, Any],
+    boxes: Boxes,
+    around: list[int],
+    limits: Limits,
+    together: list[int],
+    asked: Asked,
+) -> Found:
+    """Solve all layouts of the fewest parts that fit and carry, and of some more while time lasts."""
+    require, count = asked.require * (1 - 1e-6), len(around)
+    found, fewest = Found(), count + 1
+    sets = connected_sets(boxes, around, limits, together, asked.last)
+    found.sets = len(sets)
+    if not sets:
+        found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
+        return found
+    assembly = build_assembly(parse_scene(document))
+    faces, cells = assembly.interfaces, np.full(len(assembly.elements), -1)
+
+    def labels(rows: Ints) -> Any:
+        part = np.tile(cells, (len(rows), 1))
+        part[:, :count] = rows
+        return part[:, faces.a] != part[:, faces.b]
+
+    for parts in range(1, min(asked.most, count) + 1):
+        if parts > fewest + _MORE:
+            break
+        first = parts < fewest
+        ways, most, end = covers(sets, count, parts), *((LAYOUTS, asked.last) if first else (_FURTHER, asked.until))
+        one = solved_layouts(ways, count, lambda rows: solve_many(assembly, labels(rows)), most, end)
+        found.of[parts] = one
+        if len(one.low) and one.low[0] >= require:
+            fewest = min(fewest, parts)
+        if time.time() > (asked.until if fewest <= count else asked.last):
+            found.problem = "" if fewest <= count else "time ended"
+            break
+    return found
+
+
+def solved_layouts(
+    choices: Iterator[list[int]], count: int, solve: Callable[[Ints], Any], number: int, until: float
+) -> Layouts:
+    """Return the strongest of at most so many layouts (sets of cells for each part), solved until the time ends."""
+    bits = 1 << np.arange(count, dtype=object)
+    blocks, low, high, solved = np.zeros((0, count), dtype=np.int64), np.zeros(0), -np.inf, 0
+    size = 8
+    while rows := list(islice(choices, size)):
+        if solved + len(rows) > number or (solved and time.time() > until):
+            return Layouts(False, solved, blocks, low, np.inf)
+        began = time.perf_counter()
+        part = np.array([sum(k * ((one & bits) > 0).astype(int) for k, one in enumerate(row)) for row in rows])
+        result = solve(part.astype(np.int64))
+        locked = np.array([str(status) == "locked" for status in result.status])
+        falls = np.array([str(status) == "unstable" for status in result.status])
+        least = np.where(locked, np.inf, np.where(np.isfinite(result.low), result.low, -np.inf))
+        most = np.where(falls, -np.inf, np.where(np.isfinite(result.high), result.high, np.inf))
+        high, solved = max(high, float(most.max())), solved + len(rows)
+        stands = np.isfinite(least) | locked
+        blocks, low = np.concatenate([blocks, part[stands]]), np.concatenate([low, least[stands]])
+        best = np.argsort(-low, kind="stable")[:KEPT]
+        blocks, low = blocks[best].astype(np.int64), low[best]
+        size = int(np.clip(len(rows) / (time.perf_counter() - began), 8, _CHUNK))  # a second each
+    return Layouts(True, solved, blocks, low, high)
