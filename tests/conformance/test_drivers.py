@@ -36,7 +36,7 @@ SCENES: dict[str, dict[str, Any]] = {
 FEW = ("one size", "weight", "loose")
 EVERY = [(name, scene) for name in NAMES for scene in SCENES if not name.startswith("optuna:") or scene in FEW]
 """Drivers and the spaces that they ask for to the end. Optuna draws the last of a large space many times over."""
-LOCAL, LARGE = ("random", "hillclimb", "anneal"), ("numbers", "extent")
+LOCAL, LARGE = ("random", "hillclimb", "anneal", "portfolio"), ("numbers", "extent")
 """Drivers that take long to the end of spaces, and spaces that genetic and enumeration are asked for beside sizes."""
 
 

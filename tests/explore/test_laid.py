@@ -213,7 +213,7 @@ def test_where_nothing_stands_the_first_stage_that_falls_is_named(tmp_path: Path
 # Layouts that fall under their dead load alone rank after those that stand, and are called so everywhere.
 
 
-DRIVERS = ("enumeration", "random", "hillclimb", "anneal", "genetic", "optuna", "exact")
+DRIVERS = ("enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
 
 
 def slope(shear: float, candidates: str = "all+supports") -> dict[str, Any]:

@@ -435,7 +435,7 @@ def test_a_mirror_maps_winds_onto_one_another() -> None:
     assert len(search_space(other, build_assembly(other)).group) == 1
 
 
-@pytest.mark.parametrize("driver", ["genetic", "random", "hillclimb", "anneal"])
+@pytest.mark.parametrize("driver", ["genetic", "random", "hillclimb", "anneal", "portfolio"])
 def test_other_drivers_rank_by_the_governing_factor(driver: str, tmp_path: Path) -> None:
     scene = scene_of("bridge")
     done = explore(scene, tmp_path / "out", ExploreSettings(pictures=False, driver=driver, budget=40, jobs=1))

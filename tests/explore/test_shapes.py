@@ -271,7 +271,7 @@ def test_enumeration_and_the_exact_driver_keep_the_limits(name: str, tmp_path: P
     found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact"))
     assert found.summary.proven
     assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
-    for driver in ("genetic", "random", "anneal"):
+    for driver in ("genetic", "random", "anneal", "portfolio"):
         some = explore(scene, tmp_path / driver, ExploreSettings(pictures=False, driver=driver, budget=15))
         labellings = some.results["labelling"].tolist()
         assert set(labellings) <= set(every.results["labelling"])

@@ -378,7 +378,9 @@ def test_the_name_that_was_meant_is_offered() -> None:
         je.explore(FLAT_BEAM, driver="genetic", popultion=3)
 
 
-@pytest.mark.parametrize("name", ["random", "hillclimb", "anneal", "genetic", "optuna", "exact", "enumeration"])
+@pytest.mark.parametrize(
+    "name", ["random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact", "enumeration"]
+)
 def test_a_driver_is_told_what_solve_many_returns(name: str) -> None:
     """Five rounds of a program's own loop give the proposals that evaluations of a search would."""
     driver, other = (make_driver(name, SPACE, 3) for _ in range(2))

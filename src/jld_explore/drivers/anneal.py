@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Any, Final
 
 import numpy as np
@@ -79,7 +80,6 @@ class Anneal(Searcher):
         # combine parts; chains find those that need many small steps.
         super().__init__(space, seed, _TRIES * chains)
         self._follow = Following(space, self.operators)
-        self._movements = [Movements(LimitAnalysis(case)) for case in space.assembly.by_case]
         self._chain_count = chains
         self._chains = [_Chain() for _ in range(max(1, chains // 2) if _GREEDY_CYCLES else chains)]
         self._owner: dict[bytes, int] = {}
@@ -91,6 +91,11 @@ class Anneal(Searcher):
         self._of_population: set[bytes] = set()
         self._population_best = math.inf
         self._turn = 0
+
+    @cached_property
+    def _movements(self) -> list[Movements]:
+        """One for each load case."""
+        return [Movements(LimitAnalysis(case)) for case in self.space.assembly.by_case]
 
     @property
     def settings(self) -> dict[str, Any]:

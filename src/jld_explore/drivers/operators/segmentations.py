@@ -635,11 +635,14 @@ class Following:
         """Form a new block around atoms a and b, out of their two blocks; None if that fails."""
         # The pieces left of the two blocks join neighbours or become blocks of their own.
         cutter, links = segmentations.cutter, segmentations.graph.links
-        union = [c for c, name in enumerate(part) if name in (part[a], part[b])]
+        members: dict[int, list[int]] = {}
+        for c, name in enumerate(part):
+            members.setdefault(name, []).append(c)
+        old = (part[a], part[b])
         block = [a, b]
         if not cutter.fits(block):
             return None
-        left = set(union) - {a, b}
+        left = {*members[old[0]], *members[old[1]]} - {a, b}
         while rng.real() < _GROWTH_PROBABILITY:
             near = sorted({d for c in block for d, _ in links[c] if d in left})
             fitting = [c for c in near if cutter.fits([*block, c])]
@@ -651,22 +654,22 @@ class Following:
         child, fresh = list(part), max(part) + 1
         for c in block:
             child[c] = fresh
+        members[fresh] = sorted(block)
         unchecked = [fresh]
         # pieces of the two blocks stay separate, because together they may be too large
-        rest = [cutter.components([c for c in sorted(left) if part[c] == name]) for name in (part[a], part[b])]
-        for number, piece in enumerate([*rest[0], *rest[1]]):
+        rest = [piece for name in old for piece in cutter.components([c for c in sorted(left) if part[c] == name])]
+        for number, piece in enumerate(rest):
             name = fresh + 1 + number
             if rng.real() < _JOIN_PROBABILITY:
-                around = sorted({child[d] for c in piece for d, _ in links[c]} - {part[a], part[b], fresh})
-                fitting = [n for n in around if cutter.fits([*piece, *(c for c, m in enumerate(child) if m == n)])]
+                around = sorted({child[d] for c in piece for d, _ in links[c]} - {*old, fresh})
+                fitting = [n for n in around if cutter.fits([*piece, *members[n]])]
                 if fitting:
                     name = rng.pick(fitting)
             for c in piece:
                 child[c] = name
+            members[name] = sorted([*members.get(name, []), *piece])
             unchecked.append(name)
-        if segmentations.sound and all(
-            cutter.large_enough([c for c, m in enumerate(child) if m == name]) for name in unchecked
-        ):
+        if segmentations.sound and all(cutter.large_enough(members[name]) for name in unchecked):
             return child
         return segmentations.repair(child, rng, unchecked)
 
