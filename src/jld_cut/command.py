@@ -42,6 +42,10 @@ def cut_(
     keep_whole: Annotated[
         list[str] | None, typer.Option(help="x0,y0,z0,x1,y1,z1: no joint meets this box; may be given again.")
     ] = None,
+    tenons: Annotated[bool, typer.Option("--tenons", help="Tenons in joints where they fit.")] = False,
+    mark: Annotated[
+        float | None, typer.Option(help="Depth of number and arrow, file's unit; 0: none; default 0.4 % of the box.")
+    ] = None,
     as_json: options.AsJson = False,
 ) -> None:
     """Cut a closed solid to numbered parts that fit a box, go together, and carry a load.
@@ -67,6 +71,8 @@ def cut_(
         unit=unit,
         seconds=seconds,
         keep_whole=tuple(keep_whole or ()),
+        tenons=tenons,
+        mark=mark,
     )
     summary = cut(solid, wanted, out, None if as_json else streams.say)
     streams.say(json.dumps(summary, indent=1) if as_json else f"written to   {out}")

@@ -17,9 +17,10 @@ import pandas as pd
 import shapely
 
 from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, Layout, ParameterError, files, plugins
-from jld_cut.cells import Limits
+from jld_cut.cells import Joint, Limits
 from jld_cut.families import FAMILIES
 from jld_cut.loads import parse_load, parse_region
+from jld_cut.marks import add_tenons, engrave
 from jld_cut.meshes import read_solid
 from jld_cut.partitions import frames
 from jld_cut.parts import Part, different, lay, parts_of, write_parts
@@ -27,7 +28,6 @@ from jld_cut.picture import figure_of_order, figure_of_parts
 from jld_cut.scene import Matter, Setting
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, layout_of, search_all
 from jld_explore.report import csv_of, page_of_study
-from jld_explore.space import from_string
 from jld_formats import export
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
@@ -65,6 +65,11 @@ class Options:
         Time for all.
     keep_whole : tuple of str
         Boxes x0,y0,z0,x1,y1,z1 that no joint meets.
+    tenons : bool
+        Whether joints have tenons where they fit; λ does not count on them.
+    mark : float or None
+        Depth of the number and the arrow cut into each part, in the unit of the file; 0 for none, None for 0.4 % of
+        the shortest side of the box.
     """
 
     fit: tuple[float, float, float]
@@ -80,6 +85,8 @@ class Options:
     unit: str = "m"
     seconds: float = 60.0
     keep_whole: tuple[str, ...] = ()
+    tenons: bool = False
+    mark: float | None = None
 
     def wish(self) -> Wish:
         """Return what the search is asked for, in m and kg; ParameterError for what cannot be used."""
@@ -98,6 +105,8 @@ class Options:
                 raise ParameterError(name, f"{value:g} is too small", "a number above 0")
         if not 0.0 <= self.clearance < min(self.fit):
             raise ParameterError("clearance", f"{self.clearance:g} is no gap of joints", "a small part of a side")
+        if self.mark is not None and not 0.0 <= self.mark < 0.1 * min(self.fit):
+            raise ParameterError("mark", f"{self.mark:g} is no depth of a number", "a small part of a side, or 0")
         if not self.loads:
             raise ParameterError("load", "no load is given", 'a force such as "0,0,-1000", N, or body:X,Y,Z')
         unknown = [name for name in self.families if name not in FAMILIES]
@@ -183,6 +192,7 @@ def cut(
     families = search_all(solid, path.stem, wish, now + left(0.4), say)
     chosen = _choose(families, wish, scale * options.clearance, time.time() + left(0.55), say)
     summary = _summary(chosen, families, solid, options)
+    summary |= _joined_and_marked(chosen, wish, options)
     _write(chosen, summary, out, scale)
     say(summary["verdict"])
     with _fields_beside(chosen, out, left(0.95)) as bracket:
@@ -385,8 +395,8 @@ def verdict(summary: dict[str, Any]) -> str:
     return "; ".join([told, *summary.get("warnings", ())]) + "."
 
 
-def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> None:
-    """Write parts, table, order and pictures."""
+def _joined_and_marked(chosen: Chosen, wish: Wish, options: Options) -> dict[str, Any]:
+    """Give parts their steps, tenons and numbers; return how many have them."""
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}
     for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):
@@ -396,6 +406,26 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> 
             if len(elements):
                 part = chosen.parts[place[int(chosen.block[elements[0]])]]
                 part.step, part.direction = number, -np.asarray(step.direction, dtype=float)
+    scale, family = UNITS[options.unit], chosen.family
+    dry = [joint for joint in family.joints if _parts_two(joint, chosen.block)]
+    count = 0
+    if options.tenons:
+        turned = frames(family.normals)
+        gap = scale * options.clearance
+        count = add_tenons(chosen.parts, chosen.block, dry, gap, lambda part: lay(part, wish.limits.fit, turned))
+    depth = scale * (0.004 * min(options.fit) if options.mark is None else options.mark)
+    planes = [np.array([*joint.normal, joint.normal @ joint.polygon[0]]) for joint in dry]
+    plain = [part.number for part in chosen.parts if not (depth and engrave(part, planes, depth))]
+    return {"tenons": count, "not_marked": plain}
+
+
+def _parts_two(joint: Joint, block: Ints) -> bool:
+    """Whether a joint lies between two parts, or a part and a support."""
+    return joint.b >= len(block) or joint.a >= len(block) or bool(block[joint.a] != block[joint.b])
+
+
+def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> None:
+    """Write parts, table, order and pictures."""
     write_parts(out, chosen.parts, scale)
     summary["watertight"] = all(part.watertight for part in chosen.parts)
     summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]

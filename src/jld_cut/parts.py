@@ -41,6 +41,7 @@ class Part:
     box: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) sides of its smallest box, ascending
     bed: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) rotation that lays it on the bed
     open: int = 0  # edges of its file that other than two faces meet at
+    tenons: Any = None  # what stands out of it into others
     step: int = 0
     direction: Floats = field(default_factory=lambda: np.zeros(3))
     error: float = 0.0  # of the volume in its file, or of what was cut, whichever is more
@@ -117,7 +118,7 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
 
     turned: (k, 3, 3) rotations that are tried beside those that lay it on a face.
     """
-    points, triangles = surface_of(part.exact)
+    points, triangles = surface_of(part.exact if part.tenons is None else part.exact + part.tenons)
     corners = points[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
