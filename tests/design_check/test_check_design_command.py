@@ -17,7 +17,6 @@ from jld_core.scene import design
 from jld_practice import languages
 from jld_practice.design_check import content_of, design_check, html_of, in_words, path_of, sheet_of, to_json
 from jld_practice.design_check.page import WORDS
-from jld_practice.design_check.tables import WORDS
 from jld_views import moved_joints, page_data, page_of_study
 
 WALL = {

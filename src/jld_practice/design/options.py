@@ -16,8 +16,8 @@ import shapely
 from jld_core import Assembly, Floats, InputError, ParameterError, Scene, build_assembly, load_scene, parse_scene
 from jld_core.build import build_geometry
 from jld_core.geometry import unions
-from jld_core.refinement import prism_of, voussoirs
-from jld_formats import ImportOptions, Notes, cells, forces, import_file, libraries, options as exchange_options
+from jld_formats import ImportOptions, Notes, cells, forces, import_file, libraries
+from jld_formats import options as exchange_options
 from jld_masonry import prism_of, voussoirs
 from jld_practice.laying.order import LAID
 
