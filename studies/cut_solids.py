@@ -172,7 +172,7 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
     case = SOLIDS[name]
     path = out / f"{name}.stl"
     path.write_bytes(stl_bytes(*surface_of(case.solid())))
-    options = Options((case.fit,) * 3, case.loads, seconds=seconds, clearance=0.002)
+    options = Options(case.box, case.loads, seconds=seconds, clearance=0.002)
     found = cut(path, options, out / name, print)
     kept = (
         "family",
@@ -193,7 +193,7 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
         | {key: found[key] for key in (*kept, "file_error", "seconds")}
         | {f"{key}_{end}": found[key][k] for key in ("bracket", "uncut") for k, end in enumerate(("lo", "hi"))}
         | {"of_cells": found["load_factor_of_cells"], "grid": grid.get("load_factor"), "grid_parts": grid.get("parts")}
-        | independent_check(out / name, case.fit)
+        | independent_check(out / name, case.box)
     )
 
 

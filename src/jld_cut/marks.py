@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Floats
+from jld_core import Floats, Ints
 from jld_cut.cells import Joint, basis, sides_of
 from jld_cut.meshes import as_written, doubled_edges, manifold3d, pieces_of, surface_of
 from jld_cut.parts import Part, lay
@@ -129,7 +129,7 @@ def _sound(body: Any, volume: float, tool: float, unit: float) -> bool:
     return whole and doubled_edges(*as_written(body, unit)) == 0
 
 
-def tenons(parts: list[Part], block: Floats, joints: list[Joint], clearance: float, fit: Floats, unit: float) -> int:
+def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float, fit: Floats, unit: float) -> int:
     """Put a square tenon on the part that comes later at each joint along its way, where one fits; return how many."""
     place = {int(block[part.cells[0]]): part for part in parts}
     made: set[tuple[int, int]] = set()
