@@ -49,6 +49,7 @@ from jld_practice.laying import assembly_order
 from jld_practice.reactions import settle, thrust_ranges
 from jld_samples import box
 from jld_views import figures, look, moved_joints, quantities, structure, writing
+from jld_views.annotations import legend_inches
 
 
 def axes() -> Axes:
@@ -328,7 +329,7 @@ def test_nothing_is_drawn_over_the_structure(name: str) -> None:
         assert not box.overlaps(ax.bbox)
         assert whole.x0 <= box.x0 < box.x1 <= whole.x1
         assert whole.y0 <= box.y0
-        assert annotations.legend_inches(ax) > 0.5
+        assert legend_inches(ax) > 0.5
     for left, right in zip(figure.axes[:-1], figure.axes[1:], strict=True):
         one, other = left.get_legend(), right.get_legend()
         assert one.get_window_extent().x1 < other.get_window_extent().x0
