@@ -114,6 +114,7 @@ def test_a_proof_under_a_limit_that_is_no_sum_is_by_enumeration(count: Count) ->
     assert feasible(space, rows).all()
 
 
+@pytest.mark.sampled(2)
 def test_a_count_of_ones_own_is_a_column_a_front_and_an_axis(count: Count, tmp_path: Path) -> None:
     done = explore(scene_of(front={"count": count.name, "sense": "min"}), tmp_path / "study")
     assert count.name in done.results.columns

@@ -96,6 +96,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
     return explore(table(), tmp_path_factory.mktemp("plain") / "out", ExploreSettings(pictures=False, check_fields=0))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize(
     "model",
