@@ -75,6 +75,7 @@ def drawn(seed: int) -> tuple[Document, np.random.Generator]:
     return document, rng
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(k, marks=pytest.mark.long) for k in range(12, 200))])
 def test_the_standard_criterion_as_a_surface(seed: int) -> None:
     document, rng = drawn(seed)
@@ -295,6 +296,7 @@ SURFACES = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["grooves and locks", "ellipse", "tee"])
 def test_proofs_and_certificates(name: str, tmp_path: Path) -> None:
     document, certificate = SURFACES[name], tmp_path / "proof.jld"
