@@ -74,7 +74,7 @@ def _between(points: Floats, corners: Floats, middle: Floats, near: float) -> Fl
             off = float(np.linalg.norm(corners[i] + part * edge - points[k]))
             if off < best:
                 best, found[k] = off, (1.0 - part) * middle[i] + part * middle[j]
-    return found
+    return np.asarray(found)
 
 
 # --- blocks one after the other ----------------------------------------------------------------------------
@@ -288,7 +288,7 @@ def _corners(line: Floats) -> list[int]:
     """Return where a line turns sharply."""
     ways = np.diff(line, axis=0)
     turns = abs(np.angle(np.exp(1j * np.diff(np.arctan2(ways[:, 1], ways[:, 0])))))
-    return (np.flatnonzero(turns > _SHARP) + 1).tolist()  # type: ignore[no-any-return]
+    return (np.flatnonzero(turns > _SHARP) + 1).tolist()
 
 
 # --- space -------------------------------------------------------------------------------------------------
