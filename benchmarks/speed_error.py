@@ -33,8 +33,8 @@ from jld_core.models.rigid_blocks import prove_condensed
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import SOLVERS as KNOWN
 from jld_core.solvers import ClarabelSolver, Solver
-from jld_core.views.figures import save_figure
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_views.figures import save_figure
 
 
 @dataclass(frozen=True)

@@ -186,7 +186,7 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
         | {key: found[key] for key in (*kept, "file_error", "seconds")}
         | {f"{key}_{end}": found[key][k] for key in ("bracket", "uncut") for k, end in enumerate(("lo", "hi"))}
         | {"of_cells": found["load_factor_of_cells"], "grid": grid.get("load_factor"), "grid_parts": grid.get("parts")}
-        | independent_check(out / name, case.fit)
+        | independent_check(out / name, (case.fit,) * 3)
     )
 
 

@@ -1000,7 +1000,7 @@ def _count(tally: Tally, name: str) -> None:
     tally.notes[name] = tally.notes.get(name, 0) + 1
 
 
-DRIVERS: Final = ("", "enumeration", "random", "hillclimb", "anneal", "genetic", "optuna", "exact")
+DRIVERS: Final = ("", "enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
 """Drivers by name, "" for the one that is chosen where none is named."""
 
 SECONDS_TIME_LIMITS: Final = (2.0, 3.0, 4.0)

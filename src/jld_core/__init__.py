@@ -40,6 +40,7 @@
 - `parameters`: check the types of what a caller gives, by the annotations of dataclasses
 - `parse_scene`: make a scene from a dictionary
 - `plugins`: plug-ins: what packages installed beside jld add, found by their entry points (docs/guide/plugins.md)
+- `resultants`: compute the resultants of loads on elements
 - `samples`: parametric scenes by name
 - `solve`: compute λ of one labelling, with a two-sided bracket
 - `solve_many`: compute λ of many labellings by the compiled batch solver
@@ -68,7 +69,7 @@ if TYPE_CHECKING:
     from jld_core.limit.analysis import LimitAnalysis
     from jld_core.limit.options import Model, SolveOptions, Status
     from jld_core.limit.result import LimitAnalysisResult, Result
-    from jld_core.loads import Loads
+    from jld_core.loads import Loads, resultants
     from jld_core.models.case_analysis import solve
     from jld_core.models.sensitivity import geometry_sensitivities
     from jld_core.models.solve_many import BatchResult, solve_many
@@ -118,6 +119,7 @@ __all__ = [
     "parameters",
     "parse_scene",
     "plugins",
+    "resultants",
     "samples",
     "solve",
     "solve_many",
@@ -145,7 +147,7 @@ export_lazily(
         "arrays": ["Bits", "Bools", "Floats", "Ints"],
         "strengths": ["FACTS", "Route", "Strengths"],
         "deadline": ["Deadline", "DeadlinePassed", "checkpoint", "time_left"],
-        "loads": ["Loads"],
+        "loads": ["Loads", "resultants"],
         "threads": ["one_thread"],
         "lazy_exports": ["export_lazily"],
     },

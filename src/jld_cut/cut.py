@@ -27,8 +27,9 @@ from jld_cut.parts import Part, different, lay, parts_of, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts
 from jld_cut.scene import Matter, Setting
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, layout_of, search_all
-from jld_explore.report import csv_of, page_of_study
+from jld_explore.report import csv_of
 from jld_formats import export
+from jld_views import page_of_study
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 

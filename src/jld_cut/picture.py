@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from jld_core import Floats
-from jld_core.views import figures
 from jld_cut.meshes import surface_of
 from jld_cut.parts import Part
+from jld_views import figures
 
 
 def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:

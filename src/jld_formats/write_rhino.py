@@ -14,12 +14,12 @@ import numpy as np
 from jld_core import Floats, Layout
 from jld_core.geometry import unions
 from jld_core.limit import displacement
-from jld_core.views import quantities
 from jld_formats.facts import block_facts, facts_of, scene_of
 from jld_formats.libraries import library
 from jld_formats.read_mesh import solids_of
 from jld_formats.read_rhino import FACTS, UNITS
-from jld_formats.write_compas import weights_of
+from jld_formats.write_dem import weights_of
+from jld_views import quantities
 
 # Red, green and blue of the layers other than those of shapes
 _COLOURS: Final = {

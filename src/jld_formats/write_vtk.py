@@ -13,10 +13,10 @@ import numpy as np
 from jld_core import Floats, Layout
 from jld_core.limit import displacement
 from jld_core.scene import units
-from jld_core.views import quantities
 from jld_formats.facts import block_facts
 from jld_formats.libraries import library
 from jld_formats.read_mesh import solids_of
+from jld_views import quantities
 
 # Cell fields of one number each
 _NAMES: Final = ("part", "element", "block", "shape", "support", "label", "utilisation", "normal_force")

@@ -65,7 +65,7 @@ def _carry_supports(assembly: Assembly, found: Middles) -> None:
 def _between(points: Floats, corners: Floats, middle: Floats, near: float) -> Floats:
     """Return the middles of points on an outline: those of its corners, and of edges in the same proportion."""
     away = np.linalg.norm(points[:, None] - corners, axis=2)
-    found = middle[away.argmin(axis=1)]
+    found = np.array(middle[away.argmin(axis=1)])
     for k in np.flatnonzero(away.min(axis=1) > near).tolist():
         best = np.inf
         for i, j in itertools.combinations(range(len(corners)), 2):

@@ -16,9 +16,9 @@ from matplotlib.patches import Patch
 
 from jld_core import Assembly, Floats
 from jld_core.scene import units
-from jld_core.views import figures, look
 from jld_explore.space import from_string
 from jld_maps.grid import ANGLE
+from jld_views import figures, look
 
 _HATCHES: Final = ("", "//", "..", "\\\\", "xx", "--", "oo", "++")
 _MOST: Final = len(_HATCHES)  # regions with a name of their own

@@ -13,11 +13,10 @@ from browser_visits import Open, Visit, looks_like
 from cases import HOSTILE, scene_of_cases, small_scene, spatial_scene
 from command import SCENES
 from jld_core import blocks_of, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.views import look, quantities
 from jld_explore import ExploreSettings, explore, read_folder
-from jld_explore.report import page_data as joined
-from jld_explore.report import page_of_study, show_page
 from jld_studio import NotebookPage
+from jld_views import look, page_of_study, quantities, show_page
+from jld_views import page_data as joined
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ import pytest
 from cases import grid_document
 from command import Command, call, environment
 from jld_core import InputError, Layout, SolveOptions, build_assembly, files, load_scene, parse_scene, solve
-from jld_core.views import facts_of_result, figures
+from jld_core.views import facts_of_result
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.choice import REACH, driver_for
@@ -29,6 +29,7 @@ from jld_explore.evaluation import Records
 from jld_explore.report.reading import history_of
 from jld_explore.report.tables import _ties
 from jld_formats import export
+from jld_views import figures
 
 ODD = ["wall, $5 a block {, $9 a cut", "$\\frac{$", "\x00bell\x07 and \x1f, \ufffe", "汉字 🧱", "a\nb\tc", "%$_^{}\\"]
 
@@ -45,6 +46,7 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ODD)
 def test_names_and_units_are_drawn_as_they_are(name: str, tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
     """No formula is read in them, every SVG can be parsed, and nobody is warned of letters that a font lacks."""

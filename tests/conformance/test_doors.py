@@ -770,7 +770,7 @@ def rows_for(door: str, every: bool) -> list[tuple[str, Document]]:
 def test_a_door_says_what_solve_says(
     door: str, every: bool, jld: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("jld_core.views.notebook.LARGEST", 0)  # no drawing
+    monkeypatch.setattr("jld_views.notebook.LARGEST", 0)  # no drawing
     wrong = []
     for number, (key, document) in enumerate(rows_for(door, every)):
         told = said(door, document, jld, tmp_path / str(number))

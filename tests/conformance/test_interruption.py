@@ -25,7 +25,6 @@ import pytest
 
 from cases import grid_document
 from command import Command, Outcome, command, environment, process
-from jld_core.batch.library import SWITCH
 from jld_explore.drivers import DRIVERS
 
 EXPLORE = ("explore", "--check-fields", "0")
@@ -39,7 +38,7 @@ KILLS = int(os.environ.get("JLD_KILLS", "4"))
 def one_by_one() -> Iterator[None]:
     """Without the batch solver, which finishes hundreds at once: the moments between are what is tested."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(SWITCH, "off")
+        patch.setenv("JLD_KERNEL", "off")
         yield
 
 

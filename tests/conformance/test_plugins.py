@@ -88,8 +88,11 @@ def test_a_driver_is_found_by_its_name_with_its_options(tmp_path: Path) -> None:
         make_driver("sweeep", space, 0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("plugged")
-@pytest.mark.parametrize("driver", ["enumeration", "random", "genetic", "anneal", "hillclimb", "exact", "sweep"])
+@pytest.mark.parametrize(
+    "driver", ["enumeration", "random", "genetic", "anneal", "portfolio", "hillclimb", "exact", "sweep"]
+)
 def test_a_count_is_column_limit_and_front_of_every_driver(driver: str, tmp_path: Path) -> None:
     document = small(limits={"long_faces": [None, 3]}, front={"count": "long_faces"})
     found = je.explore(jc.parse_scene(document), tmp_path / "out", driver=driver, budget=25, pictures=False)

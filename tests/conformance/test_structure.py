@@ -35,6 +35,8 @@ ORDER = [
     ["jld_samples"],
     ["jld_dilation"],
     ["jld_surfaces"],
+    ["jld_views"],
+    ["jld_masonry"],
     ["jld_tilting"],
     ["jld_cut"],
     ["jld_explore.cli"],
@@ -91,13 +93,12 @@ FLAT = [
     "jld_formats",
     "jld_samples",
     "jld_maps",
+    "jld_views",
+    "jld_masonry",
     "jld_surfaces",
     "jld_tilting",
     "jld_cut",
 ]
-
-# modules that load what is slow are imported by name, also where their package exports the name
-SLOW = ["jld_core.views.", "jld_explore.report.pictures"]
 
 MODULES = {path: ".".join(path.relative_to(SOURCES).with_suffix("").parts) for path in sorted(SOURCES.rglob("*.py"))}
 
@@ -225,7 +226,7 @@ def _wrong_imports(node: ast.ImportFrom, here: str) -> Iterator[str]:
                 yield f"{name} is not exported by {there}; run tools/imports.py"
         elif "._" in f"{module}.{name}":
             yield f"{name} is private"
-        elif name in exported(there) and not f"{module}.".startswith(tuple(SLOW)) and not _is_module(f"{there}.{name}"):
+        elif name in exported(there) and not _is_module(f"{there}.{name}"):
             yield f"{name}: from {there}"
         elif name not in defined(module):
             yield f"{name} is not defined in {module}"
@@ -328,9 +329,10 @@ def test_public_names() -> None:
 
     core = """blocks_of Scene load_scene parse_scene Assembly build_assembly Model SolveOptions solve solve_many
     BatchResult geometry_sensitivities LimitAnalysis LimitAnalysisResult Result Status InputError SolverError samples
-    exchange Layout blocks_csv views solvers Bits Bools Floats Ints Elements LoadCase Loads Deadline DeadlinePassed
-    checkpoint time_left ParameterError error_context FACTS Route Strengths one_thread export_lazily files parameters
-    plugins assembly tolerances"""
+    exchange Layout blocks_csv resultants views solvers
+    Bits Bools Floats Ints Elements LoadCase Loads Deadline DeadlinePassed checkpoint time_left
+    ParameterError error_context FACTS Route Strengths one_thread export_lazily files parameters plugins assembly
+    tolerances"""
     explore = """explore ModelSettings BudgetSettings ParallelSettings SearchMethod OutputSettings ExploreSettings
     Exploration Summary read_folder SearchSpace search_space Driver Evaluation Progress
     Step StepContext StopReason Interrupted busy_factor most_without_cuts sweep with_entries"""

@@ -39,7 +39,7 @@ MOVES = {
 }
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("move", MOVES)
 @pytest.mark.parametrize("name", SCENES_TO_MOVE)
 def test_load_factor_is_invariant(name: str, move: str) -> None:

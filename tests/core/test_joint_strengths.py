@@ -32,11 +32,11 @@ from jld_core.build import build_robust
 from jld_core.limit import result_of
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.refinement import refine
-from jld_core.views import quantities
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.verification import verify
 from jld_formats import export, import_file
+from jld_views import quantities
 from proofs import flow_rule, load_factor_in_space
 
 Document = dict[str, Any]
@@ -331,6 +331,7 @@ def test_twisting() -> None:
     assert solve(built).load_factor == pytest.approx(c_t * (3.0 * AREA + 0.5 * WEIGHT), rel=1e-7)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("bending", ["uncoupled", "kern"])
 @pytest.mark.parametrize("concave", [False, True])
 def test_space_against_an_independent_statement(bending: str, concave: bool) -> None:

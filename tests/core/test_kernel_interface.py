@@ -89,7 +89,7 @@ def test_a_library_of_other_sources_is_refused_unloaded(tmp_path: Path, monkeypa
     """Whatever it is: it would be run in this process."""
     path = tmp_path / "other.so"
     path.write_bytes(Path(ctypes.__file__).read_bytes())
-    monkeypatch.setenv(library.SWITCH, str(path))
+    monkeypatch.setenv("JLD_KERNEL", str(path))
     with pytest.raises(InputError, match=r"JLD_KERNEL: .*other\.so was not built from these sources; expected"):
         library.chosen()
 

@@ -21,9 +21,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
-import jld_core.views
 import jld_practice.laying
 import jld_practice.reactions
+import jld_views
 from cases import dry_and_inner, grid_document, small_scene
 from command import SCENES, Command
 from jld_core import (
@@ -45,11 +45,11 @@ from jld_core import assembly as assembly_of_core
 from jld_core.build import loads
 from jld_core.models import solve_by_fields
 from jld_core.strengths import FaceStrengths
-from jld_core.views import figures, look, moved_joints, quantities, structure, writing
-from jld_core.views.annotations import legend_inches
 from jld_practice.laying import assembly_order
 from jld_practice.reactions import settle, thrust_ranges
 from jld_samples import box
+from jld_views import figures, look, moved_joints, quantities, structure, writing
+from jld_views.annotations import legend_inches
 
 
 def axes() -> Axes:
@@ -463,12 +463,12 @@ def tower(dimension: int) -> dict[str, Any]:
 def drawings() -> dict[str, Any]:
     """Return the functions of views, laying and reactions that make a figure or write a file, by name."""
     found = {}
-    packages = jld_core.views, jld_practice.laying, jld_practice.reactions
+    packages = jld_views, jld_practice.laying, jld_practice.reactions
     for package, module in ((one, module) for one in packages for module in pkgutil.iter_modules(one.__path__)):
         code = import_module(f"{package.__name__}.{module.name}")
         for name, one in vars(code).items():
             made = inspect.isfunction(one) and one.__module__ == code.__name__ and not name.startswith("_")
-            if made and name.startswith(("figure_of", "save_")):
+            if made and name.startswith(("figure_of_", "save_")):
                 found[f"{module.name}.{name}"] = one
     return found
 
@@ -529,9 +529,10 @@ def test_every_drawing_has_a_row() -> None:
     assert set(CALLS) == set(drawings())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CALLS)
 def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_core.views.figures.FRAMES", 2)
+    monkeypatch.setattr("jld_views.figures.FRAMES", 2)
     try:
         figure = CALLS[name](drawings()[name], made, tmp_path)
     except InputError:
@@ -643,7 +644,7 @@ def test_jld_plot_writes_the_requested_format(tmp_path: Path, monkeypatch: pytes
 
 def test_the_rules_of_drawing_are_those_of_the_pictures() -> None:
     """One place: what a page is told is what matplotlib draws with."""
-    from jld_core.views import annotations
+    from jld_views import annotations
 
     found = look.rules()
     wall = load_scene(WALL)

@@ -50,6 +50,7 @@ KINDS: list[tuple[Scene, dict[str, Any]]] = [
 ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("scene", "how"), KINDS, ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else ""
 )
@@ -538,6 +539,7 @@ def random_segmentation(assembly: Assembly, blocks: int, rng: np.random.Generato
 STRENGTHS = (2e6, 2e5, 2e4, 4e3)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("strength", STRENGTHS)
 def test_condensed_equals_full_on_random_segmentations(strength: float) -> None:
     """20 segmentations at each of four strengths, λ to 1e-7 and brackets as narrow as asked."""

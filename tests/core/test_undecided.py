@@ -62,7 +62,7 @@ def crushed() -> Assembly:
     return spatial(materials={"dry": dry, "inner": inner})
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", [*CASES, "in space", "crushed in space"])
 def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assembly = assemblies()[name]
@@ -86,6 +86,7 @@ def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assert finite or name in ("arch", "weak arch", "arch with crushable joints", "pressed")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", SOME)
 def test_bound_of_a_whole_labelling_is_its_load_factor(name: str) -> None:
     assembly = assemblies()[name]
@@ -202,6 +203,7 @@ def memory_grown() -> tuple[int, int]:
     return len(kept), resident - first
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what memory is in use")
 def test_stored_conflicts_do_not_keep_workspaces_in_memory() -> None:
     """Small arrays that outlive each call: workspaces between them were lost to the heap, 78 MB in these 60 calls.
@@ -388,6 +390,7 @@ def test_bounds_hold_for_every_segmentation(case: Case) -> None:
     assert finite > 10
 
 
+@pytest.mark.sampled(3)
 def test_a_single_segmentation_is_refuted_just_above_its_load_factor(case: Case) -> None:
     rng = np.random.default_rng(3)
     # bounds have one part in 10⁶ where strengths are up to some thousand times the forces
@@ -400,6 +403,7 @@ def test_a_single_segmentation_is_refuted_just_above_its_load_factor(case: Case)
         assert not case.relaxation.choose(allowed, load * (1.0 - 1e-7) - 1e-12, 1e3).refuted
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["pairs", "weak", "bridge", "overhang"])
 def test_bound_is_that_of_the_program_stated_block_by_block(name: str) -> None:
     case = case_named(name)

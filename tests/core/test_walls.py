@@ -13,8 +13,9 @@ import shapely
 
 from cases import dry_and_inner, solid_of
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
-from jld_core.refinement import bonds, refine
+from jld_core.refinement import refine
 from jld_formats import ImportOptions, import_file
+from jld_masonry import bonds
 from jld_samples import box
 
 _Box = tuple[tuple[float, float, float], tuple[float, float, float]]

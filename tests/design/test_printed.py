@@ -19,12 +19,11 @@ from matplotlib.figure import Figure
 from cases import grid_document
 from command import Command
 from jld_core import InputError, Layout, build_assembly, parse_scene, samples, solve
-from jld_core.views import figures
-from jld_explore.report import languages
-from jld_practice import Printed, Stone, making_of, pages_of, smallest_rectangle, stones_of, stones_table
+from jld_practice import Printed, Stone, languages, making_of, pages_of, smallest_rectangle, stones_of, stones_table
 from jld_practice.laying import assembly_order
 from jld_practice.printed import draw_mould
 from jld_practice.printing import least_number, stock_of
+from jld_views import figures
 
 
 def layout(rows: list[str]) -> Layout:

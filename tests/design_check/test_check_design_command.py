@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from command import Command
 from jld_core import parse_scene, solve
 from jld_core.scene import design
-from jld_core.views import moved_joints
-from jld_explore.report import languages, page_data, page_of_study
+from jld_practice import languages
 from jld_practice.design_check import content_of, design_check, html_of, in_words, path_of, sheet_of, to_json
-from jld_practice.design_check.tables import WORDS
+from jld_practice.design_check.page import WORDS
+from jld_views import moved_joints, page_data, page_of_study
 
 WALL = {
     "name": "wall <1>",

@@ -120,6 +120,7 @@ def test_step_texts_are_escaped(tmp_path: Path) -> None:
     assert "'it''s \\X4\\000003BB\\X0\\\\\\ new'" in text
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CASES)
 def test_ifc_is_valid_and_holds_every_block(name: str, tmp_path: Path) -> None:
     """By the validator of ifcopenshell; mass, mould, order, λ and faces as properties; volumes after import."""

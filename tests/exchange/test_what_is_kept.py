@@ -280,6 +280,7 @@ def schema_paths(model: type[BaseModel], head: str = "") -> Iterator[str]:
             yield from schema_paths(inner, f"{path}.")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", FORMATS)
 def test_a_key_of_the_schema_is_known_or_named(kind: str) -> None:
     """What a format knows are keys of the schema, and any other key is named: also one that comes later."""

@@ -25,10 +25,6 @@ from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, connectivity, omitted, slits
 from jld_explore.space.limits import block_sizes
 
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
-
-
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
 CELL = 1400 * 9.81 * 0.1**3
 
@@ -181,8 +177,6 @@ def test_fewest_dry_faces_follow_from_the_size_of_blocks() -> None:
 
 # A load factor is required and a count is made best: every driver, and the exact one against brute force.
 
-
-# what blocks that crack anywhere carry, test_field_searches.py tests
 
 WALL = ["aaa", "aaa", "###"]
 REQUIRED = (0.3, 0.52, 0.66, 0.75, 2.0)

@@ -19,12 +19,12 @@ from jld_core import Deadline, DeadlinePassed, InputError, Layout, Scene, build_
 from jld_core.scene import Search
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS
-from jld_explore.report.pictures import front_picture
 from jld_explore.space import Count, Layouts, Terms, feasible, register, registered, unregister
 from jld_explore.space.counts import BlockShapes, counts, values_until
 from jld_explore.space.limits import MEASURES, SHAPED
 from jld_practice import making_of, stones_of
 from jld_samples import vault
+from jld_views.pictures import front_picture
 
 SOURCES = Path(__file__).parents[2] / "src"
 ROWS = ["aaa", "aaa", "###"]

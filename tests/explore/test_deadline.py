@@ -42,10 +42,11 @@ from jld_explore import Driver, ExploreSettings, Interrupted, explore, read_fold
 from jld_explore.cli import ending, streams
 from jld_explore.drivers import DRIVERS, BufferedRandom, Genetic, operators
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator, raise_deferred
-from jld_explore.report import folder, page_of_study, write_report
+from jld_explore.report import folder
 from jld_explore.space import feasible, from_string
 from jld_explore.steps import step
 from jld_geometry import move_by_fields, move_joints
+from jld_views import page_of_study, search_pictures, write_report
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -598,8 +599,8 @@ def test_pictures_are_begun_only_if_they_end_in_time(tmp_path: Path) -> None:
 def test_the_picture_of_fields_has_a_time_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It refined for 2 s whatever the limit, so that a search of 10 s ended 2.1 s late."""
     asked: list[float] = []
-    monkeypatch.setattr(folder, "_field_picture", lambda _, seconds: asked.append(seconds))
-    monkeypatch.setattr("jld_core.views.figures.save_figure", lambda *_: None)
+    monkeypatch.setattr(search_pictures, "_field_picture", lambda _, seconds: asked.append(seconds))
+    monkeypatch.setattr("jld_views.figures.save_figure", lambda *_: None)
     document = grid_document(["ab", "##"]) | {"cracks": {"kind": "fields"}}
     done = explore(parse_scene(document), tmp_path / "out", driver="enumeration", pictures=False, seconds=30.0)
     missing = folder.write_pictures(done, deadline=Deadline(4.0), fields=3.0)[1]

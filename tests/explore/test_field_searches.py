@@ -26,9 +26,10 @@ from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conflict
 from jld_explore.evaluation import field_evaluator
 from jld_explore.evaluation import pool as task_pool
-from jld_explore.report import page_of_study, words
+from jld_explore.report import words
 from jld_explore.space import from_string
 from jld_explore.steps.field_check import _findings, plan_check
+from jld_views import page_of_study
 
 FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}
 WIDE: dict[str, Any] = {"kind": "fields", "gap": 0.3}

@@ -24,9 +24,6 @@ from jld_explore.report import words
 from jld_explore.space import from_string
 from jld_practice.laying import SequenceConstraint, assembly_order, locked_blocks
 
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
-
 # a neck that what is wider cannot pass; two that lean over one another; a lid over one end
 NECK = ["#aaa#", "##a##", "#aaa#"]
 HOOKS = ["aaaa", "aaaa", "####"]
@@ -216,7 +213,7 @@ def test_where_nothing_stands_the_first_stage_that_falls_is_named(tmp_path: Path
 # Layouts that fall under their dead load alone rank after those that stand, and are called so everywhere.
 
 
-DRIVERS = ("enumeration", "random", "hillclimb", "anneal", "genetic", "optuna", "exact")
+DRIVERS = ("enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
 
 
 def slope(shear: float, candidates: str = "all+supports") -> dict[str, Any]:
@@ -253,7 +250,6 @@ def found_by(driver: str, document: dict[str, Any], folder: Path, **settings: An
 
 
 @pytest.mark.sampled(2)
-@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_best_of_those_that_stand(driver: str, tmp_path: Path) -> None:
     """The strongest layout has dry joints and falls without the push."""
@@ -281,7 +277,6 @@ def test_best_of_those_that_stand(driver: str, tmp_path: Path) -> None:
         assert done.summary.facts.get("proof_check", {"passed": True})["passed"]
 
 
-@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("driver", ["enumeration", "exact", "genetic"])
 def test_nothing_stands(driver: str, tmp_path: Path) -> None:
     done = found_by(driver, slope(1e3, "all"), tmp_path)
@@ -295,7 +290,6 @@ def test_nothing_stands(driver: str, tmp_path: Path) -> None:
     assert repr(read_folder(tmp_path / "out")) == repr(done)
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_a_resumed_search_ranks_alike(tmp_path: Path) -> None:
     first = found_by("exact", slope(19620.0), tmp_path)
     again = found_by("exact", slope(19620.0), tmp_path, resume=True)
@@ -303,7 +297,6 @@ def test_a_resumed_search_ranks_alike(tmp_path: Path) -> None:
     assert again.summary.best == first.summary.best
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_a_required_load_factor_is_not_met_by_what_falls(tmp_path: Path) -> None:
     document = slope(19620.0)
     document["search"]["require"] = {"load_factor": 3.9}
@@ -313,7 +306,6 @@ def test_a_required_load_factor_is_not_met_by_what_falls(tmp_path: Path) -> None
         assert done.summary.facts["require"]["best"] is None
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_cells_and_cases(tmp_path: Path) -> None:
     document = slope(19620.0)
     live = document["loads"].pop("live")

@@ -126,27 +126,29 @@ def test_the_driver_reaches_the_proven_best(tmp_path: Path) -> None:
     assert found["best"] == pytest.approx(proven["best"], rel=2e-3)
 
 
-@pytest.mark.usefixtures("without_field_check")
-@pytest.mark.parametrize("chains", [1, 8])
-def test_a_small_space_is_left_completely_known(chains: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("driver", "options"), [("anneal", {"chains": 1}), ("anneal", {"chains": 8}), ("portfolio", {})]
+)
+def test_a_small_space_is_left_completely_known(driver: str, options: dict[str, int], tmp_path: Path) -> None:
     """What waits in the population when changes run out is asked as well."""
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], **OPTIONS))
     every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False)).summary.facts
-    settings = ExploreSettings(driver="anneal", pictures=False, small=0, options={"chains": chains})
-    found = explore(scene, tmp_path / "anneal", settings).summary.facts
+    settings = ExploreSettings(driver=driver, pictures=False, small=0, options=options)
+    found = explore(scene, tmp_path / "found", settings).summary.facts
     assert found["stop_reason"] == "exhausted"
     assert found["evaluated"] == every["evaluated"] > 50
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
 
 
-def test_evaluations_decide_what_is_next_and_no_clock() -> None:
+@pytest.mark.parametrize(("name", "options"), [("anneal", {"chains": 4}), ("portfolio", {})])
+def test_evaluations_decide_what_is_next_and_no_clock(name: str, options: dict[str, int]) -> None:
     """The same seed and budget give the same rows, whatever the portions that answers come in."""
     scene = parse_scene(grid_document(WALL, **OPTIONS))
     space = search_space(scene, build_assembly(scene))
     solver = Evaluator(space.assembly, EvaluatorSettings())
     asked = []
     for portion in (None, 7):
-        driver, rows = DRIVERS["anneal"](space, 3, chains=4), []
+        driver, rows = DRIVERS[name](space, 3, **options), []
         while sum(map(len, rows)) < 300:
             rows.append(driver.ask(portion))
             driver.tell(rows[-1], [solver.evaluate(labels) for labels in rows[-1]])
@@ -173,7 +175,7 @@ def test_half_of_the_chains_begin_every_cycle_at_the_best() -> None:
 # A slice of the trials of brute force against proof; `python -m benchmarks.claims trials` runs two thousand.
 
 
-@pytest.mark.usefixtures("without_field_check")
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", [1, 4, 6, 10])
 def test_proven_results_equal_brute_force(seed: int) -> None:
     assert run_claim("trials", seed, 1, 600.0).disagreements == []
@@ -185,7 +187,7 @@ def test_proven_results_equal_brute_force(seed: int) -> None:
 ROWS = ["aaaa", "aaaa", "#..#"]
 
 
-@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.usefixtures("without_pictures")
 def test_the_default_driver_proves_the_same_as_exact(tmp_path: Path) -> None:
     """With and without the start the same λ is proven, that of enumeration."""
     scene = parse_scene(grid_document(ROWS, block_cells=[2, 4]))
@@ -198,17 +200,34 @@ def test_the_default_driver_proves_the_same_as_exact(tmp_path: Path) -> None:
     assert [one["best"] for one in found] == pytest.approx([found[2]["best"]] * 3, rel=1e-6)
 
 
-@pytest.mark.parametrize(("rows", "driver"), [(["a" * 8] * 6 + ["###..###"], "genetic"), (ROWS, "exact")])
-def test_the_default_driver_begins_as_the_genetic_one_does(rows: list[str], driver: str, tmp_path: Path) -> None:
-    """It is the genetic driver, or a proof that begins with its labellings: the same layouts in the same order."""
+@pytest.mark.parametrize(("rows", "driver"), [(["a" * 8] * 6 + ["###..###"], "portfolio"), (ROWS, "exact")])
+def test_the_default_driver_begins_as_the_one_it_names(rows: list[str], driver: str, tmp_path: Path) -> None:
+    """It is the portfolio, whatever the jobs, or a proof that begins with labellings of the genetic driver."""
     scene = parse_scene(grid_document(rows, block_cells=[2, 4]))
     orders, names = [], []
-    for name in (None, "genetic"):
-        settings = ExploreSettings(driver=name, budget=48, jobs=1, small=0, pictures=False, check_fields=0)
+    other = "genetic" if driver == "exact" else driver
+    for name, jobs in ((None, 1), (other, 1 if driver == "exact" else 2)):
+        settings = ExploreSettings(driver=name, budget=48, jobs=jobs, small=0, pictures=False, check_fields=0)
         done = explore(scene, tmp_path / str(name), settings)
         names.append(done.summary.driver)
         with closing(sqlite3.connect(done.folder / "records.sqlite3")) as file:
             orders.append(file.execute("SELECT labelling FROM evaluations ORDER BY id").fetchall())
-    assert names == [driver, "genetic"]
+    assert names == [driver, other]
     assert orders[0] == orders[1]
     assert len(orders[0]) > 30
+
+
+@pytest.mark.parametrize(
+    ("search", "options", "name"),
+    [
+        ({}, {"aim": "best"}, "portfolio"),
+        ({}, {"population": 40}, "genetic"),
+        ({"front": {"counts": ["blocks", "shapes"], "sense": ["max", "min"]}}, {}, "genetic"),
+    ],
+)
+def test_the_portfolio_is_the_default_where_it_applies(
+    search: dict[str, object], options: dict[str, object], name: str, tmp_path: Path
+) -> None:
+    scene = parse_scene(grid_document(["a" * 8] * 6 + ["###..###"], block_cells=[2, 4], **search))
+    settings = ExploreSettings(budget=1, jobs=1, pictures=False, check_fields=0, options=options)
+    assert explore(scene, tmp_path / "found", settings).summary.driver == name

@@ -33,11 +33,8 @@ from jld_explore import Evaluation, Exploration, ExploreSettings, explore, read_
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.protocol import BOUND, comparison_value, sort_key, status_ranks
-from jld_explore.report.folder import write_pictures
 from jld_explore.space import from_string
-
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
+from jld_views.search_pictures import write_pictures
 
 SPATIAL = [
     SolveOptions(contact="concave"),
@@ -70,9 +67,9 @@ def table() -> Scene:
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[LimitAnalysisResult]:
     """Results that were drawn as the best; the page draws them once more, and is left out."""
-    from jld_explore.report import pictures
+    from jld_views import pictures
 
-    monkeypatch.setattr(import_module("jld_explore.explore"), "write_report", lambda *_, **__: None)
+    monkeypatch.setattr(import_module("jld_views"), "write_report", lambda *_, **__: None)
     seen: list[LimitAnalysisResult] = []
     real = pictures.plot_best
     monkeypatch.setattr(pictures, "plot_best", lambda result: (seen.append(result), real(result))[1])

@@ -23,7 +23,7 @@ from benchmarks.claims import searches
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cases import dry_and_inner, grid_document
-from jld_core import Scene, build_assembly, parse_scene
+from jld_core import Scene, blocks_of, build_assembly, parse_scene
 from jld_core.batch import batch_solver, chosen
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
 from jld_explore import Driver, Exploration, ExploreSettings, Progress, StopReason, explore, search_space
@@ -35,11 +35,7 @@ from jld_explore.evaluation import Records
 from jld_explore.report import words
 from jld_explore.search.study import Study
 from jld_explore.space.counts import BlockShapes
-from jld_explore.space.labelling import blocks_of
 from jld_explore.verification import verify
-
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
 
 QUIET = ExploreSettings(pictures=False, small=0)
 WEAK: dict[str, Any] = {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
@@ -98,10 +94,9 @@ def test_mirrored_blocks_have_one_shape_in_every_order(tmp_path: Path) -> None:
     done, _ = search(FLIPPED, tmp_path / "exact")
     assert every.summary.best == pytest.approx(done.summary.best, rel=1e-9)
     assembly = build_assembly(scene)
-    space = search_space(scene, assembly)
     text = every.results["labelling"]
     rows = np.array([[letter == "d" for letter in labels] for labels in text])
-    blocks = blocks_of(space.graph, rows)
+    blocks = np.array([blocks_of(assembly, row) for row in rows])
     counts = [
         BlockShapes(assembly, flip=True).different(blocks[order])[np.argsort(order)].tolist()
         for order in (np.arange(len(rows)), np.arange(len(rows))[::-1])
@@ -351,8 +346,6 @@ def boxes(rng: np.random.Generator) -> dict[str, Any]:
 # A proof in several processes: the same optimum and bound as by one, whoever joins, leaves or is killed on the way.
 
 
-# what blocks that crack anywhere carry, test_field_searches.py tests
-
 WEAKER: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "weak": (["aaaa", "aaaa", "####"], WEAKER),
@@ -384,6 +377,7 @@ def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("_in_threads")
 @pytest.mark.parametrize("name", SCENES)
 def test_two_processes_prove_the_same_as_one(name: str, tmp_path: Path) -> None:

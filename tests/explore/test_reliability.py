@@ -495,7 +495,7 @@ def test_the_command_prints_the_keys_and_refuses_wrong_options(jld: Command, tmp
 
 
 def test_a_search_ranks_its_best_layouts_by_reliability(
-    jld: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without_pictures: None, without_field_check: None
+    jld: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without_pictures: None
 ) -> None:
     monkeypatch.setattr("jld_practice.reliability_study.SAMPLES", 150)
     path, out = tmp_path / "wall.json", tmp_path / "out"

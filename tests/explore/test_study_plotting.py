@@ -17,8 +17,8 @@ from tools.gallery import ENTRIES, PAGE, files_of, page_text, write_entry
 
 from command import ROOT, Command
 from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, load_scene, solve
-from jld_core.views import figures
-from jld_explore.report.pictures import (
+from jld_views import figures
+from jld_views.pictures import (
     labels_of,
     plot_best,
     plot_convergence,
@@ -221,6 +221,7 @@ def test_pictures_are_drawn_again_as_vectors(tmp_path: Path, monkeypatch: pytest
     assert single.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("driver", "options", "expected"),
     [

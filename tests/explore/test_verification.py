@@ -334,6 +334,7 @@ def widen(lines: list[dict[str, Any]]) -> None:
     lines[0]["scene"]["search"]["block_cells"] = [1, 3]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "harm", [lower, flip, drop, free, shorten, borrow, cut, stop, support, widen, excuse], ids=lambda f: f.__name__
 )
@@ -442,7 +443,6 @@ def test_searches_without_a_certificate_are_refused_before_they_begin(
     assert not (tmp_path / "proof.jld").exists()
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_a_limit_that_decides_has_no_certificate_and_one_that_does_not_has(tmp_path: Path) -> None:
     """Clauses do not express limits on shapes and blocks: the proof has to hold without them."""
     rows = ["aaa", "aaa", "###"]
@@ -557,7 +557,6 @@ def test_the_checker_is_short_and_shares_nothing() -> None:
 
 
 @pytest.mark.sampled(2)
-@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("name", SCENES | KNOWN)
 def test_certificates_hold_and_meet_enumeration(name: str, tmp_path: Path) -> None:
     """By `verify` and by the checker alike, which both refuse a bound that is a little lower."""
@@ -652,7 +651,6 @@ def test_both_refuse_another_digest(tall: list[dict[str, Any]], tmp_path: Path) 
     assert "digest" in checked(path).err
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_changed_certificates_are_judged_by_enumeration() -> None:
     tally = run_claim("certificates", 1000, 2, 600.0)
     assert tally.disagreements == []

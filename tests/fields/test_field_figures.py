@@ -14,7 +14,7 @@ from command import Command
 from jld_core import Assembly, Floats, build_assembly, parse_scene
 from jld_core.fields import bounds, bounds_by_fields
 from jld_core.fields import mesh as field_mesh
-from jld_core.views.field_figures import averaged, draw_cracks, draw_stresses, figure_of_fields, principal, trajectories
+from jld_views.field_figures import averaged, draw_cracks, draw_stresses, figure_of_fields, principal, trajectories
 
 PUSHED = [{"element": "c1r0", "force": [0, -1], "at": [0.15, 0.3]}]
 

@@ -251,6 +251,7 @@ UNIFORM: list[tuple[str, dict[str, Any], list[dict[str, Any]], float]] = [
 ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("live", "dead", "expected"), [case[1:] for case in UNIFORM], ids=[case[0] for case in UNIFORM]
 )

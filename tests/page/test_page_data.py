@@ -19,13 +19,12 @@ from tools.page_contract import joined as with_contract
 from cases import HOSTILE, scene_of_cases, small_scene, spatial_scene
 from command import SCENES
 from jld_core import build_assembly, load_scene, parse_scene, solve
-from jld_core.views import quantities
 from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import columns as columns_of_report
-from jld_explore.report import page_contract, page_data, page_of_study
-from jld_explore.report import page_data as joined
-from jld_explore.report import page_data as page_table
 from jld_explore.space import from_string
+from jld_views import page_contract, page_data, page_of_study, quantities
+from jld_views import page_data as joined
+from jld_views import page_data as page_table
 
 SCHEMA = page_contract.page_schema()
 

@@ -193,6 +193,7 @@ def sample(name: str, direction: str) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("contact", ["convex", "concave"])
 @pytest.mark.parametrize("direction", DIRECTIONS)
 @pytest.mark.parametrize(("name", "tolerance"), [("spatial_cubes", 1e-6), ("spatial_shelf", 1e-5)])

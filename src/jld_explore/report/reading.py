@@ -65,7 +65,7 @@ class Exploration(NotebookRepr):
         Model of the search.
     """
 
-    shown_by: ClassVar[str] = "jld_explore.report.page_of_study:ExplorationView"
+    shown_by: ClassVar[str] = "jld_views.page_of_study:ExplorationView"
 
     scene: Scene
     assembly: Assembly

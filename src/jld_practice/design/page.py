@@ -333,7 +333,7 @@ def _next() -> list[str]:
 
 def _draw(work: Design, winner: Trial) -> None:
     """Draw the usual bond and the best layout with numbered blocks."""
-    from jld_core.views import figures, writing
+    from jld_views import figures, writing
 
     shown = [one for one in (work.usual, winner) if one is not None]
     assemblies = [built(one) for one in shown]

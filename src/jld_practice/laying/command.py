@@ -115,8 +115,8 @@ def assembly(
 
 def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, deadline: Deadline) -> list[str]:
     """Draw an assembly sequence into a folder; return pictures left out for lack of time."""
-    from jld_core.views import figures
     from jld_practice.laying.strip import figure_of_laying, save_laying_animation
+    from jld_views import figures
 
     makes: dict[str, Callable[[Path], None]] = {
         "assembly.png": lambda path: figures.save_figure(figure_of_laying(laying, title), path)
@@ -138,8 +138,8 @@ def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, 
 
 
 def _save_stage(laying: Laying, number: int, path: Path) -> None:
-    from jld_core.views import figures
     from jld_practice.laying.strip import figure_of_stage
+    from jld_views import figures
 
     figures.save_figure(figure_of_stage(laying, number), path)
 
