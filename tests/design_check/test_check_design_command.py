@@ -17,8 +17,7 @@ from jld_core.scene import design
 from jld_practice import languages
 from jld_practice.design_check import content_of, design_check, html_of, in_words, path_of, sheet_of, to_json
 from jld_practice.design_check.page import WORDS
-from jld_practice.design_check.tables import WORDS
-from jld_views import moved_joints, page_data, page_of_study
+from jld_views import moved_joints, page_of_study
 from jld_views.page_data import solution_of
 
 WALL = {
