@@ -17,6 +17,7 @@ from jld_cut.meshes import (
     as_written,
     doubled_edges,
     obj_text,
+    pieces_of,
     solid_of,
     stl_bytes,
     surface_of,
@@ -41,9 +42,9 @@ class Part:
     box: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) sides of its smallest box, ascending
     bed: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) rotation that lays it on the bed
     open: int = 0  # edges of its file that other than two faces meet at
-    tenons: Any = None  # what stands out of it into others
     step: int = 0
     direction: Floats = field(default_factory=lambda: np.zeros(3))
+    marked: bool = False  # number and arrow are engraved
     error: float = 0.0  # of the volume in its file, or of what was cut, whichever is more
 
     @property
@@ -83,7 +84,7 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
         solids[b] -= exact[a].translate(tuple(move))
     found = []
     for k, (group, whole, solid) in enumerate(zip(members, exact, solids, strict=True)):
-        pieces = [one for one in solid.decompose() if one.volume() > _SPLINTER * whole.volume()]
+        pieces = [one for one in pieces_of(solid) if one.volume() > _SPLINTER * whole.volume()]
         if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
             raise InputError("clearance", problem, "a smaller clearance")
@@ -118,7 +119,7 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
 
     turned: (k, 3, 3) rotations that are tried beside those that lay it on a face.
     """
-    points, triangles = surface_of(part.exact if part.tenons is None else part.exact + part.tenons)
+    points, triangles = surface_of(part.exact)
     corners = points[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)

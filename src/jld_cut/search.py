@@ -12,17 +12,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Floats, InputError, Ints, Layout, build_assembly, parse_scene, solve_many
+from jld_core import Bits, Floats, InputError, Ints, build_assembly, parse_scene
+from jld_core.exchange import Layout
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.families import FAMILIES, Body
 from jld_cut.loads import Facet, Region, facet_of, shares
 from jld_cut.meshes import surface_of
-from jld_cut.partitions import Asked, Boxes, Found, frames, search
+from jld_cut.partitions import Asked, Bounds, Boxes, Found, frames, labels_of, search
 from jld_cut.scene import Setting, grounds_of, scene_of
 from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.evaluation import Pool
 
-Bracket = tuple[float | None, float | None]
+Bracket = tuple[float | None, float | None, bool]  # bounds on λ, and whether no load makes a layout collapse
 
 BEST: Final = 10  # layouts of one number of parts that are judged on convex cells
 PIECES: Final = 150  # most convex cells
@@ -133,21 +134,14 @@ class Truth:
         self.document = scene_of(family.document["name"], fine, joints, setting, _CONVEX, fine.planes)
         self.coarse = ""  # why the cells of the search stand for convex ones
         try:
-            self.assembly = build_assembly(parse_scene(self.document))
+            self._bounds = Bounds(self.document, crush=True)
         except InputError as error:  # splinters of bisector planes may leave joints that no face bears out
             self.coarse = str(error)
             self.of, self.convex = np.arange(len(cutting.cells)), False
             self.document = family.document
-            self.assembly = build_assembly(parse_scene(self.document))
+            self._bounds = Bounds(self.document, crush=True)
         self.cells = len(self.of)
         self.known: dict[bytes, Bracket] = {}
-
-    def labels(self, block: Ints) -> Any:
-        """Return labels (m,) of the pieces' faces, True = dry, for parts (n,) of the cells."""
-        elements, faces = self.assembly.elements, self.assembly.interfaces
-        part = np.full(len(elements), -1)
-        part[: self.cells] = block[self.of]
-        return part[faces.a] != part[faces.b]
 
     def scene(self, block: Ints) -> dict[str, Any]:
         """Return the scene of the convex cells with the parts (n,) of the cells as blocks."""
@@ -159,9 +153,8 @@ class Truth:
         """Return the bracket of a layout by the parts (n,) of the cells."""
         key = block.tobytes()
         if key not in self.known:
-            found = solve_many(self.assembly, self.labels(block)[None])
-            high = None if str(found.status[0]) == "locked" else _end(found.high[0])
-            self.known[key] = _end(found.low[0]), high
+            low, high, locked = (one[0] for one in self._bounds(block[self.of][None]))
+            self.known[key] = _end(low), _end(high), bool(locked)
         return self.known[key]
 
 
@@ -249,15 +242,7 @@ def layout_of(family: Family, block: Ints) -> Layout:
     """Return the layout of the parts (n,) of the cells of a family."""
     scene = parse_scene(family.document)
     assembly = build_assembly(scene)
-    return Layout(scene, assembly, _labels(assembly, block[None])[0])
-
-
-def _labels(assembly: Assembly, blocks: Ints) -> Bits:
-    """Return labels (k, m), True = dry, for parts (k, n) of the cells."""
-    part = np.full((len(blocks), len(assembly.elements)), -1)
-    part[:, : blocks.shape[1]] = blocks
-    faces = assembly.interfaces
-    return np.asarray(part[:, faces.a] != part[:, faces.b])
+    return Layout(scene, assembly, labels_of(assembly, block[None])[0])
 
 
 def explored(family: Family, block: Ints, out: Path, seconds: float) -> Exploration:
@@ -265,6 +250,6 @@ def explored(family: Family, block: Ints, out: Path, seconds: float) -> Explorat
     scene = parse_scene(family.document | {"search": {"front": {"count": "blocks", "sense": "min"}}})
     assembly = build_assembly(scene)
     rows = np.concatenate([block[None], *(one.blocks[:BEST] for one in family.found.of.values() if len(one.low))])
-    labels, first = np.unique(_labels(assembly, rows), axis=0, return_index=True)
+    labels, first = np.unique(labels_of(assembly, rows), axis=0, return_index=True)
     driver = Listed(search_space(scene, assembly), labels[np.argsort(first)])
     return explore(scene, out, ExploreSettings(check_fields=0, pictures=False), driver=driver, seconds=seconds)
