@@ -81,7 +81,7 @@ browser:
 
 # the front end needs no build; this checks the types in its comments
 types:
-	npm exec --yes --package=typescript@5.9.3 -- tsc -p src/jld_explore/report/assets/tsconfig.json
+	npm exec --yes --package=typescript@5.9.3 -- tsc -p src/jld_views/assets/tsconfig.json
 
 # without ecos, which has no wheel for every machine, the other solvers are compared
 bench: setup

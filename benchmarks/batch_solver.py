@@ -18,9 +18,8 @@ import numpy as np
 from studies.scenes import corner
 
 from benchmarks import large
-from benchmarks.common import about, random_segmentations, run_parts, scene, table, write
+from benchmarks.common import about, random_segmentations, run_parts, scene, stated, table, write
 from benchmarks.scenes import ENUMERATED, LARGE, box, built, cubes, grid, strength, wall
-from benchmarks.stated import stated
 from jld_core import Assembly, Scene, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
 from jld_core.batch.library import described
@@ -358,7 +357,7 @@ def many_labellings() -> None:
 
     One labelling at a time and the batch solver evaluate the same labellings in turns in one process, by processor
     time; the batch solver's time holds the tries it needs and the methods for what it leaves open. Ratios are medians
-    of three turns. Plain: CVXPY with the program stated anew for each labelling (benchmarks/stated.py). Scenes below
+    of three turns. Plain: CVXPY with the program stated anew for each labelling (benchmarks/common.py). Scenes below
     the line were not looked at while settings were chosen. Scenes named on the command line are printed alone.
     """
     wanted = sys.argv[1:]

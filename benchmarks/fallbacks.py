@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks import large
 from benchmarks.batch_solver import HARD, SEGMENTED, SPATIAL, labellings_of
-from benchmarks.claims import converged
+from benchmarks.claims.answers import drawn_converged
 from benchmarks.common import about, table, write
 from benchmarks.hard_cases import hard_cases
 from benchmarks.scenes import strength
@@ -56,7 +56,7 @@ def hard() -> Iterator[Case]:
 def random() -> Iterator[Case]:
     """Scenes of the claim `converged`: friction of 45°, crushing, weak and strong cracks, without weight."""
     for seed in range(3000):
-        assembly, labels = converged.drawn(seed)
+        assembly, labels = drawn_converged(seed)
         yield assembly, labels, SolveOptions()
 
 

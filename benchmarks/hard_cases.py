@@ -18,9 +18,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.common import about, table, write
+from benchmarks.common import about, stated, table, write
 from benchmarks.scenes import box, brick_boxes, grid, strength
-from benchmarks.stated import stated
 from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
 from jld_core.strengths import Route

@@ -22,8 +22,8 @@ import numpy as np
 
 from benchmarks.common import ROOT, about, load_of_machine, run_parts, table, write
 from benchmarks.scenes import cubes
-from jld_core import InputError, build_assembly
-from jld_core.exchange import ImportOptions, Layout, export, import_file
+from jld_core import InputError, Layout, build_assembly
+from jld_formats import ImportOptions, export, import_file
 
 _MB: Final = 1e6
 

@@ -20,8 +20,8 @@ from matplotlib.figure import Figure
 from benchmarks.common import RESULTS, about, run_parts, table, write
 from benchmarks.scenes import bonded, cubes, grid
 from jld_core import Scene, build_assembly, solve
-from jld_core.views.figures import save_figure
 from jld_explore import explore
+from jld_views.figures import save_figure
 
 SIDES: Final = (10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 32, 36, 40)
 """Cells along a side of a wall."""

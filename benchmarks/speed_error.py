@@ -26,16 +26,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from benchmarks.common import RESULTS, about, scene, table, write
+from benchmarks.common import RESULTS, about, scene, stated, table, write
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
-from benchmarks.stated import stated
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly
 from jld_core.models.rigid_blocks import prove_condensed
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import SOLVERS as KNOWN
 from jld_core.solvers import ClarabelSolver, Solver
-from jld_core.views.figures import save_figure
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_views.figures import save_figure
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,8 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from benchmarks.common import ROOT, about, table, write
+from benchmarks.common import ROOT, about, stated, table, write
 from benchmarks.scenes import GRIDS, cubes, grid
-from benchmarks.stated import stated
 from jld_core import Assembly, Scene, Status, build_assembly, load_scene
 from jld_core.arrays import Bits, Floats
 from jld_explore import search_space

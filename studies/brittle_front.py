@@ -16,10 +16,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import Assembly, load_scene
-from jld_core.views.figures import draw_assembly
 from jld_experiment import Joints, run_experiment
 from jld_explore import ExploreSettings, explore
 from jld_explore.space import from_string
+from jld_views.figures import draw_assembly
 from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, name_axes, without_legend, write
 
 NAME: Final = "brittle_front"

@@ -14,10 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysisResult, build_assembly, solve
-from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore import Exploration, ExploreSettings
-from jld_explore.report.page_of_study import study_page
 from jld_explore.space import from_string
+from jld_views.figures import draw_assembly, draw_mechanism
+from jld_views.page_of_study import study_page
 from studies import scenes
 from studies.report import (
     GREY,

@@ -16,8 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
-from jld_core.views.figures import draw_mechanism
 from jld_experiment import Joints, Settings, run_experiment
+from jld_views.figures import draw_mechanism
 from studies.report import (
     GREY,
     PAIRED,

@@ -92,33 +92,39 @@ def _without(row: Floats, left: float, right: float) -> Floats:
 
 
 def semicircular_arch(
-    voussoirs: int, thickness: float, friction: float, live: list[dict[str, Any]] | None = None, **dry: float
+    voussoirs: int | Sequence[float],
+    thickness: float,
+    friction: float,
+    live: list[dict[str, Any]] | None = None,
+    **dry: float,
 ) -> Scene:
     """A semicircular arch of radial joints under self-weight spread along its centreline.
 
-    voussoirs: equal ones, from springing to springing. thickness: over the radius of the centreline, which is
-    the unit of length; the weight of the half arch is the unit of force. friction: coefficient. live: load
-    entries, default a horizontal body load. dry: further keys of the dry material.
+    voussoirs: how many equal ones, or the joints of one half beside crown and springing, degrees from the crown.
+    thickness: over the radius of the centreline, which is the unit of length; the weight of the half arch is the unit
+    of force. friction: coefficient. live: load entries, default a horizontal body load. dry: further keys of the dry
+    material.
     Source: Cocchetti & Rizzi, Frattura ed Integrità Strutturale 51 (2020) 356–375.
     """
-    angles = np.linspace(0.0, np.pi, voussoirs + 1)
+    if isinstance(voussoirs, int):
+        angles = np.linspace(0.0, np.pi, voussoirs + 1)
+    else:
+        angles = np.radians(np.unique([0.0, 180.0, *(90.0 + s * one for one in (0.0, *voussoirs) for s in (1, -1))]))
     inner, outer = 1.0 - thickness / 2.0, 1.0 + thickness / 2.0
-    spread = np.pi / voussoirs
-    # centre of mass of an arc of the centreline
-    reach = np.sin(spread / 2.0) / (spread / 2.0)
     elements: list[dict[str, Any]] = []
-    for k in range(voussoirs):
+    for k, spread in enumerate(np.diff(angles).tolist()):
+        reach = np.sin(spread / 2.0) / (spread / 2.0)  # centre of mass of an arc of the centreline
         ends = np.array([[np.cos(a), np.sin(a)] for a in angles[[k, k + 1]]])
         middle = 0.5 * (angles[k] + angles[k + 1])
         polygon = [*(inner * ends[::-1]).tolist(), *(outer * ends).tolist()]
         centroid = [reach * float(np.cos(middle)), reach * float(np.sin(middle))]
-        elements.append({"id": f"v{k}", "polygon": polygon, "weight": 2.0 / voussoirs, "centroid": centroid})
+        elements.append({"id": f"v{k}", "polygon": polygon, "weight": 2.0 * spread / np.pi, "centroid": centroid})
     for name, side in (("right", 1.0), ("left", -1.0)):
         corners = [[side * inner, 0.0], [side * outer, 0.0], [side * outer, -thickness], [side * inner, -thickness]]
         elements.append({"id": name, "polygon": corners, "support": True})
     return parse_scene(
         {
-            "name": f"semicircular arch of {voussoirs} voussoirs",
+            "name": f"semicircular arch of {len(angles) - 1} voussoirs",
             "elements": elements,
             "materials": {"dry": {"friction_coefficient": friction, **dry}},
             "loads": {"live": live or [{"body": [1.0, 0.0]}]},

@@ -13,7 +13,7 @@ import pandas as pd
 
 from jld_core import Scene, parse_scene
 from jld_explore import ExploreSettings
-from jld_explore.report.pictures import plot_three
+from jld_views.pictures import plot_three
 from studies.report import SCENES, Report, searched, write
 
 NAME: Final = "few_shapes"

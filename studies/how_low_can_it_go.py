@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, load_scene, solve
 from jld_core.arrays import Bits, Floats
-from jld_core.views.figures import draw_mechanism
 from jld_dilation.fixed_point_search import ProximalOptions
 from jld_dilation.sweep import MultiStartSearch
+from jld_views.figures import draw_mechanism
 from studies.families import halved_bond
 from studies.report import (
     GREY,

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysisResult, Scene, build_assembly, parse_scene, samples, solve
 from jld_core.models import solve_by_fields
-from jld_core.views.figures import draw_mechanism
 from jld_geometry import Key, TrustRegion, move_joints, shaped_scene
+from jld_views.figures import draw_mechanism
 from studies.report import (
     GREY,
     PAIRED,

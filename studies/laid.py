@@ -9,11 +9,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from jld_core import Assembly, Scene, build_assembly, parse_scene, solve
-from jld_core.views.figures import draw_mechanism
 from jld_explore import ExploreSettings
 from jld_explore.space import from_string
 from jld_practice.laying import assembly_order
 from jld_practice.laying.strip import figure_of_laying
+from jld_views.figures import draw_mechanism
 from studies.report import (
     PAIRED,
     Report,

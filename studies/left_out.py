@@ -12,7 +12,7 @@ import pandas as pd
 
 from jld_core import Scene, parse_scene
 from jld_explore import ExploreSettings
-from jld_explore.report.pictures import plot_pareto
+from jld_views.pictures import plot_pareto
 from studies.report import Report, searched, write
 
 NAME: Final = "left_out"

@@ -18,9 +18,9 @@ from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.limit.mechanism import Movement, face_motions
-from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism
 from jld_explore import ExploreSettings
 from jld_explore.space import from_string
+from jld_views.figures import draw_assembly, draw_forces, draw_mechanism
 from studies.report import (
     GREY,
     PAIRED,

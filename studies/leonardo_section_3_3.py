@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 
 from jld_core import Assembly, LimitAnalysisResult, build_assembly, parse_scene, solve
 from jld_core.scene.schema import Scene
-from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_experiment import Curve, Joints, Settings, run_experiment
 from jld_explore import ExploreSettings, explore
 from jld_explore.space import from_string
+from jld_views.figures import draw_assembly, draw_mechanism
 from studies.report import (
     GREY,
     PAIRED,

@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 
 from jld_core import Assembly, LimitAnalysisResult, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
-from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_experiment import Joints, Settings, run_experiment
+from jld_views.figures import draw_assembly, draw_mechanism
 from studies.report import (
     GREY,
     PAIRED,

@@ -19,7 +19,7 @@ from matplotlib.projections.polar import PolarAxes
 from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.arrays import Floats
 from jld_core.limit.mechanism import Movement, face_motions
-from jld_core.views.figures import draw_mechanism
+from jld_views.figures import draw_mechanism
 from studies.report import GREY, PAIRED, Report, axes_at, figure_of, fill_region, name_axes, without_legend, write
 from studies.scenes import stacked_cubes
 

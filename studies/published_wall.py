@@ -17,8 +17,8 @@ from jld_core import Scene, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
 from jld_core.limit.result import LimitAnalysisResult
-from jld_core.views.figures import draw_mechanism
 from jld_explore import ExploreSettings
+from jld_views.figures import draw_mechanism
 from studies.report import (
     PAIRED,
     Report,

@@ -20,11 +20,11 @@ from PIL import Image
 
 from jld_core import Scene
 from jld_core.arrays import Bools, Floats
-from jld_core.views.annotations import MEANING, MOVES, YIELD
-from jld_core.views.figures import save_figure
-from jld_core.views.look import INK, PRESS, REST
-from jld_core.views.structure import DOTTED
 from jld_explore import Exploration, ExploreSettings, explore
+from jld_views.annotations import MEANING, MOVES, YIELD
+from jld_views.figures import save_figure
+from jld_views.look import INK, PRESS, REST
+from jld_views.structure import DOTTED
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 SCENES: Final = ROOT / "scenes"

@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 from jld_core import LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, solve
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore import ExploreSettings
 from jld_explore.space import from_string
+from jld_views.figures import draw_assembly, draw_mechanism
 from studies.families import semicircular_arch
 from studies.report import (
     GREY,

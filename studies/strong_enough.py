@@ -15,9 +15,9 @@ from jld_core import Assembly, Scene, build_assembly, load_scene, parse_scene, s
 from jld_core.build import build_robust
 from jld_core.models import sensitivities
 from jld_core.strengths import Route
-from jld_core.views.figures import draw_mechanism
 from jld_explore import ExploreSettings
 from jld_explore.space import from_string
+from jld_views.figures import draw_mechanism
 from studies.report import (
     PAIRED,
     SCENES,

@@ -18,7 +18,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from jld_core import LimitAnalysisResult, Status, build_assembly, solve
 from jld_core.limit.mechanism import Movement, face_motions
-from jld_core.views.figures import draw_assembly, draw_mechanism
+from jld_views.figures import draw_assembly, draw_mechanism
 from studies.report import (
     Report,
     axes_at,

@@ -10,9 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from jld_core import Assembly, Scene, build_assembly, load_scene, parse_scene, solve
-from jld_core.views.figures import draw_mechanism
 from jld_explore import ExploreSettings
 from jld_explore.space import from_string
+from jld_views.figures import draw_mechanism
 from studies.report import (
     SCENES,
     Report,

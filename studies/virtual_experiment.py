@@ -17,10 +17,10 @@ from scipy.stats import spearmanr
 
 from jld_core import Assembly, Status, build_assembly, load_scene, solve
 from jld_core.arrays import Bits
-from jld_core.views.figures import draw_assembly
 from jld_experiment import Curve, Joints, Settings, run_experiment
 from jld_explore import search_space
 from jld_explore.drivers.enumeration import Enumeration
+from jld_views.figures import draw_assembly
 from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, name_axes, without_legend, write
 from studies.scenes import leonardo_flat_arch
 

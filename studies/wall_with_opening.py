@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysisResult, build_assembly, solve
-from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore import Exploration, ExploreSettings
 from jld_explore.space import from_string
+from jld_views.figures import draw_assembly, draw_mechanism
 from studies.report import (
     GREY,
     PAIRED,

@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jld_core import LimitAnalysis, LimitAnalysisResult, build_assembly, load_scene
-from jld_core.views.figures import draw_mechanism
 from jld_dilation.fixed_point_search import ProximalOptions
+from jld_views.figures import draw_mechanism
 from studies.by_scheme import zero_dilation
 from studies.report import (
     GREY,

@@ -21,10 +21,10 @@ from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import FieldBounds
 from jld_core.scene.cracks import parse_cracks
-from jld_core.views.field_figures import draw_cracks, draw_stresses
-from jld_core.views.figures import figure_for, finish
 from jld_explore import Exploration, ExploreSettings
 from jld_explore.space import from_string
+from jld_views.field_figures import draw_cracks, draw_stresses
+from jld_views.figures import figure_for, finish
 from studies.crack_models import HALVES, bridge, finer, rows_of, wall
 from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, name_axes, searched, write
 from studies.scenes import polar_grid_arch

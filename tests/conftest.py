@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import gc
+import importlib.metadata
 import os
+import shutil
 import signal
 import sqlite3
 import sys
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import pytest
 
@@ -28,6 +31,12 @@ for name in ("SIGINT", "SIGHUP"):
 # without compiled files each process that the tests begin would compile all that it imports: a second of processor time
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+# files of tests stand in memory where that has room: a small search waited a fifth of its time for the disk
+MEMORY = Path("/dev/shm")
+if os.access(MEMORY, os.W_OK) and shutil.disk_usage(MEMORY).free > 4 << 30:
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
+# a sixth of a small search was to read the versions of four packages three times
+importlib.metadata.version = cache(importlib.metadata.version)
 # most of what tests make stays or goes without the garbage collector, which took 3 s of 4 while all sources were parsed
 gc.set_threshold(10_000, 10, 10)
 sys.path.insert(0, str(Path(__file__).parent))
@@ -70,7 +79,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if table := item.get_closest_marker("sampled"):
             name = item.nodeid.partition("[")[0]
-            if (seen[name] + seen[name] // table.args[0]) % table.args[0]:  # of two lists every value is met
+            first = crc32(name.encode())  # of the same list other rows in every test
+            if (first + seen[name] + seen[name] // table.args[0]) % table.args[0]:  # of two lists every value is met
                 item.add_marker(pytest.mark.long)
             seen[name] += 1
     items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
@@ -94,6 +104,13 @@ def without_field_check(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the check of the best layouts by fields in this process: a third of a search of some dozen layouts."""
     # the package has a function of the name of this module
     monkeypatch.setattr(import_module("jld_explore.explore"), "plan_check", lambda *_: None)
+
+
+@pytest.fixture(autouse=True)
+def _unchecked(request: pytest.FixtureRequest) -> None:
+    """Tests of searches leave it out, but for those of searches by fields."""
+    if request.path.parent.name == "explore" and request.path.name != "test_field_searches.py":
+        request.getfixturevalue("without_field_check")
 
 
 @pytest.fixture

@@ -22,11 +22,10 @@ from scipy.optimize import linprog
 
 from cases import ROUTE
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, tolerances
-from jld_core.batch.batch_solver import FALLS, LOCKED, OPEN, PROVEN, BatchSolver
+from jld_core.batch import batch_solver
 from jld_core.limit import Proof, face_jumps
 from jld_core.limit.analysis import ProofAttempt
-from jld_core.mechanics import YieldSet, equilibrium_matrix, load_vectors, scaling_of, yield_set
-from jld_core.mechanics.prescribed_friction import PrescribedFriction
+from jld_core.mechanics import YieldSet, equilibrium_matrix, load_vectors, prescribed_friction, scaling_of, yield_set
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, RawSolution, Solver
 
@@ -68,7 +67,7 @@ def _yield_set(result: LimitAnalysisResult) -> YieldSet:
         return base
     if result.forces is None:
         raise ValueError("the result holds no forces")
-    return PrescribedFriction(base, 0.0, result.forces[:, 0] / scaling.face[:, 0])
+    return prescribed_friction.PrescribedFriction(base, 0.0, result.forces[:, 0] / scaling.face[:, 0])
 
 
 def flow_rule(result: LimitAnalysisResult) -> FlowRule:
@@ -138,11 +137,13 @@ LAST_DIGITS = 1e-9
 """What may separate two sums of the same dissipation, relative."""
 
 
-def lanes_of(analysis: LimitAnalysis, variant: str | None = None, **keys: object) -> BatchSolver:
+def lanes_of(analysis: LimitAnalysis, variant: str | None = None, **keys: object) -> batch_solver.BatchSolver:
     """The batch solver for an analysis, as the analysis itself makes it; variant: see `BatchSolver`."""
     opening = analysis.repair.opening()
     velocity = None if opening is None else opening.velocity
-    return BatchSolver(analysis.template, velocity, load_scale=analysis.load_scale, variant=variant, **keys)
+    return batch_solver.BatchSolver(
+        analysis.template, velocity, load_scale=analysis.load_scale, variant=variant, **keys
+    )
 
 
 def assert_proven(
@@ -171,18 +172,18 @@ def assert_proven(
             least = max(snap, tolerances.EXACT, 1e-12 * confined) * rough
             assert motion.margin >= -least * abs(motion.velocity).max()
             # what falls may move the live load by next to nothing, which the bound is divided by
-            near = max(digits, 1e-9 * confined, 1e-8 * (found.verdict[k] == FALLS))
+            near = max(digits, 1e-9 * confined, 1e-8 * (found.verdict[k] == batch_solver.FALLS))
             assert motion.bound == pytest.approx(found.high[k], rel=near, abs=1e-12)
-        if found.verdict[k] == FALLS:
+        if found.verdict[k] == batch_solver.FALLS:
             assert proof.status is Status.UNSTABLE
-        elif found.verdict[k] == LOCKED:
+        elif found.verdict[k] == batch_solver.LOCKED:
             assert proof.status in (Status.LOCKED, Status.UNCERTIFIED)
             ray = analysis.prover.ray(np.append(found.rays[k].ravel(), 1.0), labels)
             assert ray.slack >= -tolerances.ROUNDING
             assert ray.error <= tolerances.ROUNDING
             assert np.isfinite(found.low[k])
             assert np.isinf(found.high[k])
-        elif found.verdict[k] == PROVEN:
+        elif found.verdict[k] == batch_solver.PROVEN:
             assert proof.status is Status.COLLAPSE
             size = max(abs(proof.low), floor)
             assert found.low[k] <= proof.high + 1e-9 * size + 1e-15
@@ -190,7 +191,7 @@ def assert_proven(
             around = floor if found.low[k] <= 0.0 <= found.high[k] else 0.0
             assert found.high[k] - found.low[k] <= 1e-6 * max(abs(found.low[k]), abs(found.high[k]), around)
         else:
-            assert found.verdict[k] == OPEN
+            assert found.verdict[k] == batch_solver.OPEN
 
 
 def exact_margin(analysis: LimitAnalysis, velocity: np.ndarray, labels: np.ndarray) -> Fraction:

@@ -8,8 +8,7 @@ from collections.abc import Callable
 
 def leave_out_pictures(replace: Callable[[object, str, object], None] = setattr) -> None:
     """Let searches in this process write tables only; `replace` sets an attribute of a module."""
-    # the package has a function of the name of this module
-    module = importlib.import_module("jld_explore.explore")
+    module = importlib.import_module("jld_views")
     for name, nothing in (("write_pictures", ([], [])), ("write_report", None)):
         assert callable(getattr(module, name))
         replace(module, name, lambda *_, nothing=nothing, **__: nothing)

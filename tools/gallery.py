@@ -14,13 +14,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from jld_core import Scene, build_assembly, load_scene, samples, solve
-from jld_core.exchange import ImportOptions, Layout, export, import_file
+from jld_core import Layout, Scene, build_assembly, load_scene, samples, solve
 from jld_core.files import write_text
 from jld_core.scene.reading import parse_scene
-from jld_core.views.small_pictures import png_of
 from jld_explore import explore
-from jld_explore.report.page_of_study import scene_page, study_page
+from jld_formats import ImportOptions, export, import_file
+from jld_views.page_of_study import scene_page, study_page
+from jld_views.small_pictures import png_of
 
 ROOT: Final = Path(__file__).parents[1]
 FOLDER: Final = ROOT / "docs" / "_gallery"

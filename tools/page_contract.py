@@ -9,9 +9,9 @@ import json
 from pathlib import Path
 from typing import Any, Final
 
-from jld_explore.report.page_contract import FORMAT, VERSION, page_schema
+from jld_views.page_contract import FORMAT, VERSION, page_schema
 
-FILE: Final = Path(__file__).parents[1] / "src" / "jld_explore" / "report" / "assets" / "contract.js"
+FILE: Final = Path(__file__).parents[1] / "src" / "jld_views" / "assets" / "contract.js"
 """File of the page that holds the contract."""
 BEGIN: Final = "// Generated from page_contract.py by `python -m tools.page_contract`; do not edit."
 END: Final = "// End of what is generated."

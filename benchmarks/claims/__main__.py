@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import importlib
 import json
 import math
 from collections import Counter
@@ -12,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from benchmarks.claims import FAMILIES, Tally
+from benchmarks.claims import CLAIMS, Tally, run
 from benchmarks.common import RESULTS, table, write
 from jld_core import __version__
 
@@ -26,7 +25,7 @@ FIELDS: Final = ("family", "version", "claim", "first_seed", "cases", "disagreem
 def main(arguments: Sequence[str] | None = None) -> None:
     """Test the named families of claims, or all, and write the table of all runs so far."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.claims", description=__doc__)
-    parser.add_argument("families", nargs="*", help="modules of benchmarks.claims; default: all")
+    parser.add_argument("families", nargs="*", help="names of claims; default: all")
     parser.add_argument("--cases", type=int, default=None, help="number of random cases; default: of a whole run")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=math.inf, help="time limit per family, s")
@@ -34,9 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--add", action="store_true", help="add to the cases in the table; name a new first seed")
     parser.add_argument("--failures", type=Path, default=None, help="file to which all disagreements are written")
     given = parser.parse_args(arguments)
-    for name in given.families or FAMILIES:
-        cases = FAMILIES[name] if given.cases is None else given.cases
-        found: Tally = importlib.import_module(f"benchmarks.claims.{name}").run(given.first_seed, cases, given.seconds)
+    for name in given.families or CLAIMS:
+        cases = CLAIMS[name].cases if given.cases is None else given.cases
+        found = run(name, given.first_seed, cases, given.seconds)
         print(
             f"{name}: {found.cases} cases, {len(found.disagreements)} disagreements, {found.seconds:.0f} s", flush=True
         )
@@ -71,7 +70,7 @@ def _record(family: str, version: str, first_seed: int, found: Tally, *, add: bo
             "notes": json.dumps(dict(sorted(notes.items()))),
         }
     )
-    order = list(FAMILIES)
+    order = list(CLAIMS)
     rows.sort(key=lambda row: (order.index(row["family"]) if row["family"] in order else len(order), row["version"]))
     with CSV.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, FIELDS, lineterminator="\n")

@@ -1,26 +1,268 @@
-"""Contacts and their sections do not depend on position, order, mirroring or units, and λ does not either.
-
-Merged voxels and merged cells of planar grids, turned, mirrored, scaled, moved and shuffled, against contacts counted
-on the grid. Areas, centroids, second moments and torsion lengths are sums over the squares of the grid in closed form,
-hulls and kerns those of their corners.
-"""
+"""Random cases of contacts, steps of assembly, and derivatives by vertices."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+import json
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import shapely
+from scipy.spatial import cKDTree
 
-from benchmarks.claims.tally import Tally, run_cases
-from benchmarks.claims.voxels import Known, grown, known_contacts, outline, solid, with_hole
-from jld_core import Assembly, InputError, Status, build_assembly, parse_scene, solve
+from benchmarks.claims import Tally
+from jld_core import Assembly, InputError, Status, build_assembly, geometry_sensitivities, parse_scene, samples, solve
 from jld_core.arrays import Floats, Ints
 from jld_core.mechanics import scaling_of, yield_set
+from jld_core.strengths import Route
+from jld_geometry import MovedScene, vertex_mesh
+from jld_practice.laying import assembly_order
 
-CLAIM: Final = "Contacts, sections and λ are those counted on a grid, in any position, order and unit"
+Cell = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Known:
+    """Contact of two elements as the grid has it.
+
+    a, b: labels of the elements; the normal points from a to b. normal: unit normal. rectangles: corners in order of
+    the squares that make up the contact.
+    """
+
+    a: int
+    b: int
+    normal: Floats
+    rectangles: Floats
+
+
+def neighbours(cell: Cell) -> Iterator[Cell]:
+    """Yield the cells that share a face with a cell."""
+    for axis, step in itertools.product(range(len(cell)), (-1, 1)):
+        yield (*cell[:axis], cell[axis] + step, *cell[axis + 1 :])
+
+
+def connected(cells: set[Cell]) -> list[set[Cell]]:
+    """Return the parts of a set of cells that hang together by faces, in order of their least cells."""
+    left, parts = set(cells), []
+    for start in sorted(cells):
+        if start not in left:
+            continue
+        left.discard(start)
+        part, front = {start}, [start]
+        while front:
+            new = [cell for cell in neighbours(front.pop()) if cell in left]
+            left.difference_update(new)
+            part.update(new)
+            front += new
+        parts.append(part)
+    return parts
+
+
+def grown(rng: np.random.Generator, shape: tuple[int, ...], first: set[Cell], count: int) -> Ints:
+    """Return labels of the cells of a grid: 1 the support, from 2 on free elements, 0 nothing.
+
+    The last axis points up and its lowest layer is the support. first: cells of the first free element; the others
+    grow at random. Elements without a path of faces to the support are left out.
+    """
+    labels = np.zeros(shape, dtype=np.int64)
+    labels[..., 0] = 1
+    for cell in first:
+        labels[cell] = 2
+    for label in range(3 if first else 2, count + 2):
+        free = np.argwhere(labels == 0)
+        if not len(free):
+            break
+        element = [tuple(free[rng.integers(len(free))].tolist())]
+        for _ in range(int(rng.integers(1, 9))):
+            labels[element[-1]] = label
+            inside = [c for cell in element for c in neighbours(cell) if _within(c, shape)]
+            open_cells = sorted({cell for cell in inside if labels[cell] == 0})
+            if not open_cells:
+                break
+            element.append(open_cells[rng.integers(len(open_cells))])
+    reached, cells = {1}, [tuple(cell) for cell in np.argwhere(labels > 0).tolist()]
+    touching = {(labels[c], labels[n]) for c in cells for n in neighbours(c) if n in set(cells)}
+    for _ in range(count):
+        reached |= {b for a, b in touching if a in reached}
+    labels[~np.isin(labels, sorted(reached))] = 0
+    return labels
+
+
+def _within(cell: Cell, shape: tuple[int, ...]) -> bool:
+    return all(0 <= place < count for place, count in zip(cell, shape, strict=True))
+
+
+def with_hole(rng: np.random.Generator, shape: tuple[int, ...]) -> set[Cell]:
+    """Return the cells of a ring, a U, an L or a T on the support of a grid of at least 3 × 3 cells."""
+    across, along = (int(rng.integers(3, n + 1)) for n in shape[:2])
+    frame = {(i, j) for i in range(across) for j in range(along)}
+    inner = {(i, j) for i in range(1, across - 1) for j in range(1, along - 1)}
+    kind = rng.integers(4)
+    if kind == 1:
+        inner |= {(0, j) for j in range(1, along - 1)}
+    elif kind == 2:
+        inner = {(i, j) for i in range(1, across) for j in range(1, along)}
+    elif kind == 3:
+        inner = {(i, j) for i, j in frame if i != 1 and j > 0}
+    height = int(rng.integers(2, max(3, shape[2])))
+    return {(i, j, k) for i, j in frame - inner for k in range(1, height)}
+
+
+def known_contacts(labels: Ints, lines: Sequence[Floats]) -> list[Known]:
+    """Return the contacts of merged voxels: parts of common planes that hang together by edges."""
+    faces: dict[tuple[int, int, int, int], set[Cell]] = {}
+    for axis in range(3):
+        ahead, behind = np.moveaxis(labels, axis, 0)[1:], np.moveaxis(labels, axis, 0)[:-1]
+        for place in np.argwhere((ahead != behind) & (ahead > 0) & (behind > 0)).tolist():
+            level, cell = place[0] + 1, tuple(place[1:])
+            faces.setdefault((int(behind[tuple(place)]), int(ahead[tuple(place)]), axis, level), set()).add(cell)
+    found = []
+    for (a, b, axis, level), cells in sorted(faces.items()):
+        for part in connected(cells):
+            found.append(Known(a, b, np.eye(3)[axis], np.array([_square(c, axis, level, lines) for c in sorted(part)])))
+    return found
+
+
+def _square(cell: Cell, axis: int, level: int, lines: Sequence[Floats]) -> Floats:
+    """Corners (4, 3) of the square between four nodes of a grid, counter-clockwise about its axis."""
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    first = sorted((one, two))
+    place = {first[0]: cell[0], first[1]: cell[1]}
+    corners = np.empty((4, 3))
+    for row, (u, v) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
+        corners[row, axis] = lines[axis][level]
+        corners[row, one] = lines[one][place[one] + u]
+        corners[row, two] = lines[two][place[two] + v]
+    return corners
+
+
+def solid(rng: np.random.Generator, labels: Ints, label: int, lines: Sequence[Floats]) -> dict[str, Any]:
+    """Return vertices and faces of merged voxels: as squares, as triangles, or as whole faces with bridges to holes."""
+    style = rng.integers(3)
+    faces: list[list[Cell]] = []
+    for axis, side in itertools.product(range(3), (0, 1)):
+        open_cells: dict[int, set[Cell]] = {}
+        for cell in [tuple(c) for c in np.argwhere(labels == label).tolist()]:
+            beside = (*cell[:axis], cell[axis] + 2 * side - 1, *cell[axis + 1 :])
+            inside = 0 <= beside[axis] < labels.shape[axis] and labels[beside] == label
+            if not inside:
+                flat = (*cell[:axis], *cell[axis + 1 :])
+                open_cells.setdefault(cell[axis] + side, set()).add(flat)
+        for level, cells in open_cells.items():
+            for part in connected(cells):
+                faces += _faces_of(part, axis, level, side, whole=bool(style == 2))
+    if style == 2:
+        faces = _without_idle(faces)
+    if style == 1:
+        faces = [[f[0], f[k], f[k + 1]] for f in faces for k in (1, 2)]
+    return _shuffled(rng, faces, lines)
+
+
+def _faces_of(cells: set[Cell], axis: int, level: int, side: int, *, whole: bool) -> list[list[Cell]]:
+    """Outward loops of grid nodes around squares of one plane, one for each square or one for all."""
+    edges: dict[Cell, list[Cell]] = {}
+    loops: list[list[Cell]] = []
+    for i, j in sorted(cells):
+        ring: list[Cell] = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+        loops.append(ring)
+        for k, (di, dj) in enumerate(((0, -1), (1, 0), (0, 1), (-1, 0))):
+            if (i + di, j + dj) not in cells:
+                edges.setdefault(ring[k], []).append(ring[(k + 1) % 4])
+    if whole:
+        loops = [_bridged(_traced(edges))]
+    # the axes left over, in order, are right-handed about the plane's own axis, save for the middle one
+    turned = (side == 0) != (axis == 1)
+    placed = [[(*node[:axis], level, *node[axis:]) for node in loop] for loop in loops]
+    return [loop[::-1] if turned else loop for loop in placed]
+
+
+def _traced(edges: dict[Cell, list[Cell]]) -> list[list[Cell]]:
+    """Loops of directed edges with the area on the left; where two meet, each stays with its own square."""
+    loops = []
+    while edges:
+        start = min(edges)
+        loop, here, came = [start], edges[start][0], start
+        _take(edges, start, here)
+        while here != start or len(loop) < 3:
+            loop.append(here)
+            way = (here[0] - came[0], here[1] - came[1])
+            left = (here[0] - way[1], here[1] + way[0])
+            following = left if left in edges[here] else edges[here][0]
+            _take(edges, here, following)
+            came, here = here, following
+        loops.append(loop)
+    return loops
+
+
+def _take(edges: dict[Cell, list[Cell]], start: Cell, end: Cell) -> None:
+    edges[start].remove(end)
+    if not edges[start]:
+        del edges[start]
+
+
+def _bridged(loops: list[list[Cell]]) -> list[Cell]:
+    """One loop of several, joined by bridges between their nearest nodes."""
+
+    def area(loop: list[Cell]) -> float:
+        return 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(loop, loop[1:] + loop[:1], strict=True))
+
+    whole, *holes = sorted(loops, key=area, reverse=True)
+    while holes:
+        _, number, i, j = min(
+            (abs(p[0] - q[0]) + abs(p[1] - q[1]), number, i, j)
+            for number, hole in enumerate(holes)
+            for i, p in enumerate(whole)
+            for j, q in enumerate(hole)
+        )
+        hole = holes.pop(number)
+        around = [*hole[j:], *hole[: j + 1]]
+        bridge = whole[i:] if whole[i] != hole[j] else whole[i + 1 :]
+        whole = [*whole[: i + 1], *(around if whole[i] != hole[j] else around[1:]), *bridge]
+    return whole
+
+
+def _without_idle(faces: list[list[Cell]]) -> list[list[Cell]]:
+    """Faces without nodes that are a corner of no face."""
+    used: set[Cell] = set()
+    for face in faces:
+        nodes = np.array(face)
+        before, after = nodes - np.roll(nodes, 1, axis=0), np.roll(nodes, -1, axis=0) - nodes
+        bent = np.any(np.cross(before, after) != 0, axis=1) | (np.einsum("ij,ij->i", before, after) < 0)
+        used.update(node for node, corner in zip(face, bent.tolist(), strict=True) if corner)
+    return [[node for node in face if node in used] for face in faces]
+
+
+def _shuffled(rng: np.random.Generator, faces: list[list[Cell]], lines: Sequence[Floats]) -> dict[str, Any]:
+    """Vertices and faces in any order; each face begins anywhere, and all may be turned over."""
+    nodes = sorted({node for face in faces for node in face})
+    order = rng.permutation(len(nodes))
+    number = {nodes[k]: int(place) for place, k in enumerate(order)}
+    loops = [[number[node] for node in face] for face in faces]
+    starts = [int(rng.integers(len(loop))) for loop in loops]
+    loops = [[*loop[start:], *loop[:start]] for loop, start in zip(loops, starts, strict=True)]
+    if rng.random() < 0.5:
+        loops = [loop[::-1] for loop in loops]
+    loops = [loops[k] for k in rng.permutation(len(loops))]
+    vertices = [[float(lines[axis][nodes[k][axis]]) for axis in range(3)] for k in order]
+    return {"vertices": vertices, "faces": loops}
+
+
+def outline(labels: Ints, label: int) -> list[Cell] | None:
+    """Return the nodes around a planar element, counter-clockwise; None where it has a hole or touches itself."""
+    cells = {tuple(cell) for cell in np.argwhere(labels == label).tolist()}
+    edges: dict[Cell, list[Cell]] = {}
+    for i, j in cells:
+        ring: list[Cell] = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+        for k, (di, dj) in enumerate(((0, -1), (1, 0), (0, 1), (-1, 0))):
+            if (i + di, j + dj) not in cells:
+                edges.setdefault(ring[k], []).append(ring[(k + 1) % 4])
+    loops = _traced(edges)
+    return loops[0] if len(loops) == 1 and len(set(loops[0])) == len(loops[0]) else None
+
+
 EXACT: Final = 1e-9
 """Relative difference of lengths, areas and moments that counts as a disagreement."""
 _SOLVED: Final = 20  # one case in so many is solved, in both positions
@@ -41,13 +283,13 @@ class Move:
         return np.asarray(self.scale * places @ self.turn.T + self.shift)
 
 
-def run(first_seed: int, cases: int, seconds: float) -> Tally:
-    """Test the claim on random assemblies: see `run_cases`."""
-    return run_cases(CLAIM, case, first_seed, cases, seconds)
+def case_geometry(seed: int, tally: Tally) -> str:
+    """Return "" where one random assembly has the contacts, sections and λ of its grid, else what differs.
 
-
-def case(seed: int, tally: Tally) -> str:
-    """Return "" where one random assembly has the contacts, sections and λ of its grid, else what differs."""
+    Merged voxels and merged cells of planar grids, turned, mirrored, scaled, moved and shuffled, against contacts
+    counted on the grid. Areas, centroids, second moments and torsion lengths are sums over the squares of the grid in
+    closed form, hulls and kerns those of their corners.
+    """
     rng = np.random.default_rng([seed, 1915])
     try:
         problem = _planar_case(rng, seed, tally) if seed % _PLANAR == 0 else _spatial_case(rng, seed, tally)
@@ -125,7 +367,7 @@ def _compare(built: Assembly, known: list[Known], move: Move, rng: np.random.Gen
         face = min(mine, key=lambda k: float(np.linalg.norm(faces.origin[k] - section.centroid)))
         left.discard(face)
         sign = 1.0 if pairs[face][0] == f"e{contact.a}" else -1.0
-        problem = _differences(built, face, section, sign, rng)
+        problem = _differences_geometry(built, face, section, sign, rng)
         if problem:
             return f"interface {pairs[face]}: {problem}"
     return ""
@@ -188,7 +430,7 @@ def _radial(low: Floats, high: Floats) -> float:
     return quarter(x1, y1) - quarter(x0, y1) - quarter(x1, y0) + quarter(x0, y0)
 
 
-def _differences(built: Assembly, face: int, section: _Section, sign: float, rng: np.random.Generator) -> str:
+def _differences_geometry(built: Assembly, face: int, section: _Section, sign: float, rng: np.random.Generator) -> str:
     faces = built.interfaces
     size = float(np.ptp(section.corners, axis=0).max())
     # what coordinates far from the origin cannot say better
@@ -388,3 +630,208 @@ def _compare_loads(
 
 def _couples(built: Assembly) -> list[tuple[int, int]]:
     return list(zip(built.interfaces.a.tolist(), built.interfaces.b.tolist(), strict=True))
+
+
+CUT: Final = 1e-9
+"""Area, relative to the square of the unit of the grid, that a sweep may share with what rests."""
+_FAR: Final = 30.0
+"""Length of a sweep, in units of the grid."""
+
+
+def case_laying(seed: int, tally: Tally) -> str:
+    """Return "" where no step of the order of one random wall cuts another block, else the first that does."""
+    rng = np.random.default_rng([seed, 1994])
+    labels, nodes, straight = planar_grid(rng)
+    names = [label for label in np.unique(labels).tolist() if label > 0]
+    if len(names) < 2:
+        return ""
+    move = Move(random_move(rng, 2).turn, 1.0, np.zeros(2))
+    elements = [polygon_entry(rng, labels, name, nodes, move, straight) for name in names]
+    try:
+        built = build_assembly(parse_scene(document(elements, move)))
+    except InputError as error:
+        return f"refused: {error}"
+    order = assembly_order(built, np.ones(len(built.interfaces), dtype=bool))
+    of, shapes = order.blocks.of, [shapely.Polygon(shape) for shape in built.elements.shape]
+    resting = set(of[built.elements.support].tolist())
+    for number, step in enumerate(order.steps):
+        still = [shapes[k] for k in range(len(shapes)) if of[k] in resting]
+        moving = [shapes[k] for k in np.flatnonzero(np.isin(of, step.blocks)).tolist()]
+        cut = max(_shared(shape, still, _FAR * step.direction) for shape in moving)
+        if cut > CUT:
+            return f"step {number} of {len(order.steps)} cuts {cut:.2g}"
+        resting.update(step.blocks)
+    tally.notes["steps"] = tally.notes.get("steps", 0) + len(order.steps)
+    return ""
+
+
+def _shared(shape: shapely.Polygon, still: list[shapely.Polygon], way: np.ndarray) -> float:
+    """Largest area that the sweep of a triangle of a polygon along a vector shares with a polygon at rest."""
+    most = 0.0
+    for part in shapely.get_parts(shapely.constrained_delaunay_triangles(shape)):
+        corners = shapely.get_coordinates(part)[:3]
+        swept = shapely.convex_hull(shapely.multipoints(np.concatenate([corners, corners + way])))
+        most = max(most, *(float(shapely.intersection(swept, other, grid_size=1e-12).area) for other in still))
+    return most
+
+
+ROUTE = Route("a benchmark")
+
+PLANAR: Final = 1e-7
+"""Largest relative difference in the plane."""
+SPATIAL: Final = 1e-6
+"""Largest relative difference in space."""
+Document = dict[str, Any]
+
+
+def case_vertex_rates(seed: int, tally: Tally) -> str:
+    """Hold the derivatives of one scene against differences.
+
+    Random arches, walls and grids with shaken vertices: labels, strengths, cohesion, friction of cracks, stated
+    weights, loads at centroids and at fixed places differ, and every seventh crushes. Every fifth scene is a strip of a
+    vault in space with leaning joints. All vertices move at once along random directions, by steps of 2e-5 of the size,
+    3e-4 where joints crush, in space 1e-3. A case disagrees where the relative difference, over |gradient| |direction|,
+    exceeds 1e-7 in the plane or 1e-6 in space. Scenes without collapse, and those whose differences with half the step
+    are not alike (a kink lies between), are counted in ``notes``.
+    """
+    spatial = seed % 5 == 4
+    rates, difference, other, size = (_of_strip if spatial else _of_plane)(seed)
+    if math.isnan(rates):
+        tally.count("no collapse")
+        return ""
+    allowed = (SPATIAL if spatial else PLANAR) * size
+    if abs(difference - other) > allowed:
+        tally.count("kink within the steps")
+        return ""
+    tally.count("smooth in space" if spatial else "smooth in the plane")
+    if abs(rates - difference) <= allowed:
+        return ""
+    return f"derivative {rates:.12g}, difference {difference:.12g}, relative {abs(rates - difference) / size:.2g}"
+
+
+def drawn(seed: int) -> Document:
+    """Draw the document of a planar scene, with interfaces as stated ones."""
+    random = np.random.default_rng(seed)
+    kind = ("arch", "wall", "grid")[seed % 3]
+    options: Document = {}
+    if kind == "arch":
+        options = {"thickness": float(random.uniform(0.2, 0.35)), "voussoirs": int(random.integers(5, 11))}
+        options |= {"rings": int(random.integers(1, 3)), "load": str(random.choice(["push", "quarter"]))}
+    elif kind == "wall":
+        options = {"length": float(random.uniform(0.8, 1.6)), "courses": int(random.integers(2, 5))}
+    scene = samples.KINDS[kind](**options)
+    assembly = build_assembly(scene)
+    mesh = vertex_mesh(assembly)
+    faces = len(assembly.interfaces)
+    labels = random.random(faces) < 0.6 if random.random() < 0.6 else np.ones(faces, dtype=bool)
+    shift = 0.01 * assembly.size / np.sqrt(len(assembly.elements)) * random.normal(size=mesh.places.shape)
+    document = MovedScene(scene, assembly, labels, mesh).document(mesh.places + shift)
+    document.pop("search", None)
+    weight = float(np.linalg.norm(assembly.elements.weight, axis=1)[assembly.elements.free].sum())
+    stress = weight / float(assembly.interfaces.area.mean())
+    dry: Document = {"friction_coefficient": float(random.uniform(0.3, 0.9))}
+    inner: Document = {"tensile_strength": stress * float(random.uniform(0.05, 0.5))}
+    inner["shear_strength"] = stress * float(random.uniform(0.5, 2.0))
+    if random.random() < 0.5:
+        inner["friction_coefficient"] = 0.3
+    if random.random() < 0.5:
+        dry["cohesion"] = 0.02 * stress
+    if seed % 7 == 0:
+        dry["compressive_strength"] = inner["compressive_strength"] = stress * float(random.uniform(3.0, 10.0))
+    document["materials"] = {**document["materials"], "dry": dry, "inner": inner}
+    element = assembly.elements.ids[int(random.choice(assembly.elements.free))]
+    if random.random() < 0.5:
+        document["loads"]["live"].append({"element": element, "force": [0.1 * weight, -0.1 * weight]})
+    if random.random() < 0.3:
+        for entry in document["elements"]:
+            if entry["id"] == element:
+                entry["weight"] = 0.1 * weight
+    return json.loads(json.dumps(document))  # type: ignore[no-any-return]
+
+
+def _of_plane(seed: int) -> tuple[float, float, float, float]:
+    """Return the derivative along a random direction, its difference by two steps, and its scale."""
+    scene = parse_scene(drawn(seed))
+    assembly = build_assembly(scene)
+    result = solve(assembly)
+    if result.status is not Status.COLLAPSE:
+        return math.nan, math.nan, math.nan, math.nan
+    found = geometry_sensitivities(result, one_sided=False)
+    assert found is not None
+    mesh = vertex_mesh(assembly)
+    moved = MovedScene(scene, assembly, assembly.labels, mesh)
+    way = np.random.default_rng(seed + 1).normal(size=mesh.places.shape)
+
+    def load_factor(share: float) -> float:
+        return solve(build_assembly(moved.at(mesh.places + share * way))).load_factor
+
+    size = float(np.linalg.norm(found.derivative) * np.linalg.norm(way))
+    # brackets of scenes that crush are wider, and steps have to be larger for rates to stand out
+    step = 3e-4 if np.isfinite(assembly.strengths(ROUTE).crush_dry).any() else 2e-5
+    return float((found.derivative * way).sum()), *_differences_vertex_rates(load_factor, step * assembly.size), size
+
+
+def _differences_vertex_rates(function: Any, step: float) -> tuple[float, float]:
+    """Return fourth-order central differences with a step and with half of it."""
+
+    def difference(by: float) -> float:
+        return float((8.0 * (function(by) - function(-by)) - (function(2.0 * by) - function(-2.0 * by))) / (12.0 * by))
+
+    return difference(step), difference(0.5 * step)
+
+
+def strip(seed: int) -> tuple[Floats, Floats, Document]:
+    """Draw the joints (k, 4, 3) of a strip of a vault, directions that keep them plane, and its load."""
+    random = np.random.default_rng(seed)
+    angles = np.linspace(np.pi, 0.0, 7)
+    radii, widths = np.array([0.88, 1.12, 1.12, 0.88]), np.array([0.0, 0.0, 0.4, 0.4])
+    joints, ways = np.empty((7, 4, 3)), np.empty((7, 4, 3))
+    for k, angle in enumerate(angles):
+        along = np.array([np.sin(angle), 0.0, -np.cos(angle)])
+        corners = np.column_stack([radii * np.cos(angle), widths, radii * np.sin(angle)])
+        plane = np.column_stack([np.ones(4), radii - 1.0, widths - 0.2])
+        joints[k] = corners + (plane @ (random.normal(size=3) * [0.02, 0.1, 0.1]))[:, None] * along
+        ways[k] = (plane @ (random.normal(size=3) * [0.1, 1.0, 1.0]))[:, None] * along
+    live = [{"body": [0.5, 0.4, 0.0]}] if seed % 2 else [{"element": "v1", "force": [0.3, 0.2, -1.0]}]
+    return joints, ways, {"live": live}
+
+
+def strip_scene(joints: Floats, loads: Document, cohesion: float = 0.0) -> Assembly:
+    """Build the strip between joints (k, 4, 3) as solids with triangular sides."""
+    down = np.array([0.0, 0.0, -0.3])
+    sections = [joints[0] + down, *joints, joints[-1] + down]
+    names = ["left", *(f"v{k}" for k in range(len(joints) - 1)), "right"]
+    sides = [face for i in range(4) for j in [(i + 1) % 4] for face in ([i, j, j + 4], [i, j + 4, i + 4])]
+    faces = [[3, 2, 1, 0], [4, 5, 6, 7], *sides]
+    elements = []
+    for name, first, last in zip(names, sections[:-1], sections[1:], strict=True):
+        corners = np.vstack([first, last])
+        volume = sum(
+            float(corners[f[0]] @ np.cross(corners[a], corners[b])) for f in faces for a, b in itertools.pairwise(f[1:])
+        )
+        own = faces if volume > 0.0 else [face[::-1] for face in faces]
+        support = name in ("left", "right")
+        elements.append({"id": name, "vertices": corners.tolist(), "faces": own, "support": support})
+    interfaces = [{"elements": [names[k], names[k + 1]], "polygon": joint.tolist()} for k, joint in enumerate(joints)]
+    dry = {"friction_coefficient": 0.6, "cohesion": cohesion}
+    document = {"elements": elements, "interfaces": interfaces, "loads": loads}
+    return build_assembly(parse_scene({**document, "materials": {"density": 2000, "dry": dry}}))
+
+
+def _of_strip(seed: int) -> tuple[float, float, float, float]:
+    """Return the derivative of a strip along plane motions of its joints, its differences, and its scale."""
+    joints, ways, loads = strip(seed)
+    cohesion = 300.0 if seed % 3 == 0 else 0.0
+    result = solve(strip_scene(joints, loads, cohesion))
+    if result.status is not Status.COLLAPSE:
+        return math.nan, math.nan, math.nan, math.nan
+    found = geometry_sensitivities(result)
+    assert found is not None
+    vertices = cKDTree(found.vertices).query(joints.reshape(-1, 3))[1]
+    way = ways.reshape(-1, 3)
+
+    def load_factor(share: float) -> float:
+        return solve(strip_scene(joints + share * ways, loads, cohesion)).load_factor
+
+    size = float(np.linalg.norm(found.derivative) * np.linalg.norm(way))
+    return float((found.derivative[vertices] * way).sum()), *_differences_vertex_rates(load_factor, 1e-3), size

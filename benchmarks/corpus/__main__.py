@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.common import ROOT, table
 from benchmarks.corpus import CLASSES, RELATIONS, TIERS, Value, read
-from jld_core.views.figures import save_figure
+from jld_views.figures import save_figure
 
 PAGE: Final = ROOT / "docs" / "validation.md"
 PICTURE: Final = ROOT / "docs" / "images" / "corpus.png"

@@ -31,7 +31,7 @@ RECORDS: Final = FOLDER / "records.json"
 CERTIFICATE: Final = 300_000  # largest size of a certificate that is kept, bytes
 COMPARED: Final = ("lintel-3x2", "bridge-7x2", "wall-4x4", "overhang-6x3", "beam-arch", "leonardo-9x2", "bridge-7x3",
                    "wall-8x6", "cubes-2")  # fmt: skip
-DRIVERS: Final = ("enumeration", "random", "hillclimb", "anneal", "genetic", "optuna", "exact")
+DRIVERS: Final = ("enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
 DRAWN: Final = ("wall-4x4", "wall-5x4", "wall-6x5", "wall-8x6", "wall-6x4-corner", "bridge-7x3", "bridge-8x6",
                 "arch-2-rings", "cubes-3", "corner-4")  # fmt: skip
 IDLE: Final = 20  # draws without a new layout after which a problem has no more

@@ -11,6 +11,7 @@
 - `Floats`: array of float64
 - `InputError`: error for a scene, option or folder that cannot be used, in one line
 - `Ints`: array of int64
+- `Layout`: assembly under one labelling, as blocks
 - `LimitAnalysis`: solver of many labellings of one assembly
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
 - `LoadCase`: one load case of an assembly: its loads, and the load factor required under them
@@ -25,10 +26,12 @@
 - `Status`: status of a result: collapse, locked, unstable or uncertified
 - `Strengths`: strengths of m interfaces, each as dry and as inner, in scene units
 - `assembly`: module of assemblies: parts of one, labels that a caller gives
+- `blocks_csv`: return the text of blocks.csv
 - `blocks_of`: find the blocks of a labelling
 - `build_assembly`: build the assembly of a scene
 - `checkpoint`: raise DeadlinePassed if the deadline enforced around this call has passed
 - `error_context`: add the name of a file to errors about its content
+- `exchange`: files of other programs, read as scenes and written as blocks
 - `export_lazily`: let a package load its exported names on first use
 - `files`: write files completely or not at all, with characters that every reader accepts
 - `geometry_sensitivities`: compute the derivatives of λ by the positions of vertices
@@ -37,6 +40,7 @@
 - `parameters`: check the types of what a caller gives, by the annotations of dataclasses
 - `parse_scene`: make a scene from a dictionary
 - `plugins`: plug-ins: what packages installed beside jld add, found by their entry points (docs/guide/plugins.md)
+- `resultants`: compute the resultants of loads on elements
 - `samples`: parametric scenes by name
 - `solve`: compute λ of one labelling, with a two-sided bracket
 - `solve_many`: compute λ of many labellings by the compiled batch solver
@@ -54,17 +58,18 @@ from jld_core._version import __version__ as __version__
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
-    from jld_core import assembly, files, parameters, plugins, samples, solvers, tolerances, views
+    from jld_core import assembly, exchange, files, parameters, plugins, samples, solvers, tolerances, views
     from jld_core.arrays import Bits, Bools, Floats, Ints
     from jld_core.assembly import Assembly, Elements, LoadCase, blocks_of
     from jld_core.build.assemble import build_assembly
     from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
     from jld_core.errors import InputError, ParameterError, SolverError, error_context
+    from jld_core.layout import Layout, blocks_csv
     from jld_core.lazy_exports import export_lazily
     from jld_core.limit.analysis import LimitAnalysis
     from jld_core.limit.options import Model, SolveOptions, Status
     from jld_core.limit.result import LimitAnalysisResult, Result
-    from jld_core.loads import Loads
+    from jld_core.loads import Loads, resultants
     from jld_core.models.case_analysis import solve
     from jld_core.models.sensitivity import geometry_sensitivities
     from jld_core.models.solve_many import BatchResult, solve_many
@@ -85,6 +90,7 @@ __all__ = [
     "Floats",
     "InputError",
     "Ints",
+    "Layout",
     "LimitAnalysis",
     "LimitAnalysisResult",
     "LoadCase",
@@ -99,10 +105,12 @@ __all__ = [
     "Status",
     "Strengths",
     "assembly",
+    "blocks_csv",
     "blocks_of",
     "build_assembly",
     "checkpoint",
     "error_context",
+    "exchange",
     "export_lazily",
     "files",
     "geometry_sensitivities",
@@ -111,6 +119,7 @@ __all__ = [
     "parameters",
     "parse_scene",
     "plugins",
+    "resultants",
     "samples",
     "solve",
     "solve_many",
@@ -126,6 +135,7 @@ export_lazily(
         "assembly": ["Elements", "LoadCase", "Assembly", "blocks_of"],
         "build.assemble": ["build_assembly"],
         "errors": ["ParameterError", "error_context", "InputError", "SolverError"],
+        "layout": ["Layout", "blocks_csv"],
         "limit.analysis": ["LimitAnalysis"],
         "limit.result": ["LimitAnalysisResult", "Result"],
         "limit.options": ["Model", "Status", "SolveOptions"],
@@ -137,9 +147,9 @@ export_lazily(
         "arrays": ["Bits", "Bools", "Floats", "Ints"],
         "strengths": ["FACTS", "Route", "Strengths"],
         "deadline": ["Deadline", "DeadlinePassed", "checkpoint", "time_left"],
-        "loads": ["Loads"],
+        "loads": ["Loads", "resultants"],
         "threads": ["one_thread"],
         "lazy_exports": ["export_lazily"],
     },
-    submodules=["assembly", "files", "parameters", "plugins", "tolerances", "samples", "solvers", "views"],
+    submodules=["assembly", "exchange", "files", "parameters", "plugins", "tolerances", "samples", "solvers", "views"],
 )

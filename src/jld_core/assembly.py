@@ -219,7 +219,7 @@ class Assembly(NotebookRepr):
         Scene of which it was built; cells are cut from it.
     """
 
-    shown_by: ClassVar[str] = "jld_core.views.notebook:AssemblyView"
+    shown_by: ClassVar[str] = "jld_views.notebook:AssemblyView"
 
     name: str
     dimension: int

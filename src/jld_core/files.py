@@ -78,3 +78,12 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file completely or not at all, replacing an existing one."""
     with whole_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")
+
+
+RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
+"""First characters by which a spreadsheet takes a text for a formula."""
+
+
+def harmless(value: object) -> object:
+    """Quote a text that a spreadsheet would run as a formula, by an apostrophe before `RUN_BY_SPREADSHEETS`."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(RUN_BY_SPREADSHEETS) else value

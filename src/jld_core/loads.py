@@ -194,7 +194,20 @@ def edge_traction(element: int, ends: Floats, values: Floats) -> Traction:
 
 
 def resultants(loads: Loads, elements: Bodies) -> Floats:
-    """Sum loads to forces and moments (n, 3) or (n, 6) about the centroids of elements."""
+    """Sum loads to forces and moments about the centroids of elements.
+
+    Parameters
+    ----------
+    loads : Loads
+        Loads on n elements.
+    elements : Elements
+        The elements.
+
+    Returns
+    -------
+    (n, 3) or (n, 6) float array
+        Forces and moments, planar or spatial.
+    """
     # The moment of a force at p is (p − c) × f about centroid c. Supports have none. Sums within rounding of zero
     # become exactly zero.
     d = loads.body.shape[1]

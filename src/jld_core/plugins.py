@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -105,3 +106,14 @@ def part(name: str) -> Any:
     if name not in entry_points("jld.parts"):
         raise InputError(f"part {name!r} of jld", "no package that is installed brings it", "pip install jld, whole")
     return load("jld.parts", name)
+
+
+def door(name: str) -> Callable[[str], Any]:
+    """Return the `__getattr__` of a module that leads to a part of jld."""
+
+    def lead(attribute: str) -> Any:
+        if attribute.startswith("__"):
+            raise AttributeError(attribute)
+        return getattr(part(name), attribute)
+
+    return lead

@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
+from jld_core.plugins import door
 
-from jld_core.plugins import part
-
-
-def __getattr__(name: str) -> Any:
-    if name.startswith("__"):
-        raise AttributeError(name)
-    return getattr(part("samples"), name)
+__getattr__ = door("samples")

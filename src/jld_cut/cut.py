@@ -16,9 +16,7 @@ import numpy as np
 import pandas as pd
 import shapely
 
-from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, ParameterError, files, plugins
-from jld_core.exchange import Layout, export
-from jld_core.views import figures
+from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, Layout, ParameterError, files, plugins
 from jld_cut.cells import Limits
 from jld_cut.families import FAMILIES
 from jld_cut.loads import parse_load, parse_region
@@ -29,7 +27,9 @@ from jld_cut.parts import Part, different, lay, parts_of, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
 from jld_cut.scene import Matter, Setting
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, layout_of, search_all
-from jld_explore.report import csv_of, page_of_study
+from jld_explore.report import csv_of
+from jld_formats import export
+from jld_views import figures, page_of_study
 
 _FIELDS: Final = 45.0  # time from which bounds by fields have a chance, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s

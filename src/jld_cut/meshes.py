@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 
 from jld_core import Bools, Floats, InputError, Ints, error_context
-from jld_core.exchange import ImportOptions, Notes, Solids, formats
 from jld_cut.whole import groups
+from jld_formats import ImportOptions, Notes, Solids, formats
 
 ENDINGS: Final = ("stl", "obj", "3mf")
 MOST: Final = 200_000  # triangles of a solid

@@ -12,8 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Bits, Floats, InputError, Ints, build_assembly, parse_scene
-from jld_core.exchange import Layout
+from jld_core import Bits, Floats, InputError, Ints, Layout, build_assembly, parse_scene
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.families import FAMILIES, Body
 from jld_cut.loads import Facet, Region, facet_of, shares

@@ -82,7 +82,7 @@ def write_history(assembly: Assembly, labels: Bits, model: Model, path: Path) ->
         raise ParameterError("history", f"{path.name!r} is no table", "a file with the ending .csv")
     import pandas as pd  # slow to import
 
-    from jld_core.views import figures
+    from jld_views import figures
 
     steps = steps_of(assembly, labels, model)
     files.write_text(path, pd.DataFrame(steps).to_csv(index=False))
@@ -97,7 +97,7 @@ def figure_of_history(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from jld_core.views import look
+    from jld_views import look
 
     figure = Figure(figsize=(8.0, 7.0), dpi=110)
     FigureCanvasAgg(figure)

@@ -106,8 +106,8 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
 
 def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out: Path) -> None:
     """Write table, summary and picture."""
-    from jld_core.views import figures
     from jld_experiment.report import figure_of, table
+    from jld_views import figures
 
     out.mkdir(parents=True, exist_ok=True)
     files.write_text(out / "curve.csv", csv_of(table(curve)))

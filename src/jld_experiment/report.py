@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysisResult
 from jld_core.limit import number
-from jld_core.views import figures
 from jld_experiment.experiment import Curve
+from jld_views import figures
 
 PUSHED, FASTER, LIMIT = "#1B1B1B", "#D55E00", "#0072B2"
 

@@ -57,6 +57,7 @@ def sub_contacts(assembly: Assembly, labels: Bits, scheme: str, segments: int) -
 def _line(scheme: str, segments: int, dry: bool) -> Floats:
     """Return (k, 2) positions on a line from −1/2 to 1/2 and weights that sum to one."""
     if scheme == "limit":
+        # Two points: a dry joint rocks about its edges; at ±1/6 they carry an inner face's moment f t²/6 and force f t.
         end = 0.5 if dry else 1.0 / 6.0
         return np.array([[-end, 0.5], [end, 0.5]])
     ends = np.linspace(-0.5, 0.5, segments + 1)

@@ -24,6 +24,7 @@ from jld_core.limit.options import Model
 from jld_core.models import cost_estimate
 from jld_core.models.costs import require_memory
 from jld_core.parameters import near, require_kind, typed
+from jld_core.plugins import part
 from jld_core.refinement import crack_cells
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.scene.reading import load_scene
@@ -41,8 +42,7 @@ from jld_explore.evaluation.pool import beside, deferred_signals, on_cluster
 from jld_explore.evaluation.protocol import MakeEvaluator
 from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
 from jld_explore.report import folder as folders
-from jld_explore.report import write_report
-from jld_explore.report.folder import check_certificate_file, check_folder, save_tables, write_pictures, write_tables
+from jld_explore.report.folder import check_certificate_file, check_folder, save_tables, write_tables
 from jld_explore.report.reading import Exploration
 from jld_explore.search.driver_choice import (
     CLASSES,
@@ -286,7 +286,7 @@ def _search(
     except Interrupted as stop:
         if settings.pictures:
             with deferred_signals():
-                write_report(done, patience=_STOPPING, deadline=Deadline(0.0))
+                part("views").write_report(done, patience=_STOPPING, deadline=Deadline(0.0))
         stop.done = done
         raise
 
@@ -358,7 +358,7 @@ Drawn = tuple[list[Path], list[str]]
 def _pictures_of(done: Exploration, deadline: Deadline, settings: ExploreSettings) -> Callable[[], Drawn]:
     """Return the function that draws as many pictures as time allows; no picture depends on what steps find."""
     return partial(
-        write_pictures,
+        part("views").write_pictures,
         done,
         deadline=later(deadline, settings, PICTURES),
         busy=busy_factor(deadline.elapsed(), time.process_time()) if settings.jobs == 1 else 1.0,
@@ -378,10 +378,10 @@ def _draw(
     # The page of a search by fields shows the picture of the best layout. Pictures that are missing are announced.
     fields = isinstance(done.scene.cracks, FieldCracks)
     if not fields:
-        write_report(done, deadline=later(deadline, settings, PAGE))
+        part("views").write_report(done, deadline=later(deadline, settings, PAGE))
     missing = drawing()[1]
     if fields:
-        write_report(done, deadline=later(deadline, settings, PAGE))
+        part("views").write_report(done, deadline=later(deadline, settings, PAGE))
     if missing and announce is not None:
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
 
@@ -405,7 +405,7 @@ def _run_study(study: Study, deadline: Deadline) -> StopReason:
         _bound_all(study, in_time=_BOUNDING * cost_estimate(study.assembly).seconds < _STOPPING)
         done = save_tables(write_tables(study, StopReason.INTERRUPTED, Deadline(_STOPPING)), csv=study.settings.csv)
         if study.settings.pictures:
-            write_report(done, patience=_STOPPING, deadline=Deadline(0.0))
+            part("views").write_report(done, patience=_STOPPING, deadline=Deadline(0.0))
         if apart:
             study.records = study.open_records()
             study.records.forget_evaluations()

@@ -1,99 +1,76 @@
-"""File formats of other programs (group ``jld.formats``).
+"""Files of other programs: read as scenes with a report, written as blocks (`jld import`, `jld export`).
 
-- `COMPAS`: assemblies of COMPAS
-- `COMPAS_DEM`: block models of compas_dem
-- `GLTF`: pictures in space
-- `IFC`: building models
-- `RHINO`: files of Rhino
-- `STEP`: solids of CAD programs
-- `THREE_DEC`: commands of 3DEC
-- `VTK`: grids for ParaView
+- `FORMATS`: export formats and their file endings
+- `Format`: how a file format is read and written, and what its files keep
+- `ImportOptions`: options for reading a file
+- `Imported`: scene document with a report of its import
+- `Notes`: what a reader found, snapped, assumed and skipped, while it reads
+- `Part`: one solid of a file
+- `Report`: sentences on what a reader found, snapped, assumed and skipped
+- `Solids`: content of a spatial file, which a reader returns
+- `cells`: cells of a planar drawing: from outlines, lines across and between them, and openings
+- `drawn_loads`: loads from a drawing: arrows, lines along edges, points and texts on load layers
+- `export`: write a layout to a file of another program
+- `facts`: scene data that another file format cannot represent, stored in the file for re-import; and what is not kept
+- `forces`: parser of forces written as text: `10 kN`, `F1 = 2,5 kN`, `1 t`, `3 kN; -4 kN`
+- `formats`: file formats as data: how each is read and written, and what a file of it keeps
+- `import_file`: read a file of another program as a scene document
+- `libraries`: optional libraries of some formats, and checks of input files
+- `options`: options and report of an import, and functions shared by all readers
+- `paths`: paths of lines and arcs, and their approximation by chords
+- `planar_scene`: convert the content of a planar drawing to a scene document
+- `solids`: conversion of meshes to spatial elements: snapping, merging of faces, supports by name
+- `solids_of`: yield name, support flag and closed surface of each block, or of each element
 """
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING
 
-from jld_core.exchange import Format, formats
+from jld_core import export_lazily
 
-__all__ = ["COMPAS", "COMPAS_DEM", "GLTF", "IFC", "RHINO", "STEP", "THREE_DEC", "VTK"]
+if TYPE_CHECKING:
+    from jld_formats import cells, drawn_loads, facts, forces, formats, libraries, options, paths, solids
+    from jld_formats.drawing import planar_scene
+    from jld_formats.formats import FORMATS, Format, export
+    from jld_formats.libraries import import_file
+    from jld_formats.options import Imported, ImportOptions, Notes, Report
+    from jld_formats.read_mesh import solids_of
+    from jld_formats.solids import Part, Solids
 
-_NAMED: Final = (*formats.OUTLINES, "thickness", "name")
+__all__ = [
+    "FORMATS",
+    "Format",
+    "ImportOptions",
+    "Imported",
+    "Notes",
+    "Part",
+    "Report",
+    "Solids",
+    "cells",
+    "drawn_loads",
+    "export",
+    "facts",
+    "forces",
+    "formats",
+    "import_file",
+    "libraries",
+    "options",
+    "paths",
+    "planar_scene",
+    "solids",
+    "solids_of",
+]
 
-_WEIGHED: Final = (*formats.OUTLINES, *formats.WEIGHTS, "thickness", "elements.support")
-
-COMPAS: Final = Format(
-    "compas",
-    ".json",
-    formats.by("jld_formats.read_dem", "read_compas"),
-    ("json",),
-    write=formats.of_text("jld_formats.write_compas", "compas_text"),
-    cells=(2, 3),
-    members=False,
-    keeps=formats.OF_BLOCKS,
-    keeps_of_cells=("interfaces",),
-    whole=frozenset({(3, True)}),
-    labels=frozenset({(2, True), (3, True)}),
+export_lazily(
+    __name__,
+    {
+        "drawing": ["planar_scene"],
+        "formats": ["FORMATS", "Format", "export"],
+        "libraries": ["import_file"],
+        "options": ["ImportOptions", "Imported", "Notes", "Report"],
+        "read_mesh": ["solids_of"],
+        "solids": ["Part", "Solids"],
+    },
+    submodules=["cells", "drawn_loads", "facts", "forces", "formats", "libraries", "options", "paths", "solids"],
 )
-COMPAS_DEM: Final = Format(
-    "compas_dem",
-    ".json",
-    write=formats.of_text("jld_formats.write_dem", "dem_text"),
-    cells=(2, 3),
-    analysed=True,
-    members=False,
-    keeps=(*_WEIGHED, *formats.FORCES, "loads.cases.name"),
-)
-GLTF: Final = Format(
-    "gltf",
-    ".glb",
-    write=formats.of_text("jld_formats.write_vtk", "gltf_bytes"),
-    cells=(2, 3),
-    unit="metres",
-    analysed=True,
-    keeps=_NAMED,
-)
-IFC: Final = Format(
-    "ifc",
-    ".ifc",
-    formats.by("jld_formats.read_ifc", "read_ifc"),
-    ("ifc",),
-    "ifcopenshell",
-    formats.by("jld_formats.write_ifc", "write_ifc"),
-    cells=(2, 3),
-    unit="any",
-    analysed=True,
-    keeps=_NAMED,
-)
-RHINO: Final = Format(
-    "3dm",
-    ".3dm",
-    formats.by("jld_formats.read_rhino", "read_rhino"),
-    ("3dm",),
-    "rhino3dm",
-    formats.by("jld_formats.write_rhino", "write_rhino"),
-    cells=(3,),
-    unit="any",
-    analysed=True,
-    keeps=formats.OF_BLOCKS,
-    whole=formats.PLANAR | {(3, True)},
-    labels=formats.PLANAR,
-)
-STEP: Final = Format(
-    "step",
-    ".step",
-    formats.by("jld_formats.read_step", "read_step"),
-    ("step", "stp", "p21"),
-    write=formats.of_text("jld_formats.write_step", "step_text"),
-    cells=(2, 3),
-    unit="any",
-    keeps=(*_NAMED, "elements.support"),
-)
-THREE_DEC: Final = Format(
-    "3dec",
-    ".dat",
-    write=formats.of_text("jld_formats.write_step", "command_text"),
-    members=False,
-    keeps=(*_WEIGHED, "name", "materials.gravity"),
-)
-VTK: Final = Format("vtk", ".vtu", write=formats.by("jld_formats.write_vtk", "write_vtk"), analysed=True, keeps=_NAMED)

@@ -11,10 +11,11 @@ from functools import wraps
 from importlib import import_module
 from typing import Any, Final
 
-from jld_core import InputError, Model, ParameterError, build_assembly, parse_scene
-from jld_core.exchange import ImportOptions, Layout, Notes, solids
+from jld_core import InputError, Layout, Model, ParameterError, build_assembly, parse_scene
 from jld_core.models import solve_rigid
+from jld_formats.options import ImportOptions, Notes
 from jld_formats.read_dem import data_of, model_and_problems, solids_of
+from jld_formats.solids import spatial_scene
 from jld_formats.write_dem import Dem
 
 NAME: Final = "JLD"
@@ -25,7 +26,7 @@ def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:
     """Solve an `Analysis` of compas_dem in JSON; return its `Results` in JSON; options: as of `Model`."""
     notes = Notes()
     found = solids_of(document, "analysis", notes)
-    written = solids.spatial_scene(found, ImportOptions(), notes).document
+    written = spatial_scene(found, ImportOptions(), notes).document
     if "settlements" in written:
         raise InputError(
             "displacements", "limit analysis knows no prescribed movement", "loads alone, or jld settlement"

@@ -10,11 +10,13 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import Floats, InputError
-from jld_core.exchange import ImportOptions, Notes, Part, Solids, drawn_loads, libraries
-from jld_core.exchange import facts as exchange_facts
-from jld_core.exchange import options as exchange_options
 from jld_core.geometry import area_vector
 from jld_core.scene import standard
+from jld_formats.drawn_loads import MOST
+from jld_formats.facts import STORED
+from jld_formats.libraries import text_of
+from jld_formats.options import DEFAULT_MATERIALS, DEFAULT_STRENGTHS, ImportOptions, Notes, several
+from jld_formats.solids import Part, Solids
 
 _SHEAR: Final = standard.key_of("dry", "shear")  # key of a joint's resistance without pressure
 
@@ -120,7 +122,7 @@ def problem_facts(
     if loads:
         found["loads"] = loads
     count = sum(len(case["live"]) for case in cases) + len(loads.get("dead", []))
-    said = f"{exchange_options.several(count, 'load')} in {exchange_options.several(len(cases), 'case')}"
+    said = f"{several(count, 'load')} in {several(len(cases), 'case')}"
     notes.found.append(f"problem {problem.get('name') or '(no name)'}: {said}")
     return found
 
@@ -131,8 +133,8 @@ def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
     contact = data_of(problem.get("contact_properties") or {})
     law = contact.get("contact_model")
     if not law:
-        notes.assumed.append(f"friction 0.6, {exchange_options.DEFAULT_STRENGTHS}: the problem has no contact model")
-        return {key: exchange_options.DEFAULT_MATERIALS[key] for key in ("dry", "inner")}
+        notes.assumed.append(f"friction 0.6, {DEFAULT_STRENGTHS}: the problem has no contact model")
+        return {key: DEFAULT_MATERIALS[key] for key in ("dry", "inner")}
     kind, values = str(law.get("dtype", "")), data_of(law)
     if not kind.endswith("MohrCoulomb"):
         raise InputError("contact model", f"it is {kind.rpartition('/')[2]}", "MohrCoulomb")
@@ -146,8 +148,8 @@ def _materials(problem: dict[str, Any], notes: Notes) -> dict[str, Any]:
             notes.assumed.append(f"tensile strength {apex:g} of joints for t_c {values['t_c']:g}: the apex of friction")
     if contact.get("joint_model"):
         notes.skip("joint model", 1, "limit analysis knows no stiffness")
-    notes.assumed.append(f"{exchange_options.DEFAULT_STRENGTHS}: edit materials, or --like SCENE")
-    inner = exchange_options.DEFAULT_MATERIALS["inner"]
+    notes.assumed.append(f"{DEFAULT_STRENGTHS}: edit materials, or --like SCENE")
+    inner = DEFAULT_MATERIALS["inner"]
     # blocks are at least as strong as their joints
     inner = {**inner, "tensile_strength": max(inner["tensile_strength"], dry.get("tensile_strength", 0.0))}
     return {"dry": dry, "inner": inner}
@@ -240,7 +242,7 @@ _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")  # elemen
 def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
     """Read the blocks, supports and interfaces of a COMPAS JSON file."""
     try:
-        document = json.loads(libraries.text_of(path), parse_constant=_refuse)
+        document = json.loads(text_of(path), parse_constant=_refuse)
     except json.JSONDecodeError as error:
         raise InputError("", f"it is not JSON (line {error.lineno}, column {error.colno})", "COMPAS JSON") from None
     except RecursionError:
@@ -277,9 +279,7 @@ def solids_of(document: Any, title: str, notes: Notes) -> Solids:
     name = str(facts.get("name") or (data.get("attributes") or {}).get("name") or data.get("name") or title)
     if facts.get("interfaces"):
         contacts = []
-    keys = stated | {
-        key: value for key, value in facts.items() if key in exchange_facts.STORED - {"name", "elements", "thickness"}
-    }
+    keys = stated | {key: value for key, value in facts.items() if key in STORED - {"name", "elements", "thickness"}}
     if "materials" in stated and (known := {part.keys["density"] for part in parts if "density" in part.keys}):
         keys["materials"]["density"] = max(known)
     return Solids(parts, contacts, keys, name)
@@ -296,8 +296,8 @@ def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
     default = bool((graph.get("default_node_attributes") or {}).get("is_support", False))
     parts, names = [], {}
     nodes = graph["node"].items()
-    if len(nodes) > drawn_loads.MOST:
-        raise InputError("", f"it has {len(nodes)} blocks", f"at most {drawn_loads.MOST}")
+    if len(nodes) > MOST:
+        raise InputError("", f"it has {len(nodes)} blocks", f"at most {MOST}")
     for key, attributes in sorted(nodes, key=lambda item: (len(item[0]), item[0])):
         block = attributes["block"]
         if block is None:

@@ -12,11 +12,13 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, InputError
-from jld_core.exchange import ImportOptions, Notes, Part, Solids, cells, drawn_loads, libraries
-from jld_core.exchange import options as exchange_options
-from jld_core.exchange import solids as exchange_solids
 from jld_core.geometry import Faces, unions
 from jld_core.scene import units as scene_units
+from jld_formats.cells import without_holes
+from jld_formats.drawn_loads import MOST
+from jld_formats.libraries import library, parsing, readable
+from jld_formats.options import ImportOptions, Notes, several
+from jld_formats.solids import Part, Solids, split
 
 PROPERTIES: Final = "Pset_MaterialCommon"
 """Name of the standard property set of a material that holds its density."""
@@ -53,6 +55,7 @@ class Densities:
         return found.pop() if len(found) == 1 else None
 
     def _stated(self, material: Any) -> Iterator[float]:
+        """Yield the densities of a material, kg/m³: from IFC2x3's general properties, then from property sets."""
         if material.id() in self._older:
             yield self._older[material.id()]
         for properties in getattr(material, "HasProperties", None) or ():
@@ -94,14 +97,14 @@ _BODY: Final = ("Body", "Facetation")  # identifiers of the representations that
 
 
 def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
-    ifc = libraries.library("ifcopenshell", path)
-    libraries.readable(path)
-    with libraries.parsing("IFC", "an IFC file"):
+    ifc = library("ifcopenshell", path)
+    readable(path)
+    with parsing("IFC", "an IFC file"):
         notes.reached("bytes in its text", path.stat().st_size)
         model = ifc.open(str(path))
         products = [p for p in model.by_type("IfcProduct") if getattr(p, "Representation", None) is not None]
-        if len(products) > drawn_loads.MOST:
-            raise InputError("", f"it has {len(products)} products", f"at most {drawn_loads.MOST}")
+        if len(products) > MOST:
+            raise InputError("", f"it has {len(products)} products", f"at most {MOST}")
         scale = float(import_module("ifcopenshell.util.unit").calculate_unit_scale(model))
         placed = import_module("ifcopenshell.util.placement").get_local_placement
         densities = Densities(model)
@@ -136,11 +139,8 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
                 name = str(product.Name or product.GlobalId)
                 own = name if len(solids) == 1 else f"{name}.{number}"
                 parts.append(Part(own, group, points, faces, keys=keys))
-    notes.found.append(
-        f"{exchange_options.several(len(parts), 'solid')} of "
-        f"{exchange_options.several(len(products) - empty, 'product')}"
-    )
-    notes.found += [f"{exchange_options.several(count, 'product')} {how}" for how, count in counted.items() if count]
+    notes.found.append(f"{several(len(parts), 'solid')} of {several(len(products) - empty, 'product')}")
+    notes.found += [f"{several(count, 'product')} {how}" for how, count in counted.items() if count]
     notes.skip("products", empty, "spaces, openings, or no body")
     unit = next((name for name, size in scene_units.METRES.items() if abs(size - scale) <= 1e-9 * size), f"{scale:g} m")
     if unit != "m":
@@ -238,7 +238,7 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
     solids = []
     for item in dict.fromkeys(owner.tolist()):
         faces = tuple(triangles[k] for k in np.flatnonzero(owner == item).tolist())
-        for part in exchange_solids.split(points, faces, 1e-9 * float(np.ptp(points, axis=0).max())):
+        for part in split(points, faces, 1e-9 * float(np.ptp(points, axis=0).max())):
             kept = [faces[k] for k in part.tolist()]
             used = sorted({index for face in kept for index in face})
             number = {old: new for new, old in enumerate(used)}
@@ -291,7 +291,7 @@ def _of_faces(faces: Any, title: str) -> tuple[Floats, Faces]:
             loops.append(loop if bound.Orientation else loop[::-1])
         bounds.append(loops)
     points = np.array(list(number)).reshape(-1, 3)
-    return points, tuple(loop for loops in bounds for loop in cells.without_holes(points, loops, title))
+    return points, tuple(loop for loops in bounds for loop in without_holes(points, loops, title))
 
 
 def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
@@ -305,7 +305,7 @@ def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
     for loop in (loop for loops in bounds for loop in loops):
         if min(loop) < 0 or max(loop) >= len(points):
             raise InputError(title, f"a face names vertex {max(loop) + 1}", f"1 to {len(points)}")
-    return points, tuple(loop for loops in bounds for loop in cells.without_holes(points, loops, title))
+    return points, tuple(loop for loops in bounds for loop in without_holes(points, loops, title))
 
 
 def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:

@@ -13,11 +13,14 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import Floats, InputError
-from jld_core.exchange import ImportOptions, Notes, Part, Solids, cells, drawn_loads, libraries
-from jld_core.exchange import facts as exchange_facts
-from jld_core.exchange import options as exchange_options
-from jld_core.exchange import paths as exchange_paths
 from jld_core.geometry import Faces
+from jld_formats.cells import without_holes
+from jld_formats.drawn_loads import MOST, Drawing, Mark, SolidMark
+from jld_formats.facts import STORED
+from jld_formats.libraries import library, parsing, readable
+from jld_formats.options import FACET, ImportOptions, Notes, listed
+from jld_formats.paths import Path
+from jld_formats.solids import Part, Solids
 
 # Largest distance from a plane or a line, relative to the size of the object, of what counts as plane or straight
 _PLANE: Final = 1e-6
@@ -43,7 +46,7 @@ def polyhedron(geometry: Any, title: str) -> tuple[Floats, Faces]:
         if short < 3:
             raise InputError(title, f"a face has {short} corners", "at least 3")
         turned = [loop[::-1] if face.OrientationIsReversed else loop for loop in loops]
-        faces += cells.without_holes(points, turned, title)
+        faces += without_holes(points, turned, title)
     if not solid.IsSolid:
         raise InputError(title, "it is open", "a closed polysurface")
     return points, tuple(faces)
@@ -88,11 +91,11 @@ _FORCE: Final = ("force", "load")  # keys of user text that state the force of a
 _FLAT: Final = 1e-6  # largest height of curves over their common plane, relative to their size
 
 
-def read_rhino(path: File, options: ImportOptions, notes: Notes) -> drawn_loads.Drawing | Solids:
+def read_rhino(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
     """Read a Rhino file as solids, or as a drawing where it holds curves alone, in its unit."""
-    rhino = libraries.library("rhino3dm", path)
-    libraries.readable(path)
-    with libraries.parsing("3DM", "a Rhino file"):
+    rhino = library("rhino3dm", path)
+    readable(path)
+    with parsing("3DM", "a Rhino file"):
         model = rhino.File3dm.Read(str(path))
         if model is None:
             raise InputError("", "it is no 3DM that can be read", "a Rhino file")
@@ -108,7 +111,7 @@ class _Reader:
         self._by_id = {str(item.Attributes.Id): item for item in model.Objects}
         self._parts: list[Part] = []
         self._curves: list[tuple[Floats, bool, str, str]] = []
-        self._marks: list[drawn_loads.SolidMark] = []
+        self._marks: list[SolidMark] = []
         self._unread: Counter[tuple[str, str]] = Counter()
         self._hidden: Counter[str] = Counter()
 
@@ -125,13 +128,10 @@ class _Reader:
             known[key] = 1 + sum(self._unfolded(one, known, depth + 1) for one in own if one is not None)
         return known[key]
 
-    def content(self, title: str) -> drawn_loads.Drawing | Solids:
+    def content(self, title: str) -> Drawing | Solids:
         known: dict[str, int] = {}
         items = [item for item in self._model.Objects if not item.Attributes.IsInstanceDefinitionObject]
-        if (
-            len(items) > drawn_loads.MOST
-            or sum(self._unfolded(item, known) for item in items) - len(items) > _MOST_COPIES
-        ):
+        if len(items) > MOST or sum(self._unfolded(item, known) for item in items) - len(items) > _MOST_COPIES:
             raise InputError("", "its blocks unfold into too many objects", f"at most {_MOST_COPIES}")
         for done, item in enumerate(items):
             self._notes.reached("objects", done, len(items))
@@ -144,9 +144,7 @@ class _Reader:
         unit = UNITS.get(str(self._model.Settings.ModelUnitSystem).rpartition(".")[2])
         name = str(facts.pop("name", "") or title)
         layers = {part.group for part in self._parts} | {layer for _, _, layer, _ in self._curves}
-        self._notes.found.append(
-            f"layers {exchange_options.listed(sorted(layers | {mark.layer for mark in self._marks}), 12)}"
-        )
+        self._notes.found.append(f"layers {listed(sorted(layers | {mark.layer for mark in self._marks}), 12)}")
         if not self._parts:
             return self._drawing(unit, facts, name)
         keys = facts.pop("elements", {})
@@ -155,7 +153,7 @@ class _Reader:
             for p in self._parts
         ]
         arrows = [
-            drawn_loads.SolidMark(points[-1], layer, text or None, points[0])
+            SolidMark(points[-1], layer, text or None, points[0])
             for points, closed, layer, text in self._curves
             if not closed and self._options.role(layer) in ("load", "dead")
         ]
@@ -176,7 +174,7 @@ class _Reader:
         found = json.loads(stored[FACTS])
         if not isinstance(found, dict):
             raise InputError(FACTS, "the user text holds no JSON object", "what jld export wrote")
-        return {key: value for key, value in found.items() if key in exchange_facts.STORED}
+        return {key: value for key, value in found.items() if key in STORED}
 
     def _layer(self, index: int, parent: str | None) -> tuple[str, bool]:
         """Return the name of an object's layer, in a path the last with a role, and whether it is shown."""
@@ -214,10 +212,10 @@ class _Reader:
         elif kind == "Point" or kind == "TextDot":
             at = geometry.Location if kind == "Point" else geometry.Point
             text = geometry.Text if kind == "TextDot" else _force(texts) or name
-            self._marks.append(drawn_loads.SolidMark(np.array([at.X, at.Y, at.Z]), layer, text or None))
+            self._marks.append(SolidMark(np.array([at.X, at.Y, at.Z]), layer, text or None))
         elif isinstance(geometry, self._rhino.AnnotationBase) and hasattr(geometry, "PlainText"):
             at = geometry.Plane.Origin
-            self._marks.append(drawn_loads.SolidMark(np.array([at.X, at.Y, at.Z]), layer, str(geometry.PlainText)))
+            self._marks.append(SolidMark(np.array([at.X, at.Y, at.Z]), layer, str(geometry.PlainText)))
         elif isinstance(geometry, self._rhino.Curve):
             loaded = self._options.role(layer) in ("load", "dead")
             self._curves.append(
@@ -246,13 +244,13 @@ class _Reader:
             at = np.linspace(low, high, 2 * number + 1)
             points = np.array([(p.X, p.Y, p.Z) for p in (curve.PointAt(float(t)) for t in at)])
             size = float(np.ptp(points, axis=0).max())
-            facet = exchange_options.FACET * size if self._options.facet is None else self._options.facet
+            facet = FACET * size if self._options.facet is None else self._options.facet
             middle = 0.5 * (points[:-1:2] + points[2::2])
             if number >= 2048 or np.linalg.norm(points[1::2] - middle, axis=1).max() <= facet:
                 return np.asarray(points[::2])
             number *= 2
 
-    def _drawing(self, unit: str | None, facts: dict[str, Any], name: str) -> drawn_loads.Drawing:
+    def _drawing(self, unit: str | None, facts: dict[str, Any], name: str) -> Drawing:
         """Project curves, points and texts onto their plane x–y or x–z, as a drawing."""
         every = [points for points, _, _, _ in self._curves] + [mark.at[None] for mark in self._marks]
         if not every:
@@ -271,12 +269,12 @@ class _Reader:
                 flat = flat[:-1]
             if len(flat) > (2 if closed else 1):
                 loaded = self._options.role(layer) in ("load", "dead")
-                paths.append(exchange_paths.Path(flat, closed, layer, title if closed and not loaded else None))
+                paths.append(Path(flat, closed, layer, title if closed and not loaded else None))
                 if loaded and title:
                     middle = 0.5 * (flat[0, :2] + flat[-1, :2])
-                    self._marks.append(drawn_loads.SolidMark(np.insert(middle, 3 - up, 0.0), layer, title))
-        marks = [drawn_loads.Mark((float(m.at[0]), float(m.at[up])), m.layer, m.text) for m in self._marks]
-        return drawn_loads.Drawing(paths, marks, unit, facts, name)
+                    self._marks.append(SolidMark(np.insert(middle, 3 - up, 0.0), layer, title))
+        marks = [Mark((float(m.at[0]), float(m.at[up])), m.layer, m.text) for m in self._marks]
+        return Drawing(paths, marks, unit, facts, name)
 
 
 def _force(texts: dict[str, str]) -> str:

@@ -10,10 +10,12 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import Floats, InputError
-from jld_core.exchange import ImportOptions, Notes, Part, Solids, cells, libraries
-from jld_core.exchange import options as exchange_options
 from jld_core.geometry import Faces
 from jld_core.scene import units
+from jld_formats.cells import without_holes
+from jld_formats.libraries import parsing, readable
+from jld_formats.options import ImportOptions, Notes, several
+from jld_formats.solids import Part, Solids
 
 _TOKEN: Final = re.compile(
     r"\s+|/\*.*?\*/|(?P<text>'(?:[^']|'')*')|(?P<word>[^\s'(),;=]+)|(?P<mark>[(),;=])", re.DOTALL
@@ -152,17 +154,14 @@ def _value(token: str) -> float | str | None:
 
 
 def read_step(path: Path, options: ImportOptions, notes: Notes) -> Solids:
-    text = libraries.readable(path).read_bytes().decode("utf-8", "replace")
+    text = readable(path).read_bytes().decode("utf-8", "replace")
     if "ISO-10303-21" not in text[:4096]:
         raise InputError("", "it is no STEP file", "ISO-10303-21; …")
-    with libraries.parsing("STEP", "a STEP file"):
+    with parsing("STEP", "a STEP file"):
         file = _File(text, notes)
         unit, scale = _unit(file)
         parts = _Reader(file, scale, options, notes).parts()
-    notes.found.append(
-        f"{exchange_options.several(len(parts), 'solid')} of "
-        f"{exchange_options.several(len(file.by_kind.get('PRODUCT', ())), 'product')}"
-    )
+    notes.found.append(f"{several(len(parts), 'solid')} of {several(len(file.by_kind.get('PRODUCT', ())), 'product')}")
     if not parts:
         raise InputError(
             "", "it holds no solid of faces", "solids with plane faces (MANIFOLD_SOLID_BREP, FACETED_BREP)"
@@ -365,7 +364,7 @@ class _Reader:
                     loops.append(loop if content[2] != "F" else loop[::-1])
             bounds.append(loops)
         points = np.array([self._place(vertex) for vertex in number]).reshape(-1, 3)
-        return points, tuple(loop for loops in bounds if loops for loop in cells.without_holes(points, loops, title))
+        return points, tuple(loop for loops in bounds if loops for loop in without_holes(points, loops, title))
 
     def _place(self, vertex: int) -> Floats:
         """Return the place (3,) of a vertex, or of a point of a polygon."""

@@ -11,13 +11,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import files
-from jld_core.exchange import Layout, libraries, solids_of
-from jld_core.exchange import facts as exchange_facts
+from jld_core import Layout, files
 from jld_core.geometry import unions
 from jld_core.scene import units as scene_units
+from jld_formats.facts import BlockFacts, block_facts
+from jld_formats.libraries import library
 from jld_formats.read_ifc import DENSITY
 from jld_formats.read_ifc import PROPERTIES as MATERIAL_PROPERTIES
+from jld_formats.read_mesh import solids_of
 
 # Namespace of the name-based identifiers of written objects
 _SPACE: Final = uuid.UUID("7046bc60-2e03-5556-92a4-4d5840e259ee")
@@ -32,9 +33,9 @@ PROPERTIES: Final = "Jld_Block"
 def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
     """Write an IFC 4 file with a building element proxy for each block."""
     # Each proxy has the properties mass, mould, order, λ and faces.
-    ifc = libraries.library("ifcopenshell", path)
+    ifc = library("ifcopenshell", path)
     file = _Ifc(ifc, layout)
-    facts = exchange_facts.block_facts(layout)
+    facts = block_facts(layout)
     owner = [int(k) for k in layout.block_of] if cells else [
         k for k, surfaces in enumerate(layout.surfaces) for _ in surfaces
     ]  # fmt: skip
@@ -122,7 +123,7 @@ class _Ifc:
     def _placement(self, relative: Any) -> Any:
         return self.model.create_entity("IfcLocalPlacement", PlacementRelTo=relative, RelativePlacement=self._world)
 
-    def element(self, name: str, support: bool, surface: unions.Surface, facts: exchange_facts.BlockFacts) -> Any:
+    def element(self, name: str, support: bool, surface: unions.Surface, facts: BlockFacts) -> Any:
         """Add the element of a block with its property set, and return it."""
         make = self.model.create_entity
         shape = make(
@@ -196,7 +197,7 @@ class _Ifc:
             )
 
 
-def _values(facts: exchange_facts.BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
+def _values(facts: BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
     """Return name, IFC type and value of each property of a block that is known."""
     found: list[tuple[str, str, Any]] = [
         ("Block", "IfcLabel", files.printable(facts.block)),

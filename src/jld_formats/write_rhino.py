@@ -11,14 +11,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Floats
-from jld_core.exchange import Layout, libraries, solids_of
-from jld_core.exchange import facts as exchange_facts
+from jld_core import Floats, Layout
 from jld_core.geometry import unions
 from jld_core.limit import displacement
-from jld_core.views import quantities
+from jld_formats.facts import block_facts, facts_of, scene_of
+from jld_formats.libraries import library
+from jld_formats.read_mesh import solids_of
 from jld_formats.read_rhino import FACTS, UNITS
-from jld_formats.write_compas import weights_of
+from jld_formats.write_dem import weights_of
+from jld_views import quantities
 
 # Red, green and blue of the layers other than those of shapes
 _COLOURS: Final = {
@@ -34,7 +35,7 @@ _LENGTH: Final = 0.25  # length of the largest force line of a spatial layout, r
 
 def write_rhino(layout: Layout, path: Path, *, cells: bool) -> None:
     """Write a Rhino file of a layout: planar outlines in x–y, or in space a mesh per solid."""
-    rhino = libraries.library("rhino3dm", path)
+    rhino = library("rhino3dm", path)
     file = _File(rhino, layout)
     if layout.assembly.dimension == 3:
         file.solids(cells)
@@ -56,7 +57,7 @@ class _File:
         unit = named.get(length)
         self.model.Settings.ModelUnitSystem = getattr(rhino.UnitSystem, unit) if unit else rhino.UnitSystem.Unset
         self._layers: dict[str, int] = {}
-        self._facts = exchange_facts.block_facts(layout)
+        self._facts = block_facts(layout)
 
     def _attributes(self, layer: str, name: str = "", facts: dict[str, Any] | None = None) -> Any:
         if layer not in self._layers:
@@ -93,9 +94,9 @@ class _File:
         layout = self._layout
         elements = layout.assembly.elements
         if cells:
-            self._store(exchange_facts.scene_of(layout, interfaces=True))
+            self._store(scene_of(layout, interfaces=True))
         else:
-            self._store({**exchange_facts.facts_of(layout, cells=False), "elements": weights_of(layout, cells)})
+            self._store({**facts_of(layout, cells=False), "elements": weights_of(layout, cells)})
         owner = [int(k) for k in layout.block_of] if cells else [
             k for k, surfaces in enumerate(layout.surfaces) for _ in surfaces
         ]  # fmt: skip
@@ -124,7 +125,7 @@ class _File:
         """Add outlines, faces and names of a planar layout, as a drawing has them."""
         layout = self._layout
         elements, faces = layout.assembly.elements, layout.assembly.interfaces
-        self._store(exchange_facts.scene_of(layout))
+        self._store(scene_of(layout))
         for k, block in enumerate(layout.blocks):
             facts = self._facts[k].entries()
             if block.support:

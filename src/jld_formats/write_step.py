@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from jld_core import Floats, InputError, Route, files
+from jld_core import Floats, InputError, Layout, Route, files
 from jld_core.build import materials
-from jld_core.exchange import Layout, solids_of
 from jld_core.geometry import area_vector, solids, unions
 from jld_core.scene import units
+from jld_formats.read_mesh import solids_of
 
 # Prefixes of the metre; other units are conversion based
 _PREFIX: Final = {"m": "$", "mm": ".MILLI.", "cm": ".CENTI.", "dm": ".DECI.", "km": ".KILO."}

@@ -10,12 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Floats
-from jld_core.exchange import Layout, libraries, solids_of
-from jld_core.exchange import facts as exchange_facts
+from jld_core import Floats, Layout
 from jld_core.limit import displacement
 from jld_core.scene import units
-from jld_core.views import quantities
+from jld_formats.facts import block_facts
+from jld_formats.libraries import library
+from jld_formats.read_mesh import solids_of
+from jld_views import quantities
 
 # Cell fields of one number each
 _NAMES: Final = ("part", "element", "block", "shape", "support", "label", "utilisation", "normal_force")
@@ -79,7 +80,7 @@ def write_vtk(layout: Layout, path: Path, *, cells: bool = False) -> None:
     # (interface). Its further fields are: element, block, shape, support, label, utilisation, force and normal_force.
     # Label is 1 dry, 0 inner, and −1 on surfaces; force is the vector on element b, scene units. The field of the
     # points is mechanism, the velocity that gives the live load power 1. Without an analysis its fields are zero.
-    meshio = libraries.library("meshio", path)
+    meshio = library("meshio", path)
     found = _polygons_of(layout)
     faces = found.faces
     order = sorted(range(len(faces)), key=lambda k: len(faces[k]))
@@ -134,7 +135,7 @@ _COLOURS: Final = ((0.87, 0.72, 0.5), (0.6, 0.73, 0.86), (0.72, 0.83, 0.6), (0.8
 
 def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
     """Return the content of a .glb file: a node with a mesh of flat triangles for each block."""
-    facts = exchange_facts.block_facts(layout)
+    facts = block_facts(layout)
     scale = units.METRES.get(layout.assembly.units[0], 1.0)
     owner = [int(k) for k in layout.block_of] if cells else [
         k for k, surfaces in enumerate(layout.surfaces) for _ in surfaces

@@ -406,7 +406,7 @@ def write_moved(done: MovedSearch, folder: Path, *, pictures: bool = True) -> di
     files.write_text(folder / "summary.json", json.dumps(summary, indent=1))
     if not pictures:
         return facts
-    from jld_core.views import figure_of_move, figures
+    from jld_views import figure_of_move, figures
 
     before, after = done.first.assembly, build_assembly(best.scene)
     # vertices of later rounds start where the former round left them

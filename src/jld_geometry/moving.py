@@ -59,7 +59,7 @@ def write_move(
     files.write_text(out.with_suffix(".csv"), csv_of(rows[[name for name in names if name in rows]]))
     if after is None:
         return
-    from jld_core.views import figure_of_move, figures
+    from jld_views import figure_of_move, figures
 
     figures.save_figure(figure_of_move(before, after, labels, places, moved, titles), out.with_suffix(".png"))
 
@@ -181,7 +181,7 @@ def _write(done: ShapedJoints, out: Path) -> None:
     """Write scene, table of shapes and picture."""
     import pandas as pd  # slow to import and needed for tables only
 
-    from jld_core.views import figures
+    from jld_views import figures
 
     rows = pd.DataFrame([{**vars(shape), "load_factor": value} for shape, value in done.trials])
     options.write_scene(done.scene, out)

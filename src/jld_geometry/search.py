@@ -170,6 +170,9 @@ class GeometrySearch:
         self, point: Evaluated, deadline: float, report: Callable[[Evaluated, float, float], None], gain: float
     ) -> tuple[Evaluated, str]:
         """Improve a point until it is "stationary" or "locked", or "time" or "points" are over."""
+        # A step is the best of a linear program within a trust region, accepted if it keeps a share of its promise.
+        # Derivatives rest on the forces of the point. Where the forces are not unique those found may promise nothing
+        # though others would, so a point is called stationary only after `trust.kicks` other choices of forces.
         trust, radius = self.trust, self.trust.first * self.unit
         random, kicks = np.random.default_rng(0), 0
         for _ in range(trust.points):

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import typer
 
-from jld_core import InputError, ParameterError, Status, build_assembly, load_scene, solve
+from jld_core import InputError, ParameterError, Status, build_assembly, files, load_scene, solve
 from jld_explore import search_space
 from jld_explore.cli import ending, options, streams
 from jld_explore.space import from_string, reasons_against
 
-PROBLEMS: Final = Path(__file__).parents[2] / "benchmarks" / "problems"  # of a checkout
+PROBLEMS: Final = Path(__file__).with_name("problems")
 RECORDS: Final = "records.json"
+_SECONDS: Final = 600.0  # for each layout: what decides is the gap, also on slow machines
 _EQUAL: Final = 1e-6  # relative difference up to which two load factors are one
 
 Entry = dict[str, Any]
@@ -26,10 +28,9 @@ def records_of(folder: Path) -> dict[str, Entry]:
     try:
         found: dict[str, Entry] = json.loads((folder / RECORDS).read_text(encoding="utf-8"))
     except OSError:
-        remedy = "`--problems FOLDER` with benchmarks/problems of the repository"
-        raise InputError(str(folder), f"there is no {RECORDS} in it", remedy) from None
+        raise InputError(str(folder), f"there is no {RECORDS} in it", "no `--problems`, or another folder") from None
     except ValueError as error:
-        raise InputError(str(folder / RECORDS), f"it is no JSON: {error}", "the file of the repository") from None
+        raise InputError(str(folder / RECORDS), f"it is no JSON: {error}", "the file of the package") from None
     return found
 
 
@@ -68,7 +69,7 @@ def checked(entry: Entry, record: Entry, folder: Path) -> Entry:
     space = search_space(scene, assembly)
     if reasons := reasons_against(space, labels):
         return told | {"verdict": "refused", "why": reasons[0]}
-    found = solve(assembly, labels)
+    found = solve(assembly, labels, seconds=_SECONDS)
     low, high = found.bracket
     told["bracket"] = [None if math.isnan(end) else end for end in (low, high)]
     claim, best, bound = entry["load_factor"], record["best"], record["bound"]
@@ -89,12 +90,16 @@ def checked(entry: Entry, record: Entry, folder: Path) -> Entry:
 
 
 def benchmark(
-    action: Annotated[Literal["list", "check"], typer.Argument(help="list the problems, or check a submission.")],
-    file: Annotated[Path | None, typer.Argument(help="check: JSON file with layouts and claimed load factors.")] = None,
+    action: Annotated[
+        Literal["list", "copy", "check"], typer.Argument(help="list the problems, copy them, or check a submission.")
+    ],
+    file: Annotated[
+        Path | None, typer.Argument(help="copy: folder for scenes and certificates; check: JSON file with layouts.")
+    ] = None,
     problems: Annotated[Path, typer.Option(help="Folder of the problems.", show_default=False)] = PROBLEMS,
     as_json: options.AsJson = False,
 ) -> None:
-    """List forty problems with their best layouts known, or check layouts found by another method.
+    """List or copy forty problems with their best layouts known, or check layouts found by another method.
 
     A submission is {"method": …, "layouts": [{"problem": NAME, "labels": "ddi…", "load_factor": λ}]}, a letter for
     each face in the order of faces.csv. Each is solved anew. The exit code is 4 if a claim is not verified.
@@ -106,7 +111,14 @@ def benchmark(
         streams.say(json.dumps(known, indent=1) if as_json else "\n".join(_lines(known)))
         return
     if file is None:
-        raise ParameterError("file", "none is given", "jld benchmark check FILE")
+        raise ParameterError(
+            "file", "none is given", f"jld benchmark {action} {'FILE' if action == 'check' else 'FOLDER'}"
+        )
+    if action == "copy":
+        files.require_folder(file)
+        shutil.copytree(problems, file, dirs_exist_ok=True)
+        streams.say(f"{len(known)} problems in {file}")
+        return
     done = [checked(one, known[one["problem"]], problems) for one in entries_of(file, known)]
     beaten = sorted({one["problem"] for one in done if one["verdict"] == "beats the record"})
     lines = [f"{one['problem']:<24} {one['verdict']:<18} {one['why']}" for one in done]
@@ -119,8 +131,11 @@ def benchmark(
 def _lines(known: dict[str, Entry]) -> list[str]:
     """Return the table of all problems."""
     head = f"{'problem':<24} {'faces':>5} {'candidates':>10} {'cases':>5}  {'best known':>12} {'bound':>12}  proven"
+    head += "  gap    seconds"
     return [head] + [
         f"{name:<24} {one['faces']:>5} {one['candidates']:>10} {one['cases']:>5}  {one['best']:>12.7g} "
-        f"{'' if one['bound'] is None else format(one['bound'], '.7g'):>12}  {'yes' if one['proven'] else 'no'}"
+        f"{'' if one['bound'] is None else format(one['bound'], '.7g'):>12}  {'yes' if one['proven'] else 'no':<6}  "
+        f"{'' if one['proven'] or one['bound'] is None else format(1.0 - one['best'] / one['bound'], '.1%'):<6} "
+        f"{one['seconds']:>7.1f}"
         for name, one in known.items()
     ]

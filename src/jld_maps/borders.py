@@ -64,30 +64,38 @@ def borders(structure: Any, grid: Any, table: pd.DataFrame, labels: Any = None) 
 def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labels: Any) -> pd.DataFrame | None:
     """Find the borders on edges of a grid along a key; places: (e, axes) the lower ends of the edges."""
     axis, values = list(axes).index(key), np.array(axes[key], dtype=float)
+    # one assembly for each value of the map and between its ends; where states lie on a line, none for further values
+    every = np.unique([*values, 0.5 * (values[0] + values[-1])])
+    points = Grid(scene, axes | {key: every.tolist()})
+    states = points.states()
+    whole = None if states is None else Swept(points, states, labels, uncut=False)
+    if states is None or whole is None or not whole.batched:
+        return None
+    linear = states.linear(axis, every)
 
-    def at(x: Any) -> dict[str, Any] | None:
+    def at(x: Any) -> dict[str, Any]:
         """Return the columns of `sweep` at values (e,) of the key, or several for each edge."""
-        all_x, where = np.unique(np.concatenate([x, values[:2]]), return_inverse=True)
-        points = Grid(scene, axes | {key: all_x.tolist()})
-        states, own = points.states(), np.tile(places, (len(x) // len(places), 1))
-        swept = None if states is None else Swept(points, states, labels)
-        own[:, axis] = where[: len(x)]
-        return swept.all(own, 1) if swept is not None and swept.batched else None
+        own, swept = np.tile(places.astype(float), (len(x) // len(places), 1)), whole
+        if linear:
+            own[:, axis] = np.interp(x, every, np.arange(len(every)))
+        else:
+            all_x, where = np.unique(np.concatenate([x, values[:2]]), return_inverse=True)
+            further = Grid(scene, axes | {key: all_x.tolist()})
+            swept = Swept(further, further.states(), labels, uncut=False)  # type: ignore[arg-type]
+            own[:, axis] = where[: len(x)]
+        return swept.all(own, 1)
 
     low, high = values[places[:, axis]], values[places[:, axis] + 1]
-    found = at(low)
-    if found is None:
-        return None
-    name = found["mechanism"]
+    name = at(low)["mechanism"]
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        same = at(middle)["mechanism"] == name  # type: ignore[index]
+        same = at(middle)["mechanism"] == name
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     step = high - low
     # the second point of each side stays within the map, where values are known to make sense
     before = np.where(low - step < values.min(), low + _NEAR * step, low - step)
     after = np.where(high + step > values.max(), high - _NEAR * step, high + step)
-    each: Any = at(np.concatenate([before, low, high, after]))
+    each = at(np.concatenate([before, low, high, after]))
     ends = [{key: one[k * len(low) : (k + 1) * len(low)] for key, one in each.items()} for k in range(4)]
     far, near, other, beyond = (one["load_factor"].copy() for one in ends)
     far[(before > low) & (ends[0]["mechanism"] != name)] = np.nan

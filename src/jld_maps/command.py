@@ -13,13 +13,13 @@ import numpy as np
 import typer
 
 from jld_core import ParameterError, build_assembly, error_context, files, load_scene
-from jld_core.views import figures
 from jld_explore.cli import options, streams
 from jld_explore.report import csv_of
 from jld_maps.borders import borders
 from jld_maps.grid import MOST, Grid
 from jld_maps.picture import figure_of_layouts, figure_of_map
 from jld_maps.sweep import sweep
+from jld_views import figures
 
 
 def map_(

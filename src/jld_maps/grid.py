@@ -19,7 +19,6 @@ from jld_core import (
     Bools,
     Floats,
     InputError,
-    Ints,
     ParameterError,
     Route,
     Scene,
@@ -104,16 +103,37 @@ class States:
     # for each group its axes, how many values they have, and strengths and loads that differ with where they do
     groups: list[tuple[list[int], tuple[int, ...], list[tuple[Floats, Bools]]]]
 
-    def at(self, places: Ints) -> tuple[Strengths, Floats]:
-        """Return strengths (k·m,) and loads (c, 2, k, n, q) of points given by positions (k, axes) of their values."""
+    def at(self, places: Floats) -> tuple[Strengths, Floats]:
+        """Return strengths (k·m,) and loads (c, 2, k, n, q) of points given by positions (k, axes) of their values.
+
+        A position between two values gives the state between theirs.
+        """
         parts = [np.repeat(one[None], len(places), axis=0) for one in self.base]
         for axes, shape, changes in self.groups:
-            rows = np.ravel_multi_index(tuple(places[:, axes].T), shape)
+            low = np.floor(places[:, axes]).astype(np.int64)
+            share = (places[:, axes] - low).max(axis=1)
+            between = share > 0.0
+            high = np.ceil(places[:, axes]).astype(np.int64)
+            first, second = (np.ravel_multi_index(tuple(one.T), shape) for one in (low, high[between]))
             for part, (values, where) in zip(parts, changes, strict=True):
-                part[:, where] = values[rows][:, where]
+                part[:, where] = values[first][:, where]
+                own = share[between].reshape(-1, *[1] * (values.ndim - 1))
+                mixed = (1.0 - own) * values[first[between]] + own * values[second]
+                part[between] = np.where(where, mixed, part[between])
         names = Strengths.__dataclass_fields__
         strengths = Strengths(**{name: parts[0][:, k].ravel() for k, name in enumerate(names)})
         return strengths, np.moveaxis(parts[1], 0, 2)
+
+    def linear(self, axis: int, values: Floats) -> bool:
+        """Return True if strengths and loads grow in proportion to the values (k,) of an axis."""
+        axes, shape, changes = next(one for one in self.groups if axis in one[0])
+        share = (values - values[0]) / (values[-1] - values[0])
+        for table, where in changes:
+            each = np.moveaxis(table[:, where].reshape(*shape, -1), axes.index(axis), 0)
+            line = each[0] + np.multiply.outer(share, each[-1] - each[0])
+            if not np.allclose(each, line, rtol=1e-12, atol=1e-12 * abs(np.nan_to_num(each)).max(initial=0.0)):
+                return False
+        return True
 
 
 def _state(assembly: Assembly) -> tuple[Floats, Floats]:
@@ -149,9 +169,9 @@ class Grid:
         return place_of(parse_scene(document).model_dump(mode="json"), key)[0]
 
     def scene(self, place: Any) -> Scene:
-        """Return the scene at positions (axes,) of values."""
+        """Return the scene at positions (axes,) of values, or between two."""
         changed = deepcopy(self.document)
-        values = {key: own[k] for (key, own), k in zip(self.axes.items(), place, strict=True)}
+        values = {key: _value(own, float(k)) for (key, own), k in zip(self.axes.items(), place, strict=True)}
         for key in sorted(values, key=lambda one: one == ANGLE):  # what is turned is stated first
             put(changed, key, values[key])
         return parse_scene(changed)
@@ -219,6 +239,12 @@ class Grid:
         friction = self.document.get("materials", {}).get("inner") or {}
         joined = beside and any("friction" in key for key in (*friction, keys[one], keys[two]))
         return bool((first[0] & second[0]).any() or (first[1].any() and second[1].any()) or joined)
+
+
+def _value(own: list[Any], place: float) -> Any:
+    """Return the value at a position, or between two."""
+    low = int(place)
+    return own[low] if low == place else (1.0 - place + low) * own[low] + (place - low) * own[low + 1]
 
 
 def _differs(base: Floats, values: Floats) -> Bools:

@@ -16,9 +16,9 @@ from matplotlib.patches import Patch
 
 from jld_core import Assembly, Floats
 from jld_core.scene import units
-from jld_core.views import figures, look
 from jld_explore.space import from_string
 from jld_maps.grid import ANGLE
+from jld_views import figures, look
 
 _HATCHES: Final = ("", "//", "..", "\\\\", "xx", "--", "oo", "++")
 _MOST: Final = len(_HATCHES)  # regions with a name of their own
@@ -139,22 +139,22 @@ def _regions(ax: Axes, grid: list[Floats], kinds: Any, title: str) -> None:
             drawn = ax.contourf(*grid, mask.astype(float), levels=[0.5, 1.5], colors="none", hatches=[_HATCHES[k]])
             drawn.set_edgecolor("#A9A9A9")
             drawn.set_linewidth(0.0)
-        if mask.sum() >= 0.04 * mask.size:
-            row, column = _widest(mask)
+        row, column, wide = _widest(mask)
+        if mask.sum() >= 0.04 * mask.size and wide > 0.03 * len(name) * mask.shape[1] / 2:
             box = {"fc": "#FFFFFF", "ec": "none", "alpha": 0.85, "pad": 1.5}
             ax.text(grid[0][column], grid[1][row], name, ha="center", va="center", fontsize=8, bbox=box)
     ax.set_title(title, fontsize=10)
     _legend(ax, names)
 
 
-def _widest(mask: Any) -> tuple[int, int]:
-    """Return the middle of the longest run of a mask (rows, columns) in the row nearest to its middle."""
+def _widest(mask: Any) -> tuple[int, int, int]:
+    """Return the middle and length of the longest run of a mask (rows, columns) in the row nearest to its middle."""
     rows, columns = np.nonzero(mask)
     row = int(rows[np.argmin(abs(rows - np.median(rows)))])
     own = columns[rows == row]
     runs = np.split(own, np.flatnonzero(np.diff(own) > 1) + 1)
     longest = max(runs, key=len)
-    return row, int(longest[len(longest) // 2])
+    return row, int(longest[len(longest) // 2]), len(longest)
 
 
 def _legend(ax: Axes, names: list[str], drawn: Sequence[Any] = ()) -> None:
@@ -163,7 +163,7 @@ def _legend(ax: Axes, names: list[str], drawn: Sequence[Any] = ()) -> None:
         for k, name in enumerate(names)
     ]
     ax.legend(
-        handles=[*drawn, *handles], loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8, frameon=False
+        handles=[*drawn, *handles], loc="upper right", bbox_to_anchor=(1.0, -0.13), ncols=2, fontsize=8, frameon=False
     )
 
 

@@ -18,7 +18,6 @@ from jld_core import (
     Assembly,
     Bits,
     Floats,
-    Ints,
     Model,
     Route,
     Scene,
@@ -137,7 +136,9 @@ def _best(structure: Any, labels: Any, fields: bool, seconds: float | None) -> d
         shutil.rmtree(folder, ignore_errors=True)
     numbers = dict.fromkeys(("load_factor", "bracket_lo", "bracket_hi"), np.nan)
     row = {**numbers, "status": "unstable", "mechanism": ""} if best is None else _row(best)
-    row |= {"proven": bool(facts.proven), "uncut": (facts.uncut or [np.nan])[-1], "labelling": facts.best_labelling}
+    assembly = build_assembly(structure)
+    whole = solve(assembly, _uncut(assembly, assembly.labels)).bracket[1]
+    row |= {"proven": bool(facts.proven), "uncut": whole, "labelling": facts.best_labelling}
     if fields:
         row["fields_lo"], row["fields_hi"] = facts.by_fields or (np.nan, np.nan)
     return row
@@ -146,11 +147,11 @@ def _best(structure: Any, labels: Any, fields: bool, seconds: float | None) -> d
 class Swept:
     """Bounds at all points of a grid on whose values only strengths and loads depend, by the batch solver."""
 
-    def __init__(self, points: Grid, states: States, labels: Any) -> None:
+    def __init__(self, points: Grid, states: States, labels: Any, *, uncut: bool = True) -> None:
         self.points, self.states, self.assembly = points, states, points.assembly(points.middle)
         self.labels = assemblies.labels_of(self.assembly, labels)
         require_materials(self.assembly, self.labels, ~self.labels)
-        whole = _uncut(self.assembly, self.labels)
+        whole = _uncut(self.assembly, self.labels) if uncut else self.labels
         self._whole = None if (whole == self.labels).all() else whole
         each = {one.tobytes(): one for one in (self.labels, whole)}
         self._usual = {key: self._analyses(self.assembly, one) for key, one in each.items()}
@@ -160,7 +161,7 @@ class Swept:
     def _analyses(assembly: Assembly, labels: Bits) -> list[SampleAnalysis]:
         return [SampleAnalysis(limit_analysis(case, _OPTIONS, reference=labels), labels) for case in assembly.by_case]
 
-    def all(self, places: Ints, jobs: int) -> dict[str, Any]:
+    def all(self, places: Floats, jobs: int) -> dict[str, Any]:
         """Return the columns of all points (k, axes)."""
         size = min(_PORTION, -(-len(places) // jobs))
         portions = [places[k : k + size] for k in range(0, len(places), size)]
@@ -168,13 +169,13 @@ class Swept:
         return {name: np.concatenate([one[name] for one in parts]) for name in parts[0]}
 
     @one_thread()
-    def _portion(self, places: Ints) -> dict[str, Any]:
+    def _portion(self, places: Floats) -> dict[str, Any]:
         """Return the columns of some points (k, axes)."""
         found = self._bounds(places, self.labels)
         whole = found if self._whole is None else self._bounds(places, self._whole, named=False)
         return found | {"uncut": np.where(np.isfinite(whole["bracket_hi"]), whole["bracket_hi"], np.nan)}
 
-    def _bounds(self, places: Ints, labels: Bits, *, named: bool = True) -> dict[str, Any]:
+    def _bounds(self, places: Floats, labels: Bits, *, named: bool = True) -> dict[str, Any]:
         """Return the columns of some points (k, axes)."""
         analyses, left = self._usual[labels.tobytes()], np.arange(len(places))
         found: dict[str, Any] = {}

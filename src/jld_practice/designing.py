@@ -10,9 +10,9 @@ from typing import Annotated, Literal
 import typer
 
 from jld_core import ParameterError, error_context
-from jld_core.exchange import forces as exchange_forces
 from jld_explore.cli import ending, streams
 from jld_explore.cli import options as cli_options
+from jld_formats import forces as exchange_forces
 
 OutlineFile = Annotated[
     Path, typer.Argument(help="Outline: scene, drawing (DXF, SVG, CSV) or solid (OBJ, PLY, STL).", show_default=False)

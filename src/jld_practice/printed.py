@@ -17,17 +17,16 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 import jld_core
-from jld_core import Floats, Scene, files
+from jld_core import Floats, Layout, Scene, files
 from jld_core.build import cases_of_scene, weight_facts
-from jld_core.exchange import Layout
 from jld_core.geometry import area_vector, outlines
 from jld_core.geometry import outlines as polygons
 from jld_core.scene import loads as scene_loads
 from jld_core.scene import uncertain, units
-from jld_core.views import figures as views_figures
-from jld_core.views import look, writing
-from jld_explore.report import languages
+from jld_practice import languages
 from jld_practice.laying import Laying
+from jld_views import figures as views_figures
+from jld_views import look, writing
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,6 +17,7 @@ from jld_core import (
     Deadline,
     DeadlinePassed,
     InputError,
+    Layout,
     LimitAnalysisResult,
     ParameterError,
     build_assembly,
@@ -24,7 +25,6 @@ from jld_core import (
     load_scene,
 )
 from jld_core import files as core_files
-from jld_core.exchange import Layout
 from jld_core.fields import bounds_by_fields
 from jld_core.fields import problem as fields_problem
 from jld_core.models import solve_by_elements, solve_rigid

@@ -13,16 +13,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from jld_core import InputError, files, load_scene
-from jld_core.exchange import FORMATS, Layout, export
-from jld_core.exchange import formats as exchange_formats
+from jld_core import InputError, Layout, files, load_scene
 from jld_explore import read_folder
-from jld_explore.report import page_contract, page_of_study
+from jld_formats import FORMATS, export
+from jld_formats import formats as exchange_formats
 from jld_studio.jobs import Job, Jobs, orders_for
 from jld_studio.opening import design_command, options_of, read_file, received, stated_scene, understood
 from jld_studio.page_start import drawing_data, scene_data
 from jld_studio.scene_store import SceneStore, with_support
 from jld_studio.session import StudioSession, parsed
+from jld_views import page_contract, page_of_study
 
 SECONDS: Final = (1.0, 86_400.0)
 """Smallest and largest time limit of a search begun from the page, s."""

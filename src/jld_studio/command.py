@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from jld_core.exchange import ImportOptions
 from jld_explore.cli import options as cli_options
 from jld_explore.cli import streams
+from jld_formats import ImportOptions
 
 
 def studio(

@@ -34,10 +34,10 @@ from jld_core import assembly as structures
 from jld_core.build import build_geometry
 from jld_core.models import CaseAnalysis, solve_by_elements
 from jld_core.scene import standard
-from jld_core.views import notebook, png_of
 from jld_explore import Exploration
-from jld_explore.report import page_contract, page_data, page_of_study, words
+from jld_explore.report import words
 from jld_explore.space import cut, from_string
+from jld_views import notebook, page_contract, page_data, page_of_study, png_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

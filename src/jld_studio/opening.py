@@ -19,7 +19,8 @@ import shapely
 
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, plugins
 from jld_core.build import build_geometry
-from jld_core.exchange import (
+from jld_core.scene import NeedsImport, cracks
+from jld_formats import (
     Imported,
     ImportOptions,
     Notes,
@@ -31,9 +32,8 @@ from jld_core.exchange import (
     planar_scene,
     solids,
 )
-from jld_core.exchange import options as exchange_options
-from jld_core.exchange import paths as exchange_paths
-from jld_core.scene import NeedsImport, cracks
+from jld_formats import options as exchange_options
+from jld_formats import paths as exchange_paths
 
 LAYERS: Final = (*exchange_options.LAYER_ROLES, "layer")
 """Options of an import that name layers."""

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from jld_core import Scene, build_assembly
-from jld_core.exchange import FORMATS
 from jld_explore import read_folder
-from jld_explore.report import page_contract, page_of_study
-from jld_explore.report import page_data as report_page_data
+from jld_formats import FORMATS
 from jld_studio.session import CHANGEABLE, StudioSession
+from jld_views import page_contract, page_of_study
+from jld_views import page_data as report_page_data
 
 
 def first_data(desk: StudioSession, root: Path, study: Path | None) -> page_contract.PageData:

@@ -21,14 +21,14 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from jld_core import InputError, ParameterError, Scene, SolverError, load_scene, parse_scene
-from jld_core.exchange import ImportOptions, formats
 from jld_explore import read_folder
-from jld_explore.report import page_data
+from jld_formats import ImportOptions, formats
 from jld_studio.api import Api
-from jld_studio.evaluation import evaluate
+from jld_studio.jobs import evaluate
 from jld_studio.opening import read_file, require_followed, stated, understood
 from jld_studio.page_start import first_data
 from jld_studio.session import StudioSession
+from jld_views import page_data
 
 START: dict[str, Any] = {
     "name": "a wall to begin with",

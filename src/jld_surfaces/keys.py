@@ -81,7 +81,7 @@ class Section(Part):
 
 
 class HoekBrown(Part):
-    """Shear envelope of rock by tangents, planar."""
+    """Shear envelope of rock by tangents, in space by one cone."""
 
     compressive_strength: Positive
     m: Annotated[float, Field(gt=0, le=40)]

@@ -239,14 +239,18 @@ class _Parts:
 
     def _hoek_brown(self, rock: HoekBrown) -> Iterator[Limits]:
         """Yield tangents of τ(n) = ½ √(m σc (n + σt)), σt = s σc/m, and bending by elastic stress unless stated."""
-        if self.faces.dimension == 3:
-            raise InputError(".hoek_brown", "it is for planar scenes", '"cones" in space')
+        if self.faces.dimension == 3 and len(rock.points) > 1:
+            raise InputError(".hoek_brown.points", f"in space one cone touches it, not {len(rock.points)}", "one point")
         strength, tension = rock.compressive_strength, rock.s * rock.compressive_strength / rock.m
         over = np.array(rock.points) * strength
         height = 0.5 * np.sqrt(rock.m * strength * over)
         slope = 0.5 * height / over
-        rows = np.array([[k, sign, 0.0] for k in slope for sign in (-1.0, 1.0)])
-        yield self._same(rows, np.repeat(height + slope * (tension - over), 2))
+        sides = height + slope * (tension - over)
+        if self.faces.dimension == 3:
+            self.gauges.append(Gauge(np.eye(2), 1.0, float(sides[0]), float(slope[0])))
+        else:
+            rows = np.array([[k, sign, 0.0] for k in slope for sign in (-1.0, 1.0)])
+            yield self._same(rows, np.repeat(sides, 2))
         if self.keys.bending is None and self.keys.section is None:
             yield from self._bending("kern", tension, None)
 

@@ -13,13 +13,10 @@ from browser_visits import Open, Visit, looks_like
 from cases import HOSTILE, scene_of_cases, small_scene, spatial_scene
 from command import SCENES
 from jld_core import blocks_of, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.views import look, quantities
 from jld_explore import ExploreSettings, explore, read_folder
-from jld_explore.report import page_data as joined
-from jld_explore.report import page_of_study, show_page
-from jld_explore.report.page_data import asset
-from jld_explore.report.page_of_study import scene_page
 from jld_studio import NotebookPage
+from jld_views import look, page_of_study, quantities, show_page
+from jld_views import page_data as joined
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +87,7 @@ def test_views_follow_clicks_and_links(visit: Open, study: Path) -> None:
 
 def test_the_thrust_line_and_values_are_there_on_request(visit: Open, tmp_path: Path) -> None:
     scene = load_scene(SCENES / "ferris_tinloi_1.json")
-    (tmp_path / "scene.html").write_text(scene_page(scene, build_assembly(scene)), encoding="utf-8")
+    (tmp_path / "scene.html").write_text(page_of_study.scene_page(scene, build_assembly(scene)), encoding="utf-8")
     found = visit(tmp_path / "scene.html")
     found.page.locator("[data-view=forces]").click()
     for name in ("ids", "values"):
@@ -208,7 +205,7 @@ def test_downloads_are_the_scene_the_summary_and_the_table(visit: Open, study: P
 
 def test_a_hostile_name_is_shown_as_it_is(visit: Open, tmp_path: Path) -> None:
     scene = parse_scene(small_scene(name=HOSTILE))
-    (tmp_path / "scene.html").write_text(scene_page(scene, build_assembly(scene)), encoding="utf-8")
+    (tmp_path / "scene.html").write_text(page_of_study.scene_page(scene, build_assembly(scene)), encoding="utf-8")
     found = visit(tmp_path / "scene.html")
     assert found.text("h1") == " ".join(HOSTILE.split())
     assert found.page.title() == f"{HOSTILE} – jld"
@@ -216,7 +213,7 @@ def test_a_hostile_name_is_shown_as_it_is(visit: Open, tmp_path: Path) -> None:
 
 def test_each_load_case_has_its_own_drawing(visit: Open, tmp_path: Path) -> None:
     scene = parse_scene(scene_of_cases())
-    (tmp_path / "scene.html").write_text(scene_page(scene, build_assembly(scene)), encoding="utf-8")
+    (tmp_path / "scene.html").write_text(page_of_study.scene_page(scene, build_assembly(scene)), encoding="utf-8")
     found = visit(tmp_path / "scene.html")
     assert "governed by right" in found.text(".pane .verdict")
     arrow = "() => document.querySelector('path.load').getAttribute('d')"
@@ -358,7 +355,7 @@ def arch() -> NotebookPage:
 
 def saved(page: NotebookPage, path: Path, live: bool = False) -> Path:
     """A notebook with one output, as a file."""
-    bridge = asset("bridge.js").replace("export default", "const bridge =")
+    bridge = joined.asset("bridge.js").replace("export default", "const bridge =")
     model = MODEL % (bridge, json.dumps(page._name)) if live else ""
     path.write_text(f"<!doctype html><meta charset=utf-8><body data-ready>{page.html}{model}", encoding="utf-8")
     return path

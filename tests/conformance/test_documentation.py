@@ -128,7 +128,7 @@ def _run(program: str, folder: Path) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
-OFTEN = ("notebook output of an assembly", "plot of a search")
+OFTEN = ("plot of a search",)
 """What each kind of object is asked first; the others wait for `make bench`."""
 
 

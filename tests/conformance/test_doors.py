@@ -23,7 +23,7 @@ import jld_experiment
 from cases import dry_and_inner
 from jld_core import Result
 from jld_core.models import rigid
-from jld_core.scene.design import partial_factors
+from jld_core.scene import design
 from jld_explore import ExploreSettings, explore
 from jld_practice.design_check import design_check
 from jld_practice.reactions import thrust_ranges
@@ -660,7 +660,7 @@ def by_design_check(document: Document, jld: Any, folder: Path) -> Answer:
     ones = {"live": 1, "strength": 1, "friction": 1, "members": 1}
     ones |= {name: [1, 1] for name in ("self_weight", "dead", "prestressing")}
     scene = jc.load_scene({**document, "design": {"set": "none", "factors": ones}})
-    worst = design_check(scene, None, partial_factors(scene.design, None), seconds=0.0).as_drawn
+    worst = design_check(scene, None, design.partial_factors(scene.design, None), seconds=0.0).as_drawn
     bounds, required = worst.bounds, worst.required
     return Answer(str(bounds.status), bounds.low / required, bounds.high / required)
 
@@ -752,13 +752,13 @@ def said(door: str, document: Document, jld: Any, folder: Path) -> Answer | str:
         return str(error)
 
 
-SAMPLED = {"solve_many": 1, "jld experiment": 4, "studio": 4, "thrust": 4, "jld solve": 6, "check-design": 18}
+SAMPLED = {"solve_many": 3, "jld experiment": 9, "studio": 6, "thrust": 6, "jld solve": 9, "check-design": 36}
 """Of the scenes a door is asked one in so many; `make bench` asks all."""
 
 
 def rows_for(door: str, every: bool) -> list[tuple[str, Document]]:
     """Return the scenes that a door is asked, by key; each door begins with another."""
-    first, step = (0, 1) if every else ([*DOORS].index(door), SAMPLED.get(door, 12))
+    first, step = (0, 1) if every else ([*DOORS].index(door), SAMPLED.get(door, 20))
     rows = {json.dumps(document): (key, document) for key, row in ROWS.items() for document in row}
     return [*rows.values()][first % step :: step]
 
@@ -770,7 +770,7 @@ def rows_for(door: str, every: bool) -> list[tuple[str, Document]]:
 def test_a_door_says_what_solve_says(
     door: str, every: bool, jld: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("jld_core.views.notebook.LARGEST", 0)  # no drawing
+    monkeypatch.setattr("jld_views.notebook.LARGEST", 0)  # no drawing
     wrong = []
     for number, (key, document) in enumerate(rows_for(door, every)):
         told = said(door, document, jld, tmp_path / str(number))
@@ -1016,6 +1016,7 @@ def test_every_key_of_a_search_has_a_row() -> None:
     assert sorted(f"search.{key}" for key in SEARCHES) == sorted(key for key in keys() if key.startswith("search."))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("key", SEARCHES)
 def test_a_search_obeys_its_keys(key: str, tmp_path: Path) -> None:
     scene, *values = SEARCHES[key]
@@ -1089,7 +1090,9 @@ def test_a_design_check_obeys_its_keys(key: str) -> None:
     found = []
     for value in values:
         scene = jc.load_scene({**document, "design": {**document.get("design", {}), **value}})
-        found.append(design_check(scene, None, partial_factors(scene.design, None), seconds=0.0).as_drawn.bounds.low)
+        found.append(
+            design_check(scene, None, design.partial_factors(scene.design, None), seconds=0.0).as_drawn.bounds.low
+        )
     assert abs(found[1] - found[0]) > 1e-3 * abs(found[0])
 
 

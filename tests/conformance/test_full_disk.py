@@ -70,6 +70,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("line", WRITERS)
 def test_a_full_disk_is_one_line(
     line: str, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import subprocess
 import sys
@@ -132,24 +131,3 @@ def test_the_way_a_wheel_is_tried_works_here() -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "is a checkout, not an installation" in done.stderr
-
-
-def test_modules_are_short() -> None:
-    """A module is a concept that is read at a sitting."""
-    paths = sorted((ROOT / "src").rglob("*.py"))
-    lines = {str(path.relative_to(ROOT)): len(path.read_text("utf-8").splitlines()) for path in paths}
-    assert len(lines) > 200
-    assert {path: count for path, count in lines.items() if count > 800} == {}
-
-
-def test_functions_are_short() -> None:
-    """Bodies of functions, without signature and docstring, have at most 60 lines."""
-    long_functions = {}
-    for path in sorted((ROOT / "src").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                body = node.body[1:] if ast.get_docstring(node) is not None else node.body
-                lines = (node.end_lineno or 0) - body[0].lineno + 1 if body else 0
-                if lines > 60:
-                    long_functions[f"{path.relative_to(ROOT)}: {node.name}"] = lines
-    assert long_functions == {}

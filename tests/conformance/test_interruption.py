@@ -25,7 +25,6 @@ import pytest
 
 from cases import grid_document
 from command import Command, Outcome, command, environment, process
-from jld_core.batch.library import SWITCH
 from jld_explore.drivers import DRIVERS
 
 EXPLORE = ("explore", "--check-fields", "0")
@@ -39,7 +38,7 @@ KILLS = int(os.environ.get("JLD_KILLS", "4"))
 def one_by_one() -> Iterator[None]:
     """Without the batch solver, which finishes hundreds at once: the moments between are what is tested."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(SWITCH, "off")
+        patch.setenv("JLD_KERNEL", "off")
         yield
 
 
@@ -179,7 +178,8 @@ def workers_of(run: subprocess.Popen[str]) -> list[psutil.Process]:
     return workers
 
 
-@pytest.mark.parametrize("moments", [(64,), pytest.param((64, 480), marks=pytest.mark.long)], ids=["once", "twice"])
+@pytest.mark.long  # one killed worker costs nothing in tests/explore/test_workers.py
+@pytest.mark.parametrize("moments", [(64,), (64, 480)], ids=["once", "twice"])
 def test_workers_killed(moments: tuple[int, ...], scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
     """kill -9 of one worker, once or twice: the run goes on to the end by itself, and loses nothing."""
     folder = tmp_path / "out"

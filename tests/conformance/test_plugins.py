@@ -26,8 +26,8 @@ SCENE = SCENES / "flat_beam_arch.json"
 
 def forget() -> None:
     """Forget which plug-ins were found."""
-    from jld_core.exchange.formats import formats
     from jld_explore.space import counts
+    from jld_formats.formats import formats
 
     for function in (plugins.entry_points, plugins.load, counts._add_plugins, formats):
         function.cache_clear()
@@ -59,7 +59,7 @@ def plugged(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 def run(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join([str(site), str(ROOT / "src")])
-    command = [sys.executable, "-m", "jld_explore", *words]
+    command = [sys.executable, str(ROOT / "tests" / "without_pictures.py"), *words]
     return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": path})
 
 
@@ -88,8 +88,11 @@ def test_a_driver_is_found_by_its_name_with_its_options(tmp_path: Path) -> None:
         make_driver("sweeep", space, 0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("plugged")
-@pytest.mark.parametrize("driver", ["enumeration", "random", "genetic", "anneal", "hillclimb", "exact", "sweep"])
+@pytest.mark.parametrize(
+    "driver", ["enumeration", "random", "genetic", "anneal", "portfolio", "hillclimb", "exact", "sweep"]
+)
 def test_a_count_is_column_limit_and_front_of_every_driver(driver: str, tmp_path: Path) -> None:
     document = small(limits={"long_faces": [None, 3]}, front={"count": "long_faces"})
     found = je.explore(jc.parse_scene(document), tmp_path / "out", driver=driver, budget=25, pictures=False)

@@ -11,16 +11,15 @@ import jsonschema
 import numpy as np
 import pytest
 import typer
-from benchmarks.claims import Tally, units
+from benchmarks.claims import Tally, answers
 from tools.scene_form import json_schema, parts
 from tools.scene_format import files
 from tools.scene_meanings import MEANINGS
 
-from command import ROOT
+from command import ROOT, app
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.exchange import FORMATS
 from jld_core.program import ConicProgram, Template
-from jld_explore.cli.command import app
+from jld_formats import FORMATS
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
 SCENES = sorted((ROOT / "scenes").glob("*.json"))
@@ -88,16 +87,16 @@ SCENES_IN_UNITS = (1, 3, 7, 8, 10, 13, 14, 15, 19, 22, 24, 34, 39, 45, 48, 51, 5
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SCENES_IN_UNITS)
 def test_load_factor_does_not_depend_on_units(seed: int) -> None:
-    tally = Tally(units.CLAIM)
-    assert units.case(seed, tally, ("kN and mm", "pounds and inches")) == ""
+    tally = Tally("")
+    assert answers.case_units(seed, tally, ("kN and mm", "pounds and inches")) == ""
     assert sum(tally.notes.values()) == 2
 
 
 @pytest.mark.parametrize("seed", SCENES_IN_UNITS[:10])
 def test_solvers_see_the_same_program_in_other_units(seed: int) -> None:
     """Not all seeds would pass: 1 program of 100 has a number that is rounded up in one unit and down in another."""
-    document, labels = units.drawn(seed)
-    one, *others = [_seen(changed, labels) for changed in (document, *units.changes(document, seed).values())[:4]]
+    document, labels = answers.drawn_units(seed)
+    one, *others = [_seen(changed, labels) for changed in (document, *answers.changes(document, seed).values())[:4]]
     for other in others:
         for key in ("data", "rhs", "objective"):
             assert np.array_equal(getattr(one, key), getattr(other, key)), key
@@ -112,10 +111,10 @@ def _seen(document: dict[str, Any], labels: np.ndarray) -> ConicProgram:
 def test_entries_that_are_zero_by_construction_are_no_entries() -> None:
     """Arms of 1e-17 of a size came and went with the units, and with them the sparsity of all programs."""
     for seed in SCENES_IN_UNITS[1:4]:
-        document, _ = units.drawn(seed)
+        document, _ = answers.drawn_units(seed)
         matrices = [
             Template(build_assembly(parse_scene(changed)).by_case[0]).matrix
-            for changed in (document, *units.changes(document, seed).values())[:4]
+            for changed in (document, *answers.changes(document, seed).values())[:4]
         ]
         assert abs(matrices[0].data).min() > 1e-9
         assert all(np.array_equal(matrices[0].indices, matrix.indices) for matrix in matrices)

@@ -13,16 +13,16 @@ import pytest
 
 import jld_core
 from cases import grid_document
-from jld_core import InputError, Model, build_assembly, load_scene, parse_scene, solve, solve_many
-from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core import InputError, Layout, Model, blocks_csv, build_assembly, load_scene, parse_scene, solve, solve_many
 from jld_core.models import cost_estimate, sensitivities
 from jld_core.models.costs import require_memory
 from jld_core.refinement import refine
-from jld_core.scene.cracks import parse_cracks
+from jld_core.scene import cracks
 from jld_experiment import Joints, Settings, run_experiment
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import make_driver
 from jld_explore.space import count_named, from_string, to_string
+from jld_formats import ImportOptions, export, import_file
 from jld_practice.laying import assembly_order
 from jld_samples import Stone, arch, buttress, corner, dome, flat_arch, grid, vault, wall
 
@@ -83,7 +83,7 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "count_named": (count_named, {"name": "blocks"}),
         "from_string": (from_string, {"text": "did"}),
         "to_string": (to_string, {"labelling": assembly.labels}),
-        "parse_cracks": (parse_cracks, {"text": "faces"}),
+        "parse_cracks": (cracks.parse_cracks, {"text": "faces"}),
     }
     made = (Model, ExploreSettings, ImportOptions, Joints, Settings, Stone, arch, buttress, corner, dome, flat_arch)
     return found | {one.__name__: (one, {}) for one in (*made, grid, vault, wall)}
@@ -96,6 +96,7 @@ def arguments() -> Iterator[tuple[str, str]]:
                 yield name, one.name
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.long) for part in (1, 2))])
 @pytest.mark.parametrize(("name", "argument"), list(arguments()))

@@ -4,34 +4,20 @@ refusals."""
 from __future__ import annotations
 
 import itertools
-import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 import cases
 from cases import CASES, SPATIAL, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis
-from jld_core.batch import build, library
-from jld_core.batch import library as settings
-from jld_core.batch.batch_solver import (
-    CARRIED,
-    CARRIES,
-    OPEN,
-    PROVEN,
-    REFUTED,
-    BatchSolver,
-    ConflictRequest,
-    MinimizationOptions,
-)
-from jld_core.batch.library import LARGE, LARGE_TRIES, NARROW, TRIES, samples
-from jld_core.batch.rows import Graph, Joining, factor_pattern, fits, number_of_products
+from jld_core.batch import batch_solver, build, library
+from jld_core.batch.library import LARGE_TRIES, TRIES
+from jld_core.batch.rows import fits
 from jld_core.limit.case_relaxation import Relaxation
 from proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
 
@@ -45,7 +31,7 @@ def kernels() -> dict[str, str]:
 
     `make setup` builds the fastest and the base, `make bench` all."""
     there = library.built()
-    named = os.environ.get(library.SWITCH, "")
+    named = os.environ.get("JLD_KERNEL", "")
     if os.sep in named:  # `make sanitize`
         return {"given": named}
     found = {name: str(there[name]) for name in filter(build.runs_here, build.variants()) if name in there}
@@ -90,12 +76,12 @@ def test_a_tower_slides_or_rocks(kernel: str, cells: int, friction: float, expec
     analysis = LimitAnalysis(assembly)
     found = lanes_of(analysis, kernel).solve(labels)
     scale = analysis.template.scaling.load
-    assert found.verdict[0] == PROVEN
+    assert found.verdict[0] == batch_solver.PROVEN
     assert found.low[0] * scale <= expected + 1e-12
     assert found.high[0] * scale == pytest.approx(expected, rel=2e-8)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", [*PLANAR, *EXTRA, *SPATIAL])
 def test_bounds_are_those_of_the_core(kernel: str, name: str) -> None:
     analysis = analysis_of(name)
@@ -149,10 +135,10 @@ SETTLED = {
 def test_the_batch_solver_settles_scenes_of_its_kind(kernel: str, name: str, expected: int) -> None:
     analysis = analysis_of(name)
     found = lanes_of(analysis, kernel).solve(labellings(analysis.assembly, 24))
-    assert int((found.verdict != OPEN).sum()) >= expected
+    assert int((found.verdict != batch_solver.OPEN).sum()) >= expected
 
 
-def answers(kernel: BatchSolver, asked: np.ndarray) -> list[np.ndarray]:
+def answers(kernel: batch_solver.BatchSolver, asked: np.ndarray) -> list[np.ndarray]:
     found = kernel.solve(asked, vectors=True)
     assert found.forces is not None
     assert found.velocity is not None
@@ -185,14 +171,14 @@ def test_a_labelling_that_carries_enough_is_left_early(kernel: str, name: str) -
     made = lanes_of(analysis, kernel)
     asked = labellings(analysis.assembly, 16)
     known = made.solve(asked)
-    assert (known.verdict == PROVEN).sum() > 3
-    asked, whole = asked[known.verdict == PROVEN], known.low[known.verdict == PROVEN]
+    assert (known.verdict == batch_solver.PROVEN).sum() > 3
+    asked, whole = asked[known.verdict == batch_solver.PROVEN], known.low[known.verdict == batch_solver.PROVEN]
     thresholds = whole - 0.5 * abs(whole)
     found = made.solve(asked, thresholds=thresholds, vectors=True)
-    assert (found.verdict == CARRIES).all()
+    assert (found.verdict == batch_solver.CARRIES).all()
     assert (found.low > thresholds).all()
     assert (found.low <= whole + 1e-6 * abs(whole)).all()
-    assert found.iterations.sum() < known.iterations[known.verdict == PROVEN].sum()
+    assert found.iterations.sum() < known.iterations[known.verdict == batch_solver.PROVEN].sum()
     for labels, forces, low in zip(asked, found.forces, found.low, strict=True):
         state = analysis.prover.state(np.append(forces.ravel(), low), labels, held=True)
         assert state.admissible
@@ -208,15 +194,15 @@ def test_a_shrinking_sees_neither_lane_nor_company(kernel: str, name: str) -> No
     made = lanes_of(analysis, kernel, undecided=hull)
     asked = labellings(analysis.assembly, 21, seed=5)
     thresholds = np.full(len(asked), 1.05 * float(np.median(made.solve(asked).low)))
-    free, how = np.ones(asked.shape[1], dtype=bool), MinimizationOptions(tries=3, inner=True)
+    free, how = np.ones(asked.shape[1], dtype=bool), batch_solver.MinimizationOptions(tries=3, inner=True)
 
     def shrunk(rows: np.ndarray) -> list[np.ndarray]:
-        found = made.minimize_conflicts(ConflictRequest(rows, free, thresholds[: len(rows)], how=how))
+        found = made.minimize_conflicts(batch_solver.ConflictRequest(rows, free, thresholds[: len(rows)], how=how))
         return [found.fate, found.decided, found.velocity, found.relaxations]
 
     together = shrunk(asked)
-    assert (together[0] == REFUTED).any()
-    assert (together[0] == CARRIED).any()
+    assert (together[0] == batch_solver.REFUTED).any()
+    assert (together[0] == batch_solver.CARRIED).any()
     assert together[3].max() > 2
     order = np.random.default_rng(1).permutation(len(asked))
     for one, other in zip(together, shrunk(asked[order]), strict=True):
@@ -239,7 +225,7 @@ def test_variants_agree(kernels: dict[str, str], name: str) -> None:
         np.testing.assert_allclose(one[0], other[0], rtol=1e-6)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", PLANAR)
 def test_settings_for_large_assemblies_give_the_same_bounds(kernel: str, name: str) -> None:
     analysis = analysis_of(name)
@@ -247,8 +233,8 @@ def test_settings_for_large_assemblies_give_the_same_bounds(kernel: str, name: s
     plain = lanes_of(analysis, kernel, tries=TRIES).solve(asked)
     found = lanes_of(analysis, kernel, tries=LARGE_TRIES).solve(asked, vectors=True)
     assert_proven(analysis, asked, found, 1e-9 if "strong" in name else LAST_DIGITS)
-    both = (plain.verdict == PROVEN) & (found.verdict == PROVEN)
-    assert both.sum() >= 0.9 * (plain.verdict == PROVEN).sum()
+    both = (plain.verdict == batch_solver.PROVEN) & (found.verdict == batch_solver.PROVEN)
+    assert both.sum() >= 0.9 * (plain.verdict == batch_solver.PROVEN).sum()
     np.testing.assert_array_less(plain.low[both], found.high[both] + 1e-9)
     np.testing.assert_array_less(found.low[both], plain.high[both] + 1e-9)
 
@@ -259,19 +245,11 @@ def test_many_cells_need_one_pass(kernel: str) -> None:
     Passes that begin where it ended need few iterations for the others, and a factor that breaks down ends nothing.
     """
     analysis = LimitAnalysis(grid_assembly(["a" * 22] * 22 + ["#" * 22], tension=2e6, shear=2e6, friction=0.75))
-    faces = analysis.assembly.interfaces
-    assert len(faces) >= LARGE
-    inner = np.flatnonzero(analysis.assembly.free_faces)
-    cells = (~analysis.assembly.elements.support).astype(np.int64)
-    dice = np.random.default_rng(0)
-    orders = np.array([dice.permutation(len(inner)) for _ in range(64)])
-    joined = Joining(faces.a[inner], faces.b[inner], cells, 1, 4, 0, kernel).parts(orders, np.full(64, len(inner)))
-    asked = np.ones((64, len(faces)), dtype=bool)
-    asked[:, inner] = joined[0][:, faces.a[inner]] != joined[0][:, faces.b[inner]]
+    asked = np.array([cases.small_blocks(analysis.assembly, seed) for seed in range(64)])
     made = lanes_of(analysis, kernel, tries=LARGE_TRIES[:5], sampled_start=False)
     found = made.solve(asked, vectors=True)
-    once = (found.verdict == PROVEN) & (found.tries == 1)
-    assert int((found.verdict == PROVEN).sum()) >= 60
+    once = (found.verdict == batch_solver.PROVEN) & (found.tries == 1)
+    assert int((found.verdict == batch_solver.PROVEN).sum()) >= 60
     assert_proven(analysis, asked[~once], made.solve(asked[~once], vectors=True), LAST_DIGITS)
 
 
@@ -282,7 +260,7 @@ def test_half_the_lanes_give_the_same_bounds(kernel: str, name: str, monkeypatch
     made = lanes_of(analysis, kernel)
     asked = labellings(analysis.assembly, 21)
     plain = made.solve(asked)
-    monkeypatch.setattr(settings, "NARROW", 0)
+    monkeypatch.setattr("jld_core.batch.library.NARROW", 0)
     found = answers(made, asked)
     np.testing.assert_array_equal(found[2], plain.verdict)
     np.testing.assert_allclose(found[0], plain.low, rtol=1e-6)
@@ -300,7 +278,7 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name
     hasty = library.Try.from_buffer_copy(TRIES[0])
     hasty.most = most
     found = lanes_of(analysis, kernel, tries=(hasty,)).solve(asked)
-    assert (found.verdict == OPEN).any()
+    assert (found.verdict == batch_solver.OPEN).any()
     for k, labels in enumerate(asked):
         proof = analysis.prove(labels)
         assert found.low[k] <= proof.high
@@ -316,56 +294,23 @@ def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
     for other in (round_hull, crushed):
         assert not fits(other.template)
     with pytest.raises(ValueError, match="another shape"):
-        BatchSolver(round_hull.template, variant=kernel)
+        batch_solver.BatchSolver(round_hull.template, variant=kernel)
     # undecided faces whose inner set carries more N than the dry one
     crushable = LimitAnalysis(grid_assembly(*[CASES["crushable wall"][0]], crush_dry=1e4))
     assert fits(crushable.template)
     assert not fits(crushable.template, crushable.template.yield_set.hull())
 
 
-@pytest.mark.parametrize(("dimension", "few"), [(2, NARROW), (3, LARGE)])
-def test_large_assemblies_start_from_few_samples(dimension: int, few: int) -> None:
-    assert samples(dimension, few) < samples(dimension, few - 1)
-
-
-def test_pattern_holds_the_fill() -> None:
-    dice = np.random.default_rng(5)
-    places = np.array([[x, y] for y in range(5) for x in range(6)], dtype=float)
-    near = [(i, j) for i in range(30) for j in range(i) if abs(places[i] - places[j]).sum() == 1.0]
-    a, b = np.array(near).T
-    pattern = factor_pattern(a, b, places)
-    assert factor_pattern(a, b, places) is pattern  # as load cases ask for it
-    assert number_of_products(a, b, places) == pattern.products
-    matrix = np.zeros((30, 30))
-    matrix[a, b] = matrix[b, a] = dice.random(len(a))
-    matrix += np.diag(abs(matrix).sum(axis=1) + 1.0)
-    factor = np.linalg.cholesky(matrix[np.ix_(pattern.order, pattern.order)])
-    held = np.eye(30, dtype=bool)
-    for column in range(30):
-        held[pattern.row[pattern.column_start[column] : pattern.column_start[column + 1]], column] = True
-    np.testing.assert_array_equal(factor != 0.0, held)
-    columns = np.repeat(np.arange(30), np.diff(pattern.column_start))
-    entries = matrix[pattern.order[pattern.row], pattern.order[columns]]
-    np.testing.assert_array_equal(pattern.entered, entries != 0.0)
-    for block in range(len(pattern.row)):
-        column = int(np.searchsorted(pattern.column_start, block, side="right")) - 1
-        lost = {
-            tuple(pair) for pair in pattern.pair[pattern.pair_start[block] : pattern.pair_start[block + 1]].tolist()
-        }
-        rows = [k for k in range(column) if held[column, k] and held[pattern.row[block], k]]
-        assert len(lost) == len(rows)
-
-
 def test_switch(monkeypatch: pytest.MonkeyPatch, kernel: str) -> None:
-    monkeypatch.setenv(library.SWITCH, "off")
+    monkeypatch.setenv("JLD_KERNEL", "off")
     assert library.chosen() is None
     assert library.described() == "no kernel"
     with pytest.raises(ValueError, match="no kernel"):
-        BatchSolver(LimitAnalysis(grid_assembly(CASES["wall"][0])).template)
-    monkeypatch.setenv(library.SWITCH, "mmx")
+        batch_solver.BatchSolver(LimitAnalysis(grid_assembly(CASES["wall"][0])).template)
+    monkeypatch.setenv("JLD_KERNEL", "mmx")
     with pytest.raises(InputError, match="mmx"):
         library.chosen()
-    monkeypatch.setenv(library.SWITCH, kernel)
+    monkeypatch.setenv("JLD_KERNEL", kernel)
     assert library.chosen() == kernel
     assert "labellings at a time" in library.described()
 
@@ -373,7 +318,7 @@ def test_switch(monkeypatch: pytest.MonkeyPatch, kernel: str) -> None:
 def test_version_names_the_kernel(kernel: str, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     spoken = {}
     for wish in ("off", kernel):
-        monkeypatch.setenv(library.SWITCH, wish)
+        monkeypatch.setenv("JLD_KERNEL", wish)
         spoken[wish] = jld("--version").out
     assert "no kernel" in spoken["off"]
     assert "labellings at a time" in spoken[kernel]
@@ -388,10 +333,10 @@ def test_relaxations_in_lanes_have_the_bounds_of_the_conic_solver(
     asked = labellings(analysis.assembly, 12)
     loose = np.random.default_rng(4).random(asked.shape) < 0.5
     everything = np.full(len(asked), 1e12)
-    monkeypatch.setenv(library.SWITCH, kernel)
+    monkeypatch.setenv("JLD_KERNEL", kernel)
     relaxation = Relaxation(analysis)
     together = relaxation.refute_all(asked, loose, everything)
-    monkeypatch.setenv(library.SWITCH, "off")
+    monkeypatch.setenv("JLD_KERNEL", "off")
     plain = Relaxation(analysis).refute_all(asked, loose, everything)
     for k, (one, other) in enumerate(zip(together, plain, strict=True)):
         assert one.bound == pytest.approx(other.bound, rel=1e-5 if name == "hulls" else 1e-6, abs=1e-9)
@@ -400,21 +345,6 @@ def test_relaxations_in_lanes_have_the_bounds_of_the_conic_solver(
         assert relaxation.refute(asked[k], loose[k], 0.9 * other.bound) is None
         refuted = relaxation.refute(asked[k], loose[k], 1.1 * other.bound)
         assert refuted.bound <= 1.1 * other.bound
-
-
-def test_blocks_are_the_components_of_the_graph(kernels: dict[str, str]) -> None:
-    """Named by their smallest element, by scipy's components as another route."""
-    dice = np.random.default_rng(3)
-    a, b = dice.integers(0, 12, size=(2, 20))
-    always = np.array([[2, 9], [9, 4]])
-    labels = dice.random((50, 20)) < dice.random((50, 1))
-    for path in kernels.values():
-        found = Graph(12, a, b, always, path).blocks(labels)
-        for row, names in zip(labels, found, strict=True):
-            ends = np.concatenate([always, np.column_stack([a, b])[~row]])
-            matrix = coo_array((np.ones(len(ends)), ends.T), shape=(12, 12))
-            kind = connected_components(matrix, directed=False)[1]
-            assert names.tolist() == [int(np.flatnonzero(kind == own)[0]) for own in kind]
 
 
 def joined(pairs: list[tuple[int, int]], sizes: list[int], most: float, small: int = 0) -> list[set[int]]:
@@ -429,27 +359,6 @@ def joined(pairs: list[tuple[int, int]], sizes: list[int], most: float, small: i
     return parts
 
 
-@pytest.mark.parametrize("most", [4.0, math.inf])
-def test_parts_are_joined_in_order(kernels: dict[str, str], most: float) -> None:
-    """One pass, which leaves no part that it could mend: pairs that are asked for, then what is too small."""
-    dice = np.random.default_rng(5)
-    pairs, sizes = [(k, k + 1) for k in range(8)] + [(0, 4), (2, 7)], [1, 1, 2, 1, 1, 1, 3, 1, 1]
-    order = np.argsort(dice.random((40, len(pairs))), axis=1)
-    wanted = dice.integers(0, len(pairs), size=40)
-    ends = np.array(pairs).T
-    for path in kernels.values():
-        found = Joining(ends[0], ends[1], np.array(sizes), 2, most, 0, path).parts(order, wanted)
-        for row, count, names in zip(order, wanted, found[0], strict=True):
-            parts = joined([pairs[k] for k in row[:count]], sizes, most)
-            assert {frozenset(np.flatnonzero(names == name).tolist()) for name in names} == set(map(frozenset, parts))
-        mended = Joining(ends[0], ends[1], np.array(sizes), 2, most, 2, path).parts(order, wanted)
-        assert mended[1].any()
-        assert not found[1].all()
-        cells = [np.bincount(names, weights=sizes) for names in mended[0]]
-        assert all(((own > 0.0) & (own < 2)).any() != good for own, good in zip(cells, mended[1], strict=True))
-        assert all(own.max() <= most for own in cells)
-
-
 def test_undecided_joints_that_crush_are_bounded_by_rows_that_enclose_their_hull(
     kernel: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -458,11 +367,11 @@ def test_undecided_joints_that_crush_are_bounded_by_rows_that_enclose_their_hull
     asked = labellings(analysis.assembly, 12)
     loose = np.random.default_rng(4).random(asked.shape) < 0.5
     everything = np.full(len(asked), 1e12)
-    monkeypatch.setenv(library.SWITCH, kernel)
+    monkeypatch.setenv("JLD_KERNEL", kernel)
     batched = Relaxation(analysis)
     assert batched.batched
     together = batched.refute_all(asked, loose, everything)
-    monkeypatch.setenv(library.SWITCH, "off")
+    monkeypatch.setenv("JLD_KERNEL", "off")
     hull = Relaxation(analysis).refute_all(asked, loose, everything)
     finite = 0
     for k, (one, other) in enumerate(zip(together, hull, strict=True)):

@@ -227,6 +227,7 @@ def _sliding(weight: float, area: float) -> float:
 # --- searches, proofs ----------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("without_pictures", "without_field_check")
 @pytest.mark.parametrize(
     ("name", "parameters"),
     [("ribbed", {**STRENGTHS, "ratio": 3.0}), ("hoek_brown", {"uniaxial_strength": 4e3, "m": 8.0})],

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.claims.converged import drawn
+from benchmarks.claims.answers import drawn_converged as drawn
 from studies.by_scheme import solve_zero_dilation
 
 import cases
 from command import SCENES
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core.geometry.outlines import rectangle_torsion_length
-from jld_core.mechanics.prescribed_friction import PrescribedFriction
-from jld_core.models import areas_under
-from jld_core.models.effective_area import frozen_areas, largest_area_change
+from jld_core.geometry import outlines
+from jld_core.mechanics import prescribed_friction
+from jld_core.models import areas_under, effective_area
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 from jld_samples import vault
@@ -48,9 +47,9 @@ def test_prism_in_torsion(eccentric: float, axis: int) -> None:
     analysis = LimitAnalysis(prism(eccentric, axis))
     result = solve(analysis.assembly, effective_area=True)
     sides = np.array([WIDTH, DEPTH])
-    whole = FRICTION * 2.0 * rectangle_torsion_length(*sides[:, None])[0]
+    whole = FRICTION * 2.0 * outlines.rectangle_torsion_length(*sides[:, None])[0]
     sides[axis] -= 2.0 * eccentric
-    expected = FRICTION * 2.0 * rectangle_torsion_length(*sides[:, None])[0]
+    expected = FRICTION * 2.0 * outlines.rectangle_torsion_length(*sides[:, None])[0]
     assert result.status is Status.COLLAPSE
     assert result.load_factor == pytest.approx(expected, rel=1e-8)
     assert result.facts["load_factor_whole_faces"] == pytest.approx(whole, rel=1e-8)
@@ -73,7 +72,7 @@ def test_walls_reach_a_fixed_point(live: list[float]) -> None:
     assert result.facts["effective_area"]["fixed_point"] <= 1e-8
     scaled = result.forces / analysis.template.scaling.face
     areas = areas_under(assembly, scaled, dry)
-    frozen = frozen_areas(analysis.template, areas)
+    frozen = effective_area.frozen_areas(analysis.template, areas)
     # the forces lie in the set that they themselves ask for
     assert frozen.yield_set.slack(scaled, dry).min() >= -1e-12
     assert solve_zero_dilation(assembly, dry, effective_area=True).status is Status.COLLAPSE
@@ -101,7 +100,9 @@ def test_a_load_factor_above_that_of_whole_faces_is_reported() -> None:
     assert any(f"{share} above that of whole faces" in note for note in result.notes)
 
 
-def random_set(seed: int, alpha: float, contact: bool) -> tuple[Template, PrescribedFriction, np.random.Generator]:
+def random_set(
+    seed: int, alpha: float, contact: bool
+) -> tuple[Template, prescribed_friction.PrescribedFriction, np.random.Generator]:
     rng = np.random.default_rng(seed)
     analysis = LimitAnalysis(build_assembly(load_scene(SCENES / "spatial_cubes.json")))
     template, count = analysis.template, len(analysis.assembly.interfaces)
@@ -109,7 +110,7 @@ def random_set(seed: int, alpha: float, contact: bool) -> tuple[Template, Prescr
     dry = np.ones(count, dtype=bool)
     areas = areas_under(analysis.assembly, forces, dry) if contact else None
     base = template.yield_set
-    sets = PrescribedFriction(base, alpha, rng.uniform(0.0, 2.0, count), areas)
+    sets = prescribed_friction.PrescribedFriction(base, alpha, rng.uniform(0.0, 2.0, count), areas)
     return template.renumbered(sets), sets, rng
 
 
@@ -148,8 +149,8 @@ def test_change_is_zero_for_equal_areas_and_bad_scenes_are_refused() -> None:
     forces = np.array([[2.0, 0.1, 0.2, 0.3, 0.4, 0.5]])
     dry = np.ones(1, dtype=bool)
     first = areas_under(assembly, forces, dry)
-    assert largest_area_change(first, first) == 0.0
-    assert largest_area_change(first, areas_under(assembly, 0.0 * forces, dry)) > 0.1
+    assert effective_area.largest_area_change(first, first) == 0.0
+    assert effective_area.largest_area_change(first, areas_under(assembly, 0.0 * forces, dry)) > 0.1
     with pytest.raises(InputError, match="planar"):
         solve(build_assembly(load_scene(SCENES / "ferris_tinloi_1.json")), effective_area=True)
     odd = cases.stools([cases.TRIANGLE])
@@ -166,7 +167,7 @@ def test_locked_is_proven_by_forces_within_their_own_areas(seed: int) -> None:
     analysis = LimitAnalysis(assembly)
     for load in (1e2, 1e4, 1e6):
         forces = (result.forces + load * result.unbounded_forces) / analysis.template.scaling.face
-        frozen = frozen_areas(analysis.template, areas_under(assembly, forces, labels))
+        frozen = effective_area.frozen_areas(analysis.template, areas_under(assembly, forces, labels))
         assert frozen.yield_set.slack(forces, labels).min() >= -1e-12 * load
 
 

@@ -12,7 +12,7 @@ from typer.main import get_command
 
 from command import ROOT, Command
 from jld_core import InputError, ParameterError, SolveOptions
-from jld_explore.cli.ending import in_flags
+from jld_explore.cli import ending
 
 
 @pytest.mark.parametrize(
@@ -37,14 +37,16 @@ def test_parameters_become_flags(options: dict[str, object], in_python: str, on_
         SolveOptions(**options)
     assert caught.value.parameter == next(iter(options))
     assert str(caught.value).startswith(in_python)
-    assert in_flags(caught.value).startswith(on_command_line)
+    assert ending.in_flags(caught.value).startswith(on_command_line)
 
 
 def test_truth_values_become_bare_flags() -> None:
     error = ParameterError("certificate", "not with `robust=True`", "`robust=False`, or `floor_seconds=0`")
-    assert in_flags(error) == "--certificate: not with --robust; expected no --robust, or --floor-seconds 0"
+    assert ending.in_flags(error) == "--certificate: not with --robust; expected no --robust, or --floor-seconds 0"
     other = InputError("scene.json: elements[3]", "its cells do not add up", "`cell` with another size")
-    assert in_flags(other) == "scene.json: elements[3]: its cells do not add up; expected --cell with another size"
+    assert (
+        ending.in_flags(other) == "scene.json: elements[3]: its cells do not add up; expected --cell with another size"
+    )
 
 
 @pytest.mark.parametrize("error", [ParameterError("gap", "0 is no width", "a number"), InputError("a", "b", "c")])
@@ -85,7 +87,7 @@ def test_an_unknown_option_names_the_help_of_its_command(jld: Command, arguments
 
 
 def test_o_and_out_are_one_option_of_every_command() -> None:
-    from jld_explore.cli.command import app
+    from command import app
 
     group = get_command(app)
     context = Context(group)

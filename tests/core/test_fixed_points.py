@@ -8,7 +8,8 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 import pytest
-from benchmarks.claims.converged import _bonded, _left, drawn
+from benchmarks.claims.answers import _bonded, _left
+from benchmarks.claims.answers import drawn_converged as drawn
 from numpy.typing import NDArray
 
 from cases import ROUTE
@@ -23,7 +24,7 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.geometry.outlines import rectangle_torsion_length
+from jld_core.geometry import outlines
 from jld_core.limit.options import reason_of
 from jld_core.mechanics import scaling_of
 from jld_core.models import areas_under
@@ -167,7 +168,7 @@ def frozen_optimum(assembly: Assembly, labels: NDArray[np.bool_], forces: Array,
             conditions.append(cp.norm(cp.hstack([v1, v2])) + twist <= s.friction[k] * n)
             pressed, lever = n, 0.5
         else:
-            twist = cp.abs(mt) / rectangle_torsion_length(faces.l1[[k]], faces.l2[[k]])[0]
+            twist = cp.abs(mt) / outlines.rectangle_torsion_length(faces.l1[[k]], faces.l2[[k]])[0]
             capacity = s.shear[k] * faces.area[k] / unit + s.inner_friction[k] * n
             conditions.append(cp.norm(cp.hstack([v1, v2])) + twist <= capacity)
             pressed, lever = n + s.tension[k] * faces.area[k] / unit, 1.0 / 6.0

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from benchmarks.claims import geometry, laying
+from benchmarks.claims import run as run_claim
 from numpy.typing import NDArray
 
 from cases import as_elements, box, grid_document, in_units, mirrored, prism, renumbered, rotated, rotation
@@ -39,7 +39,7 @@ MOVES = {
 }
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("move", MOVES)
 @pytest.mark.parametrize("name", SCENES_TO_MOVE)
 def test_load_factor_is_invariant(name: str, move: str) -> None:
@@ -64,16 +64,17 @@ def misfits(document: dict[str, Any]) -> list[str]:
     return [text for text in found if text.startswith("interfaces[") or "nearly touch" in text]
 
 
+@pytest.mark.long
 def test_random_assemblies_have_the_contacts_of_their_grid() -> None:
     """A share of `python -m benchmarks.claims geometry`, which tests 3 000."""
-    found = geometry.run(100_000, 25, 600.0)
+    found = run_claim("geometry", 100_000, 25, 600.0)
     assert found.disagreements == []
     assert found.notes["contacts"] > 100
 
 
 def test_assembly_steps_cut_no_neighbour() -> None:
     """A share of `python -m benchmarks.claims laying`."""
-    assert laying.run(100_000, 40, 600.0).disagreements == []
+    assert run_claim("laying", 100_000, 40, 600.0).disagreements == []
 
 
 @pytest.mark.parametrize("degrees", [0.0, 10.0, 20.0, 33.0, 47.0, 71.0])

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from jld_core import InputError
-from jld_core.batch import build, interface, library
-from jld_core.batch.batch_solver import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, SOLVED
+from jld_core.batch import batch_solver, build, interface, library
 
 STRUCTURES = {
     "JldFactorPattern": library.FactorPattern,
@@ -54,11 +53,17 @@ def test_a_field_out_of_its_place_does_not_compile(tmp_path: Path) -> None:
 
 
 def test_codes_are_those_of_the_declaration() -> None:
-    verdicts = {"OPEN": OPEN, "PROVEN": PROVEN, "FALLS": FALLS, "CARRIES": CARRIES, "LOCKED": LOCKED}
+    verdicts = {
+        "OPEN": batch_solver.OPEN,
+        "PROVEN": batch_solver.PROVEN,
+        "FALLS": batch_solver.FALLS,
+        "CARRIES": batch_solver.CARRIES,
+        "LOCKED": batch_solver.LOCKED,
+    }
     assert interface.codes("JldVerdict") == verdicts
-    assert interface.codes("JldFate") == {"LEFT": 0, "REFUTED": REFUTED, "CARRIED": CARRIED}
+    assert interface.codes("JldFate") == {"LEFT": 0, "REFUTED": batch_solver.REFUTED, "CARRIED": batch_solver.CARRIED}
     assert interface.codes("JldLabel")["DRY"] == int(True)
-    assert interface.codes("JldBlockState")["SOLVED"] == SOLVED
+    assert interface.codes("JldBlockState")["SOLVED"] == batch_solver.SOLVED
 
 
 @pytest.mark.skipif(library.chosen() is None, reason="no batch solver")
@@ -84,7 +89,7 @@ def test_a_library_of_other_sources_is_refused_unloaded(tmp_path: Path, monkeypa
     """Whatever it is: it would be run in this process."""
     path = tmp_path / "other.so"
     path.write_bytes(Path(ctypes.__file__).read_bytes())
-    monkeypatch.setenv(library.SWITCH, str(path))
+    monkeypatch.setenv("JLD_KERNEL", str(path))
     with pytest.raises(InputError, match=r"JLD_KERNEL: .*other\.so was not built from these sources; expected"):
         library.chosen()
 

@@ -20,7 +20,7 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.assembly import faces_of
+from jld_core import assembly as assembly_of_core
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.refinement import refine
 from jld_core.views import facts_of_assembly, facts_of_result
@@ -253,7 +253,7 @@ def three() -> list[Document]:
 
 def by_hand(assembly: Assembly, labels: np.ndarray) -> float:
     """λ of a linear program with columns of members that are written down here, by HiGHS."""
-    plain = faces_of(assembly)
+    plain = assembly_of_core.faces_of(assembly)
     scaling = scaling_of(plain)
     matrix = equilibrium_matrix(plain).toarray() * scaling.face.ravel()
     facets = yield_set(plain, scaling).facets(labels)

@@ -21,9 +21,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
-import jld_core.views
 import jld_practice.laying
 import jld_practice.reactions
+import jld_views
 from cases import dry_and_inner, grid_document, small_scene
 from command import SCENES, Command
 from jld_core import (
@@ -41,30 +41,15 @@ from jld_core import (
     samples,
     solve,
 )
-from jld_core.assembly import Interfaces
-from jld_core.build.loads import settlements_of
+from jld_core import assembly as assembly_of_core
+from jld_core.build import loads
 from jld_core.models import solve_by_fields
 from jld_core.strengths import FaceStrengths
-from jld_core.views import figures as animation
-from jld_core.views import quantities
-from jld_core.views import quantities as marks
-from jld_core.views.annotations import legend_inches
-from jld_core.views.figures import (
-    draw_assembly,
-    draw_forces,
-    draw_mechanism,
-    figure_of_assembly,
-    figure_of_result,
-    save_figure,
-    svg_of,
-)
-from jld_core.views.look import TINTS, rules
-from jld_core.views.moved_joints import PathValue
-from jld_core.views.structure import painter_order, projection_of
-from jld_core.views.writing import write_numbers
 from jld_practice.laying import assembly_order
 from jld_practice.reactions import settle, thrust_ranges
 from jld_samples import box
+from jld_views import figures, look, moved_joints, quantities, structure, writing
+from jld_views.annotations import legend_inches
 
 
 def axes() -> Axes:
@@ -140,7 +125,7 @@ def stack_of_boxes() -> Assembly:
     )
     square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     frame = np.tile(np.eye(3)[None], (2, 1, 1))
-    faces = Interfaces(
+    faces = assembly_of_core.Interfaces(
         a=np.array([0, 1]),
         b=np.array([1, 2]),
         origin=np.array([[1.0, 0.5, 0.0], [1.5, 0.5, 1.0]]),
@@ -175,7 +160,7 @@ def stack_of_boxes() -> Assembly:
 
 def test_neighbouring_blocks_get_different_tints(wall: LimitAnalysisResult) -> None:
     assembly = wall.assembly
-    colours = marks.block_colours(assembly, wall.labels, len(TINTS))
+    colours = quantities.block_colours(assembly, wall.labels, len(look.TINTS))
     free = assembly.free_faces
     assert np.all(colours[assembly.interfaces.a[free]] != colours[assembly.interfaces.b[free]])
     assert np.all(colours[assembly.elements.support] == -1)
@@ -190,7 +175,7 @@ def test_blocks_are_joined_through_inner_faces(beam: LimitAnalysisResult) -> Non
 
 def test_layout_tells_dry_from_inner_without_colour_and_hatches_supports(beam: LimitAnalysisResult) -> None:
     ax = axes()
-    drawn = draw_assembly(ax, beam.assembly)
+    drawn = figures.draw_assembly(ax, beam.assembly)
     dry, inner = drawn["dry"][0], drawn["inner"][0]
     assert len(dry.get_segments()) == 2
     assert len(inner.get_segments()) == 22
@@ -207,11 +192,11 @@ def test_layout_tells_dry_from_inner_without_colour_and_hatches_supports(beam: L
 def test_point_loads_stand_at_their_points_and_body_loads_beside(
     beam: LimitAnalysisResult, wall: LimitAnalysisResult
 ) -> None:
-    live = draw_assembly(axes(), beam.assembly)["live"][0]
+    live = figures.draw_assembly(axes(), beam.assembly)["live"][0]
     assert live.get_offsets() == pytest.approx(np.array([[0.22, 0.4], [0.25, 0.4], [0.28, 0.4]]))
     assert live.V[1] == pytest.approx(2.0 * live.V[0])
     assert live.pivot == "tip"
-    drawn = draw_assembly(axes(), wall.assembly)
+    drawn = figures.draw_assembly(axes(), wall.assembly)
     assert "live" not in drawn
     body = drawn["body"][0]
     assert body.U[0] > 0.0
@@ -221,7 +206,7 @@ def test_point_loads_stand_at_their_points_and_body_loads_beside(
 
 def test_a_live_couple_is_drawn_the_way_it_turns() -> None:
     for moment, marker in ((1.0, "left"), (-1.0, "right")):
-        drawn = draw_assembly(axes(), block_on_ground([{"element": "c0r0", "moment": moment}]))
+        drawn = figures.draw_assembly(axes(), block_on_ground([{"element": "c0r0", "moment": moment}]))
         (mark,) = drawn["couples"]
         assert marker in str(mark.get_marker())
         assert mark.get_xydata()[0] == pytest.approx([1.0, 6.0])
@@ -229,13 +214,13 @@ def test_a_live_couple_is_drawn_the_way_it_turns() -> None:
 
 def test_labels_of_another_length_are_refused(beam: LimitAnalysisResult) -> None:
     with pytest.raises(ValueError, match=r"expected \(24,\)"):
-        draw_assembly(axes(), beam.assembly, np.ones(3, dtype=bool))
+        figures.draw_assembly(axes(), beam.assembly, np.ones(3, dtype=bool))
 
 
 def test_arrow_of_a_rocking_block_stands_at_its_toe() -> None:
     result = solve(block_on_ground(PUSH, angle=45.0))
     assert result.load_factor == pytest.approx(80.0 / 3.0, rel=1e-6)
-    drawn = draw_forces(axes(), result)
+    drawn = figures.draw_forces(axes(), result)
     arrow = drawn["press"][0]
     assert arrow.get_offsets()[0] == pytest.approx([2.0, 4.0], abs=1e-5)
     # what the block does to the ground: its weight down, the push to the right
@@ -245,8 +230,8 @@ def test_arrow_of_a_rocking_block_stands_at_its_toe() -> None:
 
 def test_force_at_the_centre_of_pressure_has_the_moment_of_the_face(wall: LimitAnalysisResult) -> None:
     assembly, forces = wall.assembly, wall.forces
-    points, on_face = marks.pressure_points(assembly, forces)
-    arm, vector = points - assembly.interfaces.origin, marks.face_vectors(assembly, forces)
+    points, on_face = quantities.pressure_points(assembly, forces)
+    arm, vector = points - assembly.interfaces.origin, quantities.face_vectors(assembly, forces)
     moment = arm[:, 0] * vector[:, 1] - arm[:, 1] * vector[:, 0]
     loaded = on_face & (forces[:, 0] > 1e-6)
     assert loaded.sum() > 40
@@ -261,20 +246,20 @@ def test_utilisation_by_hand() -> None:
         ([80.0, 8.0, 80.0], 1.0),
         ([0.0, 0.0, 0.0], 0.0),
     ):
-        assert marks.utilisation(outcome(assembly, np.array([force])))[0] == pytest.approx(expected)
+        assert quantities.utilisation(outcome(assembly, np.array([force])))[0] == pytest.approx(expected)
     # inner, σt A = τ A = 2: 6 |M| / ((N + 2) · 2), |V| / 2, −N / 2
     inner = np.array([False])
     for force, expected in (([2.0, 0.0, 1.0], 0.75), ([2.0, -1.8, 0.0], 0.9), ([-1.0, 0.0, 0.0], 0.5)):
-        used = marks.utilisation(outcome(assembly, np.array([force]), labels=inner))
+        used = quantities.utilisation(outcome(assembly, np.array([force]), labels=inner))
         assert used[0] == pytest.approx(expected)
     with pytest.raises(ValueError, match="no forces"):
-        marks.utilisation(outcome(assembly))
+        quantities.utilisation(outcome(assembly))
 
 
 def test_a_couple_without_thrust_and_tension_are_marked() -> None:
     assembly = block_on_ground(PUSH)
     inner = np.array([False])
-    pulled = draw_forces(axes(), outcome(assembly, np.array([[-1.0, 0.5, 1.5]]), labels=inner))
+    pulled = figures.draw_forces(axes(), outcome(assembly, np.array([[-1.0, 0.5, 1.5]]), labels=inner))
     assert "tension" in pulled
     assert "press" not in pulled
     (turn,) = pulled["couples on faces"]
@@ -283,47 +268,47 @@ def test_a_couple_without_thrust_and_tension_are_marked() -> None:
 
 def test_thrust_line_follows_a_column_and_is_left_out_in_a_wall(wall: LimitAnalysisResult) -> None:
     column = solve(block_on_ground(PUSH_ON_TOP, angle=45.0, rows=("a", "b", "c", "#")))
-    pieces = draw_forces(axes(), column)["thrust"]
+    pieces = figures.draw_forces(axes(), column)["thrust"]
     assert len(pieces) == 2
     ends = [line.get_xydata() for line in pieces]
     low = max(float(end[:, 0].max()) for end in ends)
     assert low == pytest.approx(2.0, abs=1e-5)
-    assert "thrust" not in draw_forces(axes(), wall)
+    assert "thrust" not in figures.draw_forces(axes(), wall)
 
 
 def test_mechanism_moves_elements_by_scale_times_velocity(wall: LimitAnalysisResult) -> None:
     assembly, velocity = wall.assembly, wall.mechanism
-    drawn = draw_mechanism(axes(), wall)
-    scale = marks.mechanism_scale(assembly, velocity)
+    drawn = figures.draw_mechanism(axes(), wall)
+    scale = quantities.mechanism_scale(assembly, velocity)
     free = assembly.elements.free
     paths = drawn["elements"][0].get_paths()
     moved = np.array([path.vertices[:4].mean(axis=0) for path in paths]) - assembly.elements.centroid[free]
     assert moved == pytest.approx(scale * velocity[free, :2], abs=1e-9)
     assert float(np.sum(moved * assembly.live[free, :2])) == pytest.approx(scale, rel=1e-6)
     corners = np.vstack([path.vertices[:4] for path in paths]) - np.vstack([assembly.elements.shape[k] for k in free])
-    assert np.hypot(*corners.T).max() <= marks.REACH * assembly.size * (1.0 + 1e-9)
+    assert np.hypot(*corners.T).max() <= quantities.REACH * assembly.size * (1.0 + 1e-9)
 
 
 def test_rocking_sliding_and_cracking_are_distinguished(beam: LimitAnalysisResult) -> None:
     rocking = solve(block_on_ground(PUSH, angle=45.0))
-    kinds, places = marks.movements(rocking)
-    assert kinds == (marks.MovementSign.HINGE,)
+    kinds, places = quantities.movements(rocking)
+    assert kinds == (quantities.MovementSign.HINGE,)
     assert places[0] == pytest.approx([2.0, 4.0])
-    (hinge,) = draw_mechanism(axes(), rocking)["hinge"]
+    (hinge,) = figures.draw_mechanism(axes(), rocking)["hinge"]
     assert hinge.get_xydata()[0] == pytest.approx([2.0, 4.0], abs=1e-4)
     sliding = solve(block_on_ground(PUSH, angle=10.0))
-    assert marks.movements(sliding)[0] == (marks.MovementSign.SLIDE,)
+    assert quantities.movements(sliding)[0] == (quantities.MovementSign.SLIDE,)
     lifted = outcome(block_on_ground(PUSH), mechanism=np.array([[0.1, 1.0, 0.0], [0.0, 0.0, 0.0]]))
-    assert marks.movements(lifted)[0] == (marks.MovementSign.OPEN,)
-    kinds, _ = marks.movements(beam)
-    assert kinds.count(marks.MovementSign.CRACK) == 6
-    assert set(kinds) == {marks.MovementSign.CRACK, marks.MovementSign.STILL}
+    assert quantities.movements(lifted)[0] == (quantities.MovementSign.OPEN,)
+    kinds, _ = quantities.movements(beam)
+    assert kinds.count(quantities.MovementSign.CRACK) == 6
+    assert set(kinds) == {quantities.MovementSign.CRACK, quantities.MovementSign.STILL}
     with pytest.raises(ValueError, match="no mechanism"):
-        marks.movements(outcome(beam.assembly))
+        quantities.movements(outcome(beam.assembly))
 
 
 def test_figure_of_a_result_has_three_panels_on_one_scale(wall: LimitAnalysisResult) -> None:
-    figure = figure_of_result(wall)
+    figure = figures.figure_of_result(wall)
     assert len(figure.axes) == 3
     assert len({ax.get_xlim() for ax in figure.axes}) == 1
     title = figure.get_suptitle()
@@ -335,7 +320,7 @@ def test_figure_of_a_result_has_three_panels_on_one_scale(wall: LimitAnalysisRes
 @pytest.mark.parametrize("name", ["ferris_tinloi_4", "flat_beam_arch"])
 def test_nothing_is_drawn_over_the_structure(name: str) -> None:
     result = solve(build_assembly(load_scene(SCENES / f"{name}.json")))
-    figure = figure_of_result(result)
+    figure = figures.figure_of_result(result)
     figure.canvas.draw()
     whole = figure.bbox
     for ax in figure.axes:
@@ -357,7 +342,7 @@ def test_nothing_is_drawn_over_the_structure(name: str) -> None:
 def test_results_without_mechanism_are_drawn_with_a_note(status: Status, word: str) -> None:
     nan = float("nan")
     result = outcome(block_on_ground(PUSH), status=status, load_factor=nan, bracket=(nan, nan), gap=nan)
-    figure = figure_of_result(result)
+    figure = figures.figure_of_result(result)
     assert word in figure.axes[2].get_title()
     assert "none" in figure.axes[1].get_title()
     assert str(status) in figure.get_suptitle()
@@ -365,7 +350,7 @@ def test_results_without_mechanism_are_drawn_with_a_note(status: Status, word: s
 
 def test_wide_scenes_are_stacked() -> None:
     assembly = block_on_ground([{"element": "c0r0", "force": [1.0, 0.0]}], rows=("a" * 30, "#" + "." * 28 + "#"))
-    figure = figure_of_result(outcome(assembly))
+    figure = figures.figure_of_result(outcome(assembly))
     assert len({round(ax.get_position().x0, 6) for ax in figure.axes}) == 1
 
 
@@ -373,26 +358,26 @@ def test_wide_scenes_are_stacked() -> None:
 def test_equal_figures_give_equal_files(ending: str, tmp_path: Path) -> None:
     paths = [tmp_path / f"{k}.{ending}" for k in range(2)]
     for path in paths:
-        save_figure(figure_of_assembly(block_on_ground(PUSH)), path)
+        figures.save_figure(figures.figure_of_assembly(block_on_ground(PUSH)), path)
     assert paths[0].stat().st_size > 1000
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
 def test_other_endings_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\.gif"):
-        save_figure(figure_of_assembly(block_on_ground(PUSH)), tmp_path / "picture.gif")
+        figures.save_figure(figures.figure_of_assembly(block_on_ground(PUSH)), tmp_path / "picture.gif")
     assert not list(tmp_path.iterdir())
 
 
 def test_svg_text_can_stand_in_a_page() -> None:
-    text = svg_of(figure_of_assembly(block_on_ground(PUSH)))
+    text = figures.svg_of(figures.figure_of_assembly(block_on_ground(PUSH)))
     assert text.startswith("<svg")
     assert text.rstrip().endswith("</svg>")
     assert "dc:date" not in text
 
 
 def test_spatial_view_keeps_up_upwards_and_lengths() -> None:
-    projection = projection_of(stack_of_boxes())
+    projection = structure.projection_of(stack_of_boxes())
     assert projection.across.T @ projection.across == pytest.approx(np.eye(2))
     up = projection(np.array([[0.0, 0.0, 1.0]]))[0]
     assert up[0] == pytest.approx(0.0)
@@ -402,12 +387,12 @@ def test_spatial_view_keeps_up_upwards_and_lengths() -> None:
 
 def test_painter_draws_what_stands_behind_first() -> None:
     assembly = stack_of_boxes()
-    assert painter_order(assembly, projection_of(assembly).toward) == [0, 1, 2]
+    assert structure.painter_order(assembly, structure.projection_of(assembly).toward) == [0, 1, 2]
     # a contact decides against the depth of centroids: seen from below the upper boxes come first
-    assert painter_order(assembly, np.array([0.0, 0.6, -0.8])) == [2, 1, 0]
+    assert structure.painter_order(assembly, np.array([0.0, 0.6, -0.8])) == [2, 1, 0]
     turned = replace(assembly.interfaces, a=assembly.interfaces.b, b=assembly.interfaces.a)
     flipped = replace(assembly, interfaces=replace(turned, normal=-turned.normal))
-    assert painter_order(flipped, projection_of(assembly).toward) == [0, 1, 2]
+    assert structure.painter_order(flipped, structure.projection_of(assembly).toward) == [0, 1, 2]
 
 
 def test_spatial_arrows_stand_at_centres_of_pressure() -> None:
@@ -415,11 +400,11 @@ def test_spatial_arrows_stand_at_centres_of_pressure() -> None:
     # N = 3 at x1 = 0.5, x2 = −0.25 of the lower face: M2 = −1.5, M1 = −0.75
     forces = np.array([[3.0, 0.3, 0.0, -0.75, -1.5, 0.0], [1.0, 0.1, 0.0, 0.0, 0.0, 0.0]])
     result = outcome(assembly, forces)
-    arrow = draw_forces(axes(), result)["press"][0]
-    expected = projection_of(assembly)(np.array([[1.5, 0.25, 0.0], [1.5, 0.5, 1.0]]))
+    arrow = figures.draw_forces(axes(), result)["press"][0]
+    expected = structure.projection_of(assembly)(np.array([[1.5, 0.25, 0.0], [1.5, 0.5, 1.0]]))
     assert arrow.get_offsets() == pytest.approx(expected)
     # lower face: x1 at 0.5 of 1, x2 at 0.25 of 0.5, shear 0.3 of 0.5 · 3
-    assert marks.utilisation(result) == pytest.approx([0.5, 0.2])
+    assert quantities.utilisation(result) == pytest.approx([0.5, 0.2])
 
 
 def test_spatial_mechanism_and_figure() -> None:
@@ -427,14 +412,14 @@ def test_spatial_mechanism_and_figure() -> None:
     mechanism = np.zeros((3, 6))
     mechanism[2] = (0.5, 0.0, 0.5, 0.0, 1.0, 0.0)  # the upper box turns about the far edge of its base, x = 2
     result = outcome(assembly, np.zeros((2, 6)), mechanism)
-    kinds, places = marks.movements(result)
-    assert kinds == (marks.MovementSign.STILL, marks.MovementSign.HINGE)
+    kinds, places = quantities.movements(result)
+    assert kinds == (quantities.MovementSign.STILL, quantities.MovementSign.HINGE)
     assert places[1] == pytest.approx([2.0, 0.5, 1.0])
-    figure = figure_of_result(result)
+    figure = figures.figure_of_result(result)
     figure.canvas.draw()
     assert len(figure.axes) == 3
     assert not figure.axes[0].axison
-    drawn = draw_assembly(axes(), assembly)
+    drawn = figures.draw_assembly(axes(), assembly)
     assert [len(drawn[name]) for name in ("supports", "elements")] == [1, 1]
     # of each box three faces look to the eye; of each contact all four edges are there
     assert len(drawn["elements"][0].get_paths()) == 2 * 3 + 2 * 4
@@ -478,12 +463,12 @@ def tower(dimension: int) -> dict[str, Any]:
 def drawings() -> dict[str, Any]:
     """Return the functions of views, laying and reactions that make a figure or write a file, by name."""
     found = {}
-    packages = jld_core.views, jld_practice.laying, jld_practice.reactions
+    packages = jld_views, jld_practice.laying, jld_practice.reactions
     for package, module in ((one, module) for one in packages for module in pkgutil.iter_modules(one.__path__)):
         code = import_module(f"{package.__name__}.{module.name}")
         for name, one in vars(code).items():
             made = inspect.isfunction(one) and one.__module__ == code.__name__ and not name.startswith("_")
-            if made and name.startswith(("figure_of", "save_")):
+            if made and name.startswith(("figure_of_", "save_")):
                 found[f"{module.name}.{name}"] = one
     return found
 
@@ -502,7 +487,7 @@ class Made:
         self.laying = assembly_order(self.plain, self.plain.labels)
         self.vertices = np.unique(np.concatenate(self.plain.elements.shape), axis=0)
         self.ranges = thrust_ranges(self.plain)
-        self.settled = settle(self.plain, settlements_of(self.bare, self.plain)[0])
+        self.settled = settle(self.plain, loads.settlements_of(self.bare, self.plain)[0])
 
     @cached_property
     def fields(self) -> Any:
@@ -515,7 +500,7 @@ def made(request: pytest.FixtureRequest) -> Made:
     return Made(request.param)
 
 
-PATH = [PathValue("cart", 0.5 * k, 1.0, 1.0, 1.0) for k in range(3)]
+PATH = [moved_joints.PathValue("cart", 0.5 * k, 1.0, 1.0, 1.0) for k in range(3)]
 CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
     "figures.save_animation": lambda draw, made, folder: draw(made.result, folder / "motion.gif"),
     "strip.save_laying_animation": lambda draw, made, folder: draw(made.laying, folder / "laying.gif"),
@@ -544,9 +529,10 @@ def test_every_drawing_has_a_row() -> None:
     assert set(CALLS) == set(drawings())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CALLS)
 def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_core.views.figures.FRAMES", 2)
+    monkeypatch.setattr("jld_views.figures.FRAMES", 2)
     try:
         figure = CALLS[name](drawings()[name], made, tmp_path)
     except InputError:
@@ -589,8 +575,8 @@ def test_ids_are_written_on_request_and_as_they_are() -> None:
     document = {**document, "elements": [base, block], "loads": {"live": [{"body": [1, 0]}]}}
     del document["grid"]
     assembly = build_assembly(parse_scene(document))
-    assert block["id"] not in texts(figure_of_assembly(assembly))
-    figure = figure_of_assembly(assembly, ids=True)
+    assert block["id"] not in texts(figures.figure_of_assembly(assembly))
+    figure = figures.figure_of_assembly(assembly, ids=True)
     assert {"ground", block["id"]} <= set(texts(figure))
     figure.canvas.draw()  # a formula that is none would raise here
 
@@ -599,28 +585,28 @@ def test_values_of_loads_and_forces_are_those_of_the_result() -> None:
     assembly = build_assembly(parse_scene(small_scene()))
     result = solve(assembly)
     assert result.forces is not None
-    written = texts(figure_of_result(result, values=True))
+    written = texts(figures.figure_of_result(result, values=True))
     assert "100 N × λ" in written
     total = quantities.body_load(assembly)
     assert total is not None
     assert f"{np.linalg.norm(total):.3g} N × λ" in written
     largest = np.linalg.norm(quantities.face_vectors(assembly, result.forces), axis=1).max()
     assert f"{largest:.3g}" in written
-    assert not any("× λ" in text and "N" in text.split() for text in texts(figure_of_result(result)))
+    assert not any("× λ" in text and "N" in text.split() for text in texts(figures.figure_of_result(result)))
 
 
 def test_a_mechanism_moves_from_rest_one_way_and_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(animation, "FRAMES", 8)
+    monkeypatch.setattr(figures, "FRAMES", 8)
     result = solve(build_assembly(parse_scene(small_scene())))
-    animation.save_animation(result, tmp_path / "m.gif")
+    figures.save_animation(result, tmp_path / "m.gif")
     with Image.open(tmp_path / "m.gif") as film:
-        assert film.n_frames == animation.FRAMES
+        assert film.n_frames == figures.FRAMES
         frames = []
-        for k in range(animation.FRAMES):
+        for k in range(figures.FRAMES):
             film.seek(k)
             frames.append(np.asarray(film.convert("L"), dtype=float))
     away = [float(abs(frame - frames[0]).mean()) for frame in frames]
-    half = animation.FRAMES // 2
+    half = figures.FRAMES // 2
     assert away[half] == max(away) > 0.2
     assert away[1] < away[2] < away[half]
     assert away[1] == pytest.approx(away[-1], rel=1e-6)  # the same way back, never through one another
@@ -629,19 +615,19 @@ def test_a_mechanism_moves_from_rest_one_way_and_back(tmp_path: Path, monkeypatc
 def test_an_animation_needs_an_ending_and_a_mechanism(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     result = solve(build_assembly(parse_scene(small_scene())))
     with pytest.raises(InputError, match=r"\.gif or \.mp4"):
-        animation.save_animation(result, tmp_path / "m.avi")
-    monkeypatch.setattr(animation.shutil, "which", lambda name: None)
+        figures.save_animation(result, tmp_path / "m.avi")
+    monkeypatch.setattr(figures.shutil, "which", lambda name: None)
     with pytest.raises(InputError, match="ffmpeg"):
-        animation.save_animation(result, tmp_path / "m.mp4")
+        figures.save_animation(result, tmp_path / "m.mp4")
     document = small_scene()
     document["loads"]["live"] = [{"body": [0, -1]}]
     with pytest.raises(InputError, match="no mechanism"):
-        animation.save_animation(solve(build_assembly(parse_scene(document))), tmp_path / "m.gif")
+        figures.save_animation(solve(build_assembly(parse_scene(document))), tmp_path / "m.gif")
     assert not (tmp_path / "m.gif").exists()
 
 
 def test_jld_plot_writes_the_requested_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jld: Command) -> None:
-    monkeypatch.setattr(animation, "FRAMES", 2)
+    monkeypatch.setattr(figures, "FRAMES", 2)
     for ending, begins in (("svg", b"<?xml"), ("html", b"<!doctype html>")):
         target = tmp_path / f"wall.{ending}"
         assert jld("plot", WALL, "--out", target, "--ids", "--values").code == 0
@@ -658,11 +644,11 @@ def test_jld_plot_writes_the_requested_format(tmp_path: Path, monkeypatch: pytes
 
 def test_the_rules_of_drawing_are_those_of_the_pictures() -> None:
     """One place: what a page is told is what matplotlib draws with."""
-    from jld_core.views import annotations, structure
+    from jld_views import annotations
 
-    found = rules()
+    found = look.rules()
     wall = load_scene(WALL)
-    figure = figure_of_assembly(build_assembly(wall))
+    figure = figures.figure_of_assembly(build_assembly(wall))
     drawn = {c for patch in figure.axes[0].collections for c in map(tuple, patch.get_facecolor()[:, :3].round(3))}
     tints = {tuple(round(int(t[k : k + 2], 16) / 255, 3) for k in (1, 3, 5)) for t in found["tints"]}
     assert len(drawn & tints) >= 4
@@ -681,9 +667,9 @@ def test_numbers_in_space_stand_on_visible_parts_of_their_blocks() -> None:
         box("ground", (-1.0, -1.0, -1.0), (3.0, 3.0, 0.0), support=True),
     ]
     assembly = build_assembly(parse_scene(document))
-    project = projection_of(assembly)
+    project = structure.projection_of(assembly)
     assert project.toward == pytest.approx([0.43, -0.81, 0.41], abs=0.01)  # the viewer looks from the side of −y
-    (written,) = write_numbers(Figure().add_subplot(), assembly, [[0], [1]], assembly.elements.centroid[:2])
+    (written,) = writing.write_numbers(Figure().add_subplot(), assembly, [[0], [1]], assembly.elements.centroid[:2])
     assert written.get_text() == "1"
     outline = shapely.MultiPoint(project(assembly.elements.shape[0])).convex_hull
     assert outline.contains(shapely.Point(written.get_position()))
@@ -691,7 +677,7 @@ def test_numbers_in_space_stand_on_visible_parts_of_their_blocks() -> None:
         "elements": [document["elements"][0], box("aside", (2, 0, 0), (2.5, 0.5, 0.5)), document["elements"][2]]
     }
     both_seen = build_assembly(parse_scene(apart))
-    both = write_numbers(Figure().add_subplot(), both_seen, [[0, 2], [1]], both_seen.elements.centroid[:2])
+    both = writing.write_numbers(Figure().add_subplot(), both_seen, [[0, 2], [1]], both_seen.elements.centroid[:2])
     assert [one.get_text() for one in both] == ["1", "2"]
     assert outline.contains(shapely.Point(both[0].get_position()))  # not on the support joined to it
 
@@ -702,7 +688,7 @@ def test_numbers_in_the_plane_stand_at_the_centroids_of_blocks() -> None:
     free = assembly.elements.free.tolist()
     centroid = assembly.elements.centroid
     places = [centroid[free[:2]].mean(axis=0), centroid[free[2]]]
-    written = write_numbers(ax, assembly, [free[:2], free[2:]], places)
+    written = writing.write_numbers(ax, assembly, [free[:2], free[2:]], places)
     assert np.array([text.get_position() for text in written]) == pytest.approx(np.array(places), rel=1e-12)
 
 
@@ -713,7 +699,7 @@ def test_the_number_of_an_angle_stands_within_it() -> None:
     own = assembly.elements.free.tolist()
     weight = assembly.elements.volume[own]
     centroid = weight @ assembly.elements.centroid[own] / weight.sum()
-    (written,) = write_numbers(Figure().add_subplot(), assembly, [own], [centroid])
+    (written,) = writing.write_numbers(Figure().add_subplot(), assembly, [own], [centroid])
     whole = shapely.union_all([shapely.Polygon(assembly.elements.shape[k]) for k in own])
     assert not whole.contains(shapely.Point(centroid))
     assert whole.boundary.distance(shapely.Point(written.get_position())) > 0.04

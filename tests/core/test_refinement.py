@@ -27,11 +27,10 @@ from jld_core import (
     samples,
     solve,
 )
-from jld_core.fields.problem import require_fields
+from jld_core.fields import problem
 from jld_core.limit import result_of
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
-from jld_core.refinement import crack_cells, refine
-from jld_core.refinement.arrangement import squares
+from jld_core.refinement import arrangement, crack_cells, refine
 from jld_explore import search_space
 from jld_practice.design import DesignOptions, read_outline, with_loads
 from jld_practice.design.tessellations import TriangleStresses, aligned_cells, stresses_of_body
@@ -51,6 +50,7 @@ KINDS: list[tuple[Scene, dict[str, Any]]] = [
 ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("scene", "how"), KINDS, ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else ""
 )
@@ -505,11 +505,13 @@ def test_joints_are_normal_to_the_resultant_of_the_stresses(tmp_path: Path) -> N
     field = stresses_of_body(build_assembly(with_loads(scene, options)))
     found = aligned_cells(field, 0.15)
     assert found.deviation < np.radians(3.0)
-    grid = squares(np.array([-1.2, 0.0]), np.array([1.2, 0.4]), (0.15, 0.15))
+    grid = arrangement.squares(np.array([-1.2, 0.0]), np.array([1.2, 0.4]), (0.15, 0.15))
     share = shear_share(field, found.cells)
     assert share < 0.15
     assert share < 0.5 * shear_share(field, grid)
-    require_fields(build_assembly(with_loads(refine(scene, (0.15,), cells=found.cells, snap=0.25).scene, options)))
+    problem.require_fields(
+        build_assembly(with_loads(refine(scene, (0.15,), cells=found.cells, snap=0.25).scene, options))
+    )
 
 
 # Rigid blocks, cracked on demand, give the full model's λ and brackets (docs/method.md (7.2)).
@@ -537,6 +539,7 @@ def random_segmentation(assembly: Assembly, blocks: int, rng: np.random.Generato
 STRENGTHS = (2e6, 2e5, 2e4, 4e3)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("strength", STRENGTHS)
 def test_condensed_equals_full_on_random_segmentations(strength: float) -> None:
     """20 segmentations at each of four strengths, λ to 1e-7 and brackets as narrow as asked."""

@@ -15,8 +15,9 @@ import shapely
 from cases import ROUTE, dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, Status, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.refinement import bonds, refine
-from jld_core.refinement.voussoirs import find_arcs
+from jld_core.refinement import refine
+from jld_masonry import bonds
+from jld_masonry import voussoirs as voussoirs_of_refinement
 
 
 @pytest.mark.parametrize("kind", samples.KINDS)
@@ -222,16 +223,16 @@ def test_arcs_are_found_in_any_position_and_size(turn: float) -> None:
     c, s = np.cos(turn), np.sin(turn)
     frame = 1e3 * np.array([[c, s], [-s, c]])
     outline = wall(rise=0.5) @ frame + 5e3
-    (found,) = find_arcs(outline)
+    (found,) = voussoirs_of_refinement.find_arcs(outline)
     assert found.hollow
     assert found.centre == pytest.approx(np.array([1.0, 0.5]) @ frame + 5e3, rel=1e-9)
     assert found.radius == pytest.approx(700.0, rel=1e-9)
     assert found.sweep == pytest.approx(np.pi, rel=1e-9)
     for shift in range(0, len(outline), 5):
-        again = find_arcs(np.roll(outline, shift, axis=0))
+        again = voussoirs_of_refinement.find_arcs(np.roll(outline, shift, axis=0))
         assert [one.radius for one in again] == pytest.approx([700.0])
     for plain in (box(0, 0, 1, 2), arc((0.0, 0.0), 1.0, 0.0, 300.0, 5).tolist()):
-        assert find_arcs(np.array(plain, dtype=float)) == []
+        assert voussoirs_of_refinement.find_arcs(np.array(plain, dtype=float)) == []
 
 
 @pytest.mark.parametrize(

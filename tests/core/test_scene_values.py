@@ -12,7 +12,7 @@ import pytest
 from cases import ROUTE
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.scene.uncertain import in_words, uncertain_values
+from jld_core.scene import uncertain
 
 PLAIN: dict[str, Any] = {
     "elements": [
@@ -110,10 +110,12 @@ def vary(mean: Any, cov: Any = 0.1, kind: Any = "normal", **more: Any) -> dict[s
 def test_values_are_read_and_written_again() -> None:
     scene = parse_scene(block(vary(0.6, each=True), vary([6000.0, 0.0], 0.2, "lognormal"), density=vary(1000.0)))
     keys = ["materials.density", "materials.dry.friction_coefficient", "loads.live[0].force"]
-    assert [in_words(path) for path, _ in uncertain_values(scene)] == keys
+    assert [uncertain.in_words(path) for path, _ in uncertain.uncertain_values(scene)] == keys
     again = parse_scene(json.loads(scene.model_dump_json()))
     assert again == scene
-    assert [str(one) for one in uncertain_values(again)] == [str(one) for one in uncertain_values(scene)]
+    assert [str(one) for one in uncertain.uncertain_values(again)] == [
+        str(one) for one in uncertain.uncertain_values(scene)
+    ]
     assert scene.fingerprint != parse_scene(block()).fingerprint
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.claims.converged import drawn
+from benchmarks.claims.answers import drawn_converged as drawn
 
 from cases import assembly_in_space as spatial_assembly
 from cases import box, grid_assembly, grid_document

@@ -146,6 +146,7 @@ def support(sets: StandardYield, direction: np.ndarray) -> float:
     return float(max(sets.dissipation(-direction[None], one[None])[0] for one in labels))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", KINDS)
 def test_rows_enclose_either_label_and_hardly_more(name: str) -> None:
     other, wide = KINDS[name]

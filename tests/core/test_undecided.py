@@ -19,7 +19,7 @@ import pytest
 from cases import CASES, DOWN, box, grid_assembly, grid_document
 from cases import scene_in_space as scene
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene
-from jld_core.batch.batch_solver import ConflictRequest, MinimizationOptions
+from jld_core.batch import batch_solver
 from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_core.limit.case_relaxation import Relaxation
 from jld_core.mechanics.standard import StandardYield
@@ -62,7 +62,7 @@ def crushed() -> Assembly:
     return spatial(materials={"dry": dry, "inner": inner})
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", [*CASES, "in space", "crushed in space"])
 def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assembly = assemblies()[name]
@@ -86,6 +86,7 @@ def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assert finite or name in ("arch", "weak arch", "arch with crushable joints", "pressed")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", SOME)
 def test_bound_of_a_whole_labelling_is_its_load_factor(name: str) -> None:
     assembly = assemblies()[name]
@@ -115,8 +116,11 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:25]]
     conflicts = [c for c in found if c is not None]
     if relaxation.batched:
-        asked = ConflictRequest(
-            rows[:25], np.ones(m, dtype=bool), np.full(25, threshold), how=MinimizationOptions(neighbours=2)
+        asked = batch_solver.ConflictRequest(
+            rows[:25],
+            np.ones(m, dtype=bool),
+            np.full(25, threshold),
+            how=batch_solver.MinimizationOptions(neighbours=2),
         )
         whole = relaxation.minimize_conflicts(asked)
         refuted = {one.labelling for one in whole if one.drawn and one.bound is not None}
@@ -126,7 +130,7 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
         if any(one.decided.any() for one in whole):
             assert sum(one.bound is not None and not one.drawn for one in whole) > len(refuted)
         outside = rng.random((25, m)) < 0.3
-        parts = relaxation.minimize_conflicts(replace(asked, how=MinimizationOptions(), undecided=outside))
+        parts = relaxation.minimize_conflicts(replace(asked, how=batch_solver.MinimizationOptions(), undecided=outside))
         assert {one.labelling for one in parts if one.bound is not None} <= refuted
         assert not any((one.decided & outside[one.labelling]).any() for one in parts)
         for one in (*whole, *parts):
@@ -191,7 +195,7 @@ def memory_grown() -> tuple[int, int]:
         rows = rng.random((8, len(free))) < 0.8
         threshold = np.full(8, 0.73 / relaxation.template.scaling.load)
         for one in relaxation.minimize_conflicts(
-            ConflictRequest(rows, free, threshold, how=MinimizationOptions(neighbours=3))
+            batch_solver.ConflictRequest(rows, free, threshold, how=batch_solver.MinimizationOptions(neighbours=3))
         ):
             kept.append((np.flatnonzero(one.decided), rows[one.labelling][one.decided]))
         resident = 4096 * int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
@@ -199,6 +203,7 @@ def memory_grown() -> tuple[int, int]:
     return len(kept), resident - first
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what memory is in use")
 def test_stored_conflicts_do_not_keep_workspaces_in_memory() -> None:
     """Small arrays that outlive each call: workspaces between them were lost to the heap, 78 MB in these 60 calls.
@@ -385,6 +390,7 @@ def test_bounds_hold_for_every_segmentation(case: Case) -> None:
     assert finite > 10
 
 
+@pytest.mark.sampled(3)
 def test_a_single_segmentation_is_refuted_just_above_its_load_factor(case: Case) -> None:
     rng = np.random.default_rng(3)
     # bounds have one part in 10⁶ where strengths are up to some thousand times the forces
@@ -397,6 +403,7 @@ def test_a_single_segmentation_is_refuted_just_above_its_load_factor(case: Case)
         assert not case.relaxation.choose(allowed, load * (1.0 - 1e-7) - 1e-12, 1e3).refuted
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["pairs", "weak", "bridge", "overhang"])
 def test_bound_is_that_of_the_program_stated_block_by_block(name: str) -> None:
     case = case_named(name)

@@ -13,9 +13,9 @@ import shapely
 
 from cases import dry_and_inner, solid_of
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
-from jld_core.exchange import ImportOptions, import_file
 from jld_core.refinement import refine
-from jld_core.refinement.bonds import BONDS, corner_course
+from jld_formats import ImportOptions, import_file
+from jld_masonry import bonds
 from jld_samples import box
 
 _Box = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -98,7 +98,7 @@ def head_joints(stones: np.ndarray, axis: int, middle: float) -> np.ndarray:
     return np.array(sorted(set(ends)))
 
 
-@pytest.mark.parametrize("bond", BONDS)
+@pytest.mark.parametrize("bond", bonds.BONDS)
 def test_stones_of_a_room_with_door_and_windows_add_up_and_no_joint_stands_above_another_at_jambs(bond: str) -> None:
     walls = solid(ROOM, EMPTY)
     stones = boxes_of(cut(walls, bond=bond))
@@ -158,6 +158,7 @@ def test_a_given_bearing_is_kept_and_a_flat_arch_has_its_wedges_between_skewback
                 assert below[2] == pytest.approx(0.8 - 0.4 * 0.2 / 0.1)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("turn", "start"), [(0.3, 0.0), (2.0, 5.0), (4.4, -3.0)])
 def test_walls_with_openings_are_cut_alike_in_any_position(turn: float, start: float) -> None:
     placed, turned = (scene_of(solid(ROOM, EMPTY, angle), angle) for angle in (0.0, turn))
@@ -295,12 +296,12 @@ def dry_load_factor(given: dict[str, Any]) -> float:
 
 
 @pytest.mark.parametrize("plan", [ROOM_OF_CORNER, CROSS, CORNER], ids=["room", "cross", "corner"])
-@pytest.mark.parametrize("bond", BONDS)
+@pytest.mark.parametrize("bond", bonds.BONDS)
 def test_stones_of_a_course_fill_the_plan_and_no_head_joint_runs_through_a_corner(
     bond: str, plan: shapely.Polygon
 ) -> None:
     """Areas add up, no stone is a sliver, and no joint at a corner lies above one of the course below."""
-    courses = [[shapely.box(*stone) for stone in corner_course(plan, k, bond, 0.4)] for k in range(6)]
+    courses = [[shapely.box(*stone) for stone in bonds.corner_course(plan, k, bond, 0.4)] for k in range(6)]
     for stones in courses:
         assert sum(stone.area for stone in stones) == pytest.approx(plan.area, rel=1e-12)
         assert shapely.union_all(stones).symmetric_difference(plan).area < 1e-12

@@ -128,6 +128,7 @@ def test_rows_hold_exactly_where_slack_is_not_negative(name: str, bending: Inner
     assert seen.min() > 50
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "bending"), CASES)
 def test_slack_is_concave_and_never_steeper_than_its_arguments(name: str, bending: InnerBending) -> None:
     """What blending and the comparison with the projection error rely on."""
@@ -256,6 +257,7 @@ def document(name: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("given", [True, False], ids=["given", "found"])
 @pytest.mark.parametrize("direction", DIRECTIONS)
 @pytest.mark.parametrize(("name", "tolerance"), [("cubes", 1e-6), ("shelf", 1e-5)])

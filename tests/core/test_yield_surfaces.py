@@ -15,7 +15,7 @@ from scipy.optimize import linprog
 from cases import box, grid_document, wall_in_space
 from cases import scene_in_space as scene
 from command import Command
-from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core import InputError, build_assembly, parse_scene, solve, solve_many
 from jld_core.mechanics import scaling_of, yield_set
 from jld_core.mechanics.compiled_rows import maps_criteria, row_yield
 from jld_explore import ExploreSettings, explore
@@ -75,7 +75,7 @@ def drawn(seed: int) -> tuple[Document, np.random.Generator]:
     return document, rng
 
 
-@pytest.mark.parametrize("seed", [*range(20), *(pytest.param(k, marks=pytest.mark.long) for k in range(20, 200))])
+@pytest.mark.parametrize("seed", [*range(10), *(pytest.param(k, marks=pytest.mark.long) for k in range(10, 200))])
 def test_the_standard_criterion_as_a_surface(seed: int) -> None:
     document, rng = drawn(seed)
     one, two = (build_assembly(parse_scene(each)) for each in (document, as_surfaces(document)))
@@ -83,7 +83,7 @@ def test_the_standard_criterion_as_a_surface(seed: int) -> None:
         expected, found = (solve(each, labels, gap=1e-11) for each in (one, two))
         wide = np.nan_to_num(np.ptp(found.bracket) + np.ptp(expected.bracket))  # what a conic solver leaves
         assert found.load_factor == pytest.approx(expected.load_factor, rel=1e-9, abs=1e-9 + wide, nan_ok=True)
-        assert wide < 1e-8
+        assert wide < 1e-8 * max(1.0, abs(np.nan_to_num(expected.load_factor)))
 
 
 def test_a_surface_is_stated_in_units_and_by_pairs() -> None:
@@ -136,6 +136,46 @@ def test_rocking_on_grooves_in_any_direction() -> None:
             expected = min(0.8 / abs(np.cos(angle)), 0.5 / abs(np.sin(angle))) / 2.0
             found = pushed([0.8, 0.5, 2.0], angle, friction={**rough, "cone": cone})
             assert found == pytest.approx(expected, rel=1e-9)
+
+
+def torsion_of_a_square(side: float) -> float:
+    """∫ r dA over a square, the plastic torsion of unit strength."""
+    return side**3 * (np.sqrt(2.0) + np.log(1.0 + np.sqrt(2.0))) / 6.0
+
+
+def test_shear_and_torsion_of_a_lock() -> None:
+    """A square lock of cohesion c: V = c b², MT = 0.3826 c b³ (the printed coefficient), and a line between both."""
+    side, cohesion, reach = 0.06, 3e5, 0.1
+    assert torsion_of_a_square(1.0) == pytest.approx(0.3826, abs=5e-5)
+    locked = {"cones": [{"shear": [1, 1], "torsion": 1, "capacity": cohesion}], "bending": {"tensile_strength": 1e9}}
+    document = scene([GROUND, box("a", [0, 0, 0], [side, side, side])])
+    for force, arm in ((0.0, 1.0), (1.0, 0.0), (1.0, reach)):
+        turn = {"force": [force, 0, 0], "moment": [0, 0, arm], "at": [side / 2, side / 2, 0]}
+        document["loads"]["live"] = [{"element": "a", **turn}]
+        found = solve(with_surface(document, "dry", **locked)).load_factor
+        share = force / (cohesion * side**2) + arm / (cohesion * torsion_of_a_square(side))
+        assert found == pytest.approx(1.0 / share, rel=1e-8)
+
+
+@pytest.mark.parametrize("space", [False, True])
+def test_sliding_on_rock(space: bool) -> None:
+    """At the stress of a tangent, τ = ½ √(m σc (n + σt)); elsewhere on that tangent."""
+    strength, m, weight = 40.0, 8.0, 1.0 * 2.0
+    tension = strength / m
+    rock = {"compressive_strength": strength, "m": m, "points": [(weight + tension) / strength]}
+    for more in (0.0, 3.0):
+        n = weight + more
+        tau = 0.5 * np.sqrt(m * strength * (weight + tension)) * (1.0 + 0.5 * more / (weight + tension))
+        if space:
+            document = scene([GROUND, box("a", [0, 0, 0], [1, 1, 0.02])], loads={"live": [{"body": [0.6, 0.8, 0.0]}]})
+            document["materials"] = {"density": 1.0, "gravity": n / 0.02}
+        else:
+            document = grid_document(["a", "#"])
+            document["grid"] |= {"cell": [1.0, 0.02], "thickness": 1.0}
+            document["materials"] = {"density": 1.0, "gravity": n / 0.02}
+        bending = {"bending": {"tensile_strength": 11.9}}
+        found = solve(with_surface(document, "dry", hoek_brown=rock, **bending)).load_factor
+        assert found == pytest.approx(tau / n, rel=1e-8)
 
 
 def test_a_plastic_section() -> None:
@@ -255,6 +295,26 @@ SURFACES = {
 }
 
 
+OF_PAIRS = deepcopy(PLANAR)
+OF_PAIRS["materials"]["faces"] = [
+    {"between": ["c0r0", "c0r1"], "dry": {"surface": {"friction": {"coefficients": 0.4}, "bending": {}}}}
+]
+ROCK = with_surface(SURFACES["ellipse"], "inner", hoek_brown={"compressive_strength": 40.0, "m": 10, "points": [0.1]})
+ROUTES = {**SURFACES, "pairs": OF_PAIRS, "rock": with_surface(ROCK, "dry", **ROCK["materials"]["inner"]["surface"])}
+
+
+@pytest.mark.parametrize("name", ROUTES)
+def test_many_labellings_are_as_each_alone(name: str) -> None:
+    assembly = build_assembly(ROUTES[name])
+    labels = np.random.default_rng(4).random((4, len(assembly.interfaces))) < 0.4
+    found = solve_many(assembly, labels)
+    for k, own in enumerate(labels):
+        alone = solve(assembly, own)
+        assert str(found.status[k]) == str(alone.status)
+        assert found.load_factor[k] == pytest.approx(alone.load_factor, rel=2e-6, abs=1e-9, nan_ok=True)
+
+
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["grooves and locks", "ellipse", "tee"])
 def test_proofs_and_certificates(name: str, tmp_path: Path) -> None:
     document, certificate = SURFACES[name], tmp_path / "proof.jld"
@@ -325,7 +385,7 @@ BAD: dict[str, tuple[str, Document, str]] = {
     "apex": ("space", {"friction": {**GROOVES, "cohesion": [1, 0]}, "bending": {}}, "one apex"),
     "across": ("space", {"friction": {**GROOVES, "direction": [0, 0, 1]}, "bending": {}}, "it stands across"),
     "no torsion": ("space", {"cones": [{"shear": [1, 1], "friction": 1}], "bending": {}}, "and 0 limit torsion"),
-    "rock in space": ("space", {"hoek_brown": {"compressive_strength": 1, "m": 5}}, "hoek_brown: it is for planar"),
+    "rock in space": ("space", {"hoek_brown": {"compressive_strength": 1, "m": 5}}, "points: in space one cone"),
     "beyond the face": ("plane", {"section": {"polygons": [[[0, 0], [2, 0], [1, 1]]]}}, "section: it reaches beyond"),
     "many": ("space", {"symmetric": ["V1", "V2", "M1", "M2", "MT"],
                        "vertices": [{"N": 9, "V1": 1, "V2": 1, "M1": 1, "M2": 1, "MT": 1}, {"N": -1}]},

@@ -252,7 +252,8 @@ def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any,
     ],
 )
 def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: str) -> None:
-    options = Options(**({"fit": (1.2,) * 3, "loads": DOWN, "seconds": 5.0} | change))
+    plain: dict[str, Any] = {"fit": (1.2,) * 3, "loads": DOWN, "seconds": 5.0}
+    options = Options(**(plain | change))
     with pytest.raises((InputError, ParameterError), match=told) as error:
         cut(written(box(0.4, 0.4, 2.0), tmp_path / "a.stl"), options, tmp_path / "out")
     assert "\n" not in str(error.value)

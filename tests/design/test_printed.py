@@ -18,14 +18,12 @@ from matplotlib.figure import Figure
 
 from cases import grid_document
 from command import Command
-from jld_core import InputError, build_assembly, parse_scene, samples, solve
-from jld_core.exchange import Layout
-from jld_core.views.figures import draw_assembly
-from jld_explore.report.languages import LANGUAGES, LEGEND, WORDS, decimal_commas, digits, localise, words_in
-from jld_practice import Printed, Stone, making_of, pages_of, smallest_rectangle, stones_of, stones_table
+from jld_core import InputError, Layout, build_assembly, parse_scene, samples, solve
+from jld_practice import Printed, Stone, languages, making_of, pages_of, smallest_rectangle, stones_of, stones_table
 from jld_practice.laying import assembly_order
 from jld_practice.printed import draw_mould
 from jld_practice.printing import least_number, stock_of
+from jld_views import figures
 
 
 def layout(rows: list[str]) -> Layout:
@@ -87,14 +85,14 @@ def test_stones_are_counted_by_hand() -> None:
 
 def test_every_text_has_three_languages_with_the_same_places() -> None:
     """All languages have all keys, and fill in the same values."""
-    for key, found in WORDS.items():
-        assert len(found) == len(LANGUAGES) == 3
+    for key, found in languages.WORDS.items():
+        assert len(found) == len(languages.LANGUAGES) == 3
         places = [sorted(re.findall(r"\{(\w+)\}", text)) for text in found]
         assert places[0] == places[1] == places[2], key
-    assert words_in("de")["stones"] == "Steine"
+    assert languages.words_in("de")["stones"] == "Steine"
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("language", languages.LANGUAGES)
 def test_pages_say_loads_times_the_proven_factor(language: str) -> None:
     """1 kN times a proven λ of 2.5 is 2.5 kN; what is not proven is said in the language."""
     scene = samples.flat_arch(voussoirs=5)
@@ -109,11 +107,11 @@ def test_pages_say_loads_times_the_proven_factor(language: str) -> None:
     told = texts(pages)
     assert "1 kN" in told
     assert ("2.5 kN" if language == "en" else "2,5 kN") in told
-    assert words_in(language)["not_strongest"] in told
-    assert f"{words_in(language)['page']} 1/{len(pages)}" in told
+    assert languages.words_in(language)["not_strongest"] in told
+    assert f"{languages.words_in(language)['page']} 1/{len(pages)}" in told
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("language", languages.LANGUAGES)
 def test_loads_of_a_design_are_one_row_each_in_the_language_of_the_page(language: str) -> None:
     """12 N and 4 N on two stones are 16 N at three parts to one; large masses have no exponent."""
     document = grid_document(["ab", "##"])
@@ -138,14 +136,14 @@ def test_loads_of_a_design_are_one_row_each_in_the_language_of_the_page(language
         Printed(own, (0.5, 0.5), (0.5, 0.5), "collapse", laying=laying, assumed=assumed), language=language
     )
     told = texts(pages)
-    place = LANGUAGES.index(language)
+    place = languages.LANGUAGES.index(language)
     assert ("push to the left", "Schub nach links", "spinta verso sinistra")[place] in told
     assert ("0.016 kN on stones 1, 2", "0,016 kN auf den Steinen 1, 2", "0,016 kN sui conci 1, 2")[place] in told
     assert ("(0.075, 0.2) m", "(0,075; 0,2) m", "(0,075; 0,2) m")[place] in told
     assert ("from above", "von oben", "dall'alto")[place] in told
     assert ("below the lowest", "unter den tiefsten", "sotto i bordi")[place] in told
     assert "low friction" not in told
-    assert digits(14973.4) == "14970"
+    assert languages.digits(14973.4) == "14970"
     assert "λ = 0" in texts(pages_of(Printed(own, (-np.inf, np.inf), (0.5, 0.5), "collapse"), language=language))
 
 
@@ -168,7 +166,7 @@ def test_a_locked_layout_claims_no_number() -> None:
     own = layout(["ab", "##"])
     nothing = (-np.inf, np.inf)
     told = texts(pages_of(Printed(own, nothing, nothing, "locked")))
-    assert words_in("en")["locked"] in told
+    assert languages.words_in("en")["locked"] in told
     assert "–" in told
 
 
@@ -234,7 +232,7 @@ def test_stones_in_space_have_faces_and_cuboids() -> None:
     assert stone.sawn == pytest.approx(22.0)
     assert stone.size == pytest.approx((3.0, 2.0, 1.0))
     told = texts(pages_of(Printed(Layout(scene, assembly, assembly.labels), (-np.inf, np.inf), (0.3, 0.3), "collapse")))
-    assert words_in("en")["axes"] in " ".join(told.split())
+    assert languages.words_in("en")["axes"] in " ".join(told.split())
 
 
 def test_moving_loads_and_pushes_are_printed() -> None:
@@ -254,29 +252,29 @@ def test_moving_loads_and_pushes_are_printed() -> None:
 
 
 def test_numbers_have_the_decimal_comma_of_the_language() -> None:
-    assert decimal_commas("das 5.062-fache bei (0.22, 0.4) m") == "das 5,062-fache bei (0,22; 0,4) m"
-    assert decimal_commas("jld 0.2.0, c2.5, (1, 2, 3)") == "jld 0.2.0, c2.5, (1, 2, 3)"
+    assert languages.decimal_commas("das 5.062-fache bei (0.22, 0.4) m") == "das 5,062-fache bei (0,22; 0,4) m"
+    assert languages.decimal_commas("jld 0.2.0, c2.5, (1, 2, 3)") == "jld 0.2.0, c2.5, (1, 2, 3)"
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("language", languages.LANGUAGES)
 def test_drawings_speak_the_language_of_the_page(language: str) -> None:
     """Every entry of a legend is translated, its number kept; ticks have commas, names of stones their points."""
     own = layout(["aabb", "accb", "#..#"])
     page = Figure()
     ax = page.add_subplot()
-    draw_assembly(ax, own.assembly, own.labels)
+    figures.draw_assembly(ax, own.assembly, own.labels)
     name = page.text(0.0, 0.0, "1.5")
     legend = ax.get_legend()
     before = [one.get_text() for one in legend.get_texts()]
-    localise(page, language, {"1.5"})
+    languages.localise(page, language, {"1.5"})
     after = [one.get_text() for one in legend.get_texts()]
     assert name.get_text() == "1.5"
     if language == "en":
         assert after == before
         return
-    place = LANGUAGES.index(language) - 1
-    assert all(any(one.endswith(known) for known in LEGEND) for one in before)
-    assert all(any(one.endswith(words[place]) for words in LEGEND.values()) for one in after)
+    place = languages.LANGUAGES.index(language) - 1
+    assert all(any(one.endswith(known) for known in languages.LEGEND) for one in before)
+    assert all(any(one.endswith(words[place]) for words in languages.LEGEND.values()) for one in after)
     assert ax.xaxis.get_major_formatter()(0.5, 0) == "0,5"
 
 
@@ -290,12 +288,14 @@ def test_a_stronger_uncut_structure_is_reported() -> None:
     assert "without these cuts" not in page.replace("\n", " ")
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("language", languages.LANGUAGES)
 def test_heads_of_columns_do_not_overlap(language: str) -> None:
     """Each head of the table of stones ends before the next begins."""
     page = pages_of(Printed(layout(["ab", "##"]), (1.0, 1.0), (1.0, 1.0), "collapse"), language=language)[1]
-    words = {words_in(language)[key] for key in ("stone", "block", "mould", "mass", "cuts", "set_ups", "waste")}
-    words.add(words_in(language)["size"] + " [mm]")
+    words = {
+        languages.words_in(language)[key] for key in ("stone", "block", "mould", "mass", "cuts", "set_ups", "waste")
+    }
+    words.add(languages.words_in(language)["size"] + " [mm]")
     boxes = sorted((one.get_window_extent() for one in page.texts if one.get_text() in words), key=lambda box: box.x0)
     assert len(boxes) == len(words)
     assert all(left.x1 < right.x0 for left, right in pairwise(boxes))

@@ -13,13 +13,12 @@ from matplotlib.figure import Figure
 
 from command import Command
 from jld_core import parse_scene, solve
-from jld_core.scene.design import partial_factors
-from jld_core.views.moved_joints import figure_of_path, path_values
-from jld_explore.report.languages import LANGUAGES
-from jld_explore.report.page_data import solution_of
-from jld_explore.report.page_of_study import path_pictures
+from jld_core.scene import design
+from jld_practice import languages
 from jld_practice.design_check import content_of, design_check, html_of, in_words, path_of, sheet_of, to_json
-from jld_practice.design_check.tables import WORDS
+from jld_practice.design_check.page import WORDS
+from jld_views import moved_joints, page_of_study
+from jld_views.page_data import solution_of
 
 WALL = {
     "name": "wall <1>",
@@ -79,9 +78,9 @@ def test_json_and_files(jld: Command, tmp_path: Path) -> None:
 
 def test_pages_speak_three_languages() -> None:
     scene = parse_scene({**WALL, "labels": {"inner": [["low", "high"]]}})
-    check = design_check(scene, None, partial_factors(scene.design))
+    check = design_check(scene, None, design.partial_factors(scene.design))
     told = {}
-    for language in LANGUAGES:
+    for language in languages.LANGUAGES:
         content = content_of(check, language)
         told[language] = texts(sheet_of(check, content))
         page = html_of(check, content, language)
@@ -110,7 +109,7 @@ def test_everything_fits_on_one_sheet() -> None:
             elements.append({"id": f"{name}{k}", "polygon": corners, "support": name == "g", "weight": 5.0})
     cases = [{"name": f"case {k}", "live": [{"element": f"t{k}", "force": [0.1 + 0.1 * k, 0]}]} for k in columns]
     scene = parse_scene({**WALL, "elements": elements, "loads": {"cases": cases}})
-    check = design_check(scene, None, partial_factors(scene.design))
+    check = design_check(scene, None, design.partial_factors(scene.design))
     content = content_of(check, "de")
     figure = sheet_of(check, content)
     assert min(text.get_position()[1] for text in figure.texts) == pytest.approx(0.025)
@@ -196,23 +195,23 @@ def test_moving_loads_are_plotted(jld: Command, tmp_path: Path) -> None:
         tmp_path, elements=[ground, table], loads={"moving": [cart]}, materials={"dry": {"friction_angle": 40}}
     )
     result = solve(path)
-    values = path_values(result)
+    values = moved_joints.path_values(result)
     assert [one.vehicle for one in values] == ["cart"] * 7 + ["cart back"] * 7
     for one in values:
         beyond = abs(one.distance - 3.0) - 1.0
         if beyond > 1e-9:
             assert one.middle == pytest.approx(10.0 / (2.0 * beyond), rel=1e-9)
-    lines = figure_of_path(result.assembly, values).axes[0].get_lines()
+    lines = moved_joints.figure_of_path(result.assembly, values).axes[0].get_lines()
     assert lines[0].get_xdata() == pytest.approx([0, 1, 2, 3, 4, 5, 6])
     scene = parse_scene(json.loads(path.read_text(encoding="utf-8")))
-    check = design_check(scene, None, partial_factors(scene.design), states=False)
+    check = design_check(scene, None, design.partial_factors(scene.design), states=False)
     assert path_of(check)[0].middle == pytest.approx(0.9 * 10.0 / (1.5 * 2.0 * 2.0), rel=1e-9)
     assert "λ along the path" in texts(sheet_of(check, content_of(check)))
-    (picture,) = path_pictures(result.assembly, solution_of(result))
+    (picture,) = page_of_study.path_pictures(result.assembly, solution_of(result))
     assert "paths of moving loads" in picture["title"]
     assert base64.b64decode(picture["png"]).startswith(b"\x89PNG")
     pushed = solve(parse_scene(WALL))
-    assert path_pictures(pushed.assembly, solution_of(pushed)) == []
+    assert page_of_study.path_pictures(pushed.assembly, solution_of(pushed)) == []
     short = {**cart, "steps": 1, "both_directions": False}
     done = jld(
         "solve", file_of(tmp_path, elements=[ground, table], loads={"moving": [short]}), "--out", tmp_path / "solved"

@@ -11,7 +11,7 @@ import pytest
 
 from cases import box, dry_and_inner
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
-from jld_core.scene.design import PartialFactors, partial_factors
+from jld_core.scene import design as scene_design
 from jld_practice.design_check import at_design_loads, at_design_values, combinations_of, design_check, to_json
 
 FACTORS = {"self_weight": [0.9, 1.2], "live": 1.4, "strength": 1.6, "friction": 1.25}
@@ -34,7 +34,7 @@ def wall(live: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
 def checked(document: dict[str, Any], name: str | None = None, **options: Any) -> Any:
     """The check of a scene; without reactions and reserves unless `states` is true."""
     scene = parse_scene(document)
-    return design_check(scene, None, partial_factors(scene.design, name), **{"states": False, **options})
+    return design_check(scene, None, scene_design.partial_factors(scene.design, name), **{"states": False, **options})
 
 
 WATER = {"face": {"along": [[0, 0], [0, 2]]}, "pressure": [10.0, 0.0]}
@@ -308,24 +308,27 @@ def test_units_and_place_do_not_matter() -> None:
 def test_factors_are_those_of_the_tables() -> None:
     """EN 1990 Tables A1.2(A) and (B); EN 1996-1-1, 2.4.3: rows A, B, C over classes 1 to 5."""
     scene = parse_scene(wall([WATER], design={"units": "I", "mortar": "designed", "execution": 1}))
-    assert partial_factors(scene.design).strength == 1.5
-    assert partial_factors(parse_scene(wall([WATER], design={"units": "I", "execution": 3})).design).friction == 2.2
-    assert partial_factors(parse_scene(wall([WATER], design={"execution": 2})).design).strength == 2.2
-    default = partial_factors(None)
+    assert scene_design.partial_factors(scene.design).strength == 1.5
+    assert (
+        scene_design.partial_factors(parse_scene(wall([WATER], design={"units": "I", "execution": 3})).design).friction
+        == 2.2
+    )
+    assert scene_design.partial_factors(parse_scene(wall([WATER], design={"execution": 2})).design).strength == 2.2
+    default = scene_design.partial_factors(None)
     assert (default.name, default.self_weight, default.live, default.strength) == ("EN 1996-1-1", (1.0, 1.35), 1.5, 3.0)
-    actions = partial_factors(None, "EN 1990")
+    actions = scene_design.partial_factors(None, "EN 1990")
     assert (actions.dead, actions.live, actions.strength, actions.friction) == ((1.0, 1.35), 1.5, 1.0, 1.0)
-    assert partial_factors(None, "EN 1990 EQU").self_weight == (0.9, 1.1)
+    assert scene_design.partial_factors(None, "EN 1990 EQU").self_weight == (0.9, 1.1)
 
 
 def test_stated_factors_replace_those_of_a_set() -> None:
     design = parse_scene(wall([WATER], design={"set": "EN 1990", "factors": {"friction": 1.25}})).design
-    found = partial_factors(design)
+    found = scene_design.partial_factors(design)
     assert (found.friction, found.live, found.clauses["friction"]) == (1.25, 1.5, "stated in the scene")
-    own = partial_factors(parse_scene(wall([WATER])).design)
+    own = scene_design.partial_factors(parse_scene(wall([WATER])).design)
     assert (own.name, own.dead, own.members, own.clauses["members"]) == ("own", (0.9, 1.2), 1.0, "not in this set")
     with pytest.raises(InputError, match="no set of partial factors is named 'DIN'; expected one of EN 1990"):
-        partial_factors(design, "DIN")
+        scene_design.partial_factors(design, "DIN")
 
 
 @pytest.mark.parametrize(
@@ -351,7 +354,7 @@ def test_factors_of_one_change_nothing() -> None:
     document = wall([WATER])
     document["loads"]["dead"] = [{"element": "b", "force": [0.1, -0.3], "at": [0.3, 1.7]}]
     assembly = build_assembly(parse_scene(document))
-    ones = PartialFactors("1", (1.0, 1.0), (1.0, 1.0), (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, {})
+    ones = scene_design.PartialFactors("1", (1.0, 1.0), (1.0, 1.0), (1.0, 1.0), 1.0, 1.0, 1.0, 1.0, {})
     (only,) = combinations_of(assembly, ones)
     same = at_design_loads(assembly, ones, only)
     assert np.allclose(same.dead, assembly.dead, rtol=1e-15)

@@ -13,9 +13,9 @@ import pytest
 
 from cases import ROUTE
 from command import SCENES, call
-from jld_core import InputError, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.exchange import Layout, export, import_file
+from jld_core import InputError, Layout, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.limit import displacement
+from jld_formats import export, import_file
 from jld_formats.dem_solver import NAME, dem_solve, jld_solver, solve_document
 
 PROBLEM = Path(__file__).parent / "data" / "compas_dem_problem.json"

@@ -13,9 +13,8 @@ import pytest
 
 from command import call
 from jld_core import Assembly, InputError, build_assembly, parse_scene
-from jld_core.exchange import ImportOptions, import_file
-from jld_core.exchange.paths import Path as Outline
-from jld_core.exchange.paths import arc_points, flatten, without_repeats
+from jld_formats import ImportOptions, import_file, paths
+from jld_formats import paths as paths_of_exchange
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -83,14 +82,14 @@ def test_outlines_that_go_round_past_their_start(corners: str, closed: bool) -> 
     """M halves the edge from A to B, m that from B to C: all of these are the outline A B C D."""
     place = {"A": (0, 0), "B": (2, 0), "C": (2, 1), "D": (0, 1), "M": (1, 0), "m": (2, 0.5)}
     points = np.array([(*place[letter], 0.0) for letter in corners])
-    path = without_repeats(Outline(points, closed, "0"), 1e-9)
+    path = paths_of_exchange.without_repeats(paths.Path(points, closed, "0"), 1e-9)
     assert path.closed
     assert path.points[:, :2].tolist() == [list(place[letter]) for letter in "ABCD"]
 
 
 def test_lines_that_cross_their_start_stay_lines() -> None:
     points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 0, 0), (-1, -1, 0.0), (0, -1, 0)])
-    assert without_repeats(Outline(points, False, "0"), 1e-9).points is points
+    assert paths_of_exchange.without_repeats(paths.Path(points, False, "0"), 1e-9).points is points
 
 
 def test_outlines_past_their_start_and_twice_are_one_element(tmp_path: Path) -> None:
@@ -189,9 +188,9 @@ def test_lines_beside_outlines_are_used_or_counted_by_layer(tmp_path: Path) -> N
 def test_chords_have_the_symmetry_of_their_arcs() -> None:
     """Arcs of one circle from any angles: equal chords in each, the same on both sides, mirrored about the middle."""
     ends = np.radians([17.0, 40.0, 90.0, 140.0, 163.0])
-    rows = [arc_points((0.0, 0.0), 2.0, a, b - a) for a, b in itertools.pairwise(ends)]
-    rows.append(arc_points((0.0, 0.0), 2.0, ends[-1], ends[0] - ends[-1]))  # the whole arc, backwards
-    made = flatten([Outline(row, False, "0") for row in rows], 1e-3, 1e-9)
+    rows = [paths_of_exchange.arc_points((0.0, 0.0), 2.0, a, b - a) for a, b in itertools.pairwise(ends)]
+    rows.append(paths_of_exchange.arc_points((0.0, 0.0), 2.0, ends[-1], ends[0] - ends[-1]))  # the whole arc, backwards
+    made = paths_of_exchange.flatten([paths.Path(row, False, "0") for row in rows], 1e-3, 1e-9)
     for points in made.points[:4]:
         chords = np.hypot(*np.diff(points, axis=0).T)
         np.testing.assert_allclose(chords, chords[0], rtol=1e-12)
@@ -377,7 +376,8 @@ def test_an_outline_within_another_is_an_element_of_its_own(tmp_path: Path) -> N
 def test_a_block_in_the_hole_of_another_comes_back(tmp_path: Path) -> None:
     """Eight cells of one block around a block of one: written as a drawing the hole is no opening."""
     from cases import grid_document
-    from jld_core.exchange import Layout, export
+    from jld_core import Layout
+    from jld_formats import export
 
     for rows in (["aaa", "aba", "aaa", "###"], ["aaa", "a.a", "aaa", "###"]):
         scene = parse_scene(grid_document(rows))

@@ -16,12 +16,11 @@ import pytest
 from cases import ROUTE, box, grid_document
 from cases import scene_in_space as spatial_scene
 from command import SCENES, call
-from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core import InputError, Layout, Scene, blocks_csv, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.build import build_robust
-from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
-from jld_core.geometry.outlines import Outline, alike
-from jld_core.geometry.unions import extrude, union_outlines
+from jld_core.geometry import outlines, unions
 from jld_explore import ExploreSettings, explore, read_folder
+from jld_formats import FORMATS, ImportOptions, export, import_file
 
 pytest.importorskip("ezdxf")
 meshio = pytest.importorskip("meshio")
@@ -74,8 +73,10 @@ def test_every_block_is_one_closed_surface_of_its_cells_volume(name: str) -> Non
 
 def congruent(one: Any, other: Any, *, rotate: bool = True, flip: bool = False) -> bool:
     """Whether two sets of corners (k, d) are one by a shift, a turn if allowed, and a mirror if allowed."""
-    first, second = (Outline(c - c.mean(axis=0), len(c), 1.0, 1.0, 0) for c in (one, other))
-    return alike(first, second, 5e-6 * float(np.linalg.norm(first.points, axis=1).max()), rotate=rotate, flip=flip)
+    first, second = (outlines.Outline(c - c.mean(axis=0), len(c), 1.0, 1.0, 0) for c in (one, other))
+    return outlines.alike(
+        first, second, 5e-6 * float(np.linalg.norm(first.points, axis=1).max()), rotate=rotate, flip=flip
+    )
 
 
 def test_blocks_of_one_shape_share_a_number() -> None:
@@ -101,7 +102,7 @@ def test_cells_around_a_hole_are_one_outline_with_a_hole() -> None:
     made = layout(parse_scene(grid_document(["aaa", "a.a", "aaa", "###"])))
     (region,) = made.regions[0]
     assert (len(region.shell), [len(hole) for hole in region.holes]) == (4, [4])
-    surface = extrude(region, 0.5)
+    surface = unions.extrude(region, 0.5)
     shell, hole = (
         abs(float(np.linalg.det(np.array([r[1] - r[0], r[2] - r[1]])))) for r in (region.shell, region.holes[0])
     )
@@ -196,6 +197,7 @@ def test_strengths_of_one_face_come_back_from_compas(tmp_path: Path) -> None:
     np.testing.assert_array_equal(low.strengths(ROUTE).tension, build_robust(scene).strengths(ROUTE).tension[order])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("kind", "name"), [("obj", "cross"), ("stl", "dome"), ("ply", "dome"), ("dxf", "dome")])
 def test_meshes_there_and_back_hold_the_geometry(kind: str, name: str, tmp_path: Path) -> None:
     """What a mesh has no place for is taken from another scene; the faces are found again, λ with all of them dry."""
@@ -437,4 +439,4 @@ def test_values_that_a_format_cannot_hold_are_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no format is named 'dwg'"):
         export(layout(bent), "dwg", tmp_path / "no.dwg")
     assert not list(tmp_path.iterdir())
-    assert len(union_outlines([np.array(bent.elements[0].polygon)])[0].shell) == 6  # type: ignore[index]
+    assert len(unions.union_outlines([np.array(bent.elements[0].polygon)])[0].shell) == 6  # type: ignore[index]

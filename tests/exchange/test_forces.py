@@ -12,8 +12,7 @@ from cases import box
 from cases import scene_in_space as scene
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.exchange import import_file
-from jld_core.exchange.forces import parse_force
+from jld_formats import forces, import_file
 
 
 @pytest.mark.parametrize(
@@ -51,7 +50,7 @@ from jld_core.exchange.forces import parse_force
     ],
 )
 def test_spellings(text: str, values: tuple[float, ...]) -> None:
-    found = parse_force(text)
+    found = forces.parse_force(text)
     assert found.values == pytest.approx(values, rel=1e-15)
     assert found.components == (len(values) == 2)
 
@@ -87,19 +86,19 @@ def test_spellings(text: str, values: tuple[float, ...]) -> None:
 )
 def test_unparsed_rests_of_force_texts_are_refused_and_quoted(text: str, problem: str) -> None:
     with pytest.raises(InputError) as complaint:
-        parse_force(text)
+        forces.parse_force(text)
     assert problem in str(complaint.value)
     assert " ".join(repr(text).split()) in str(complaint.value)
     assert "\n" not in str(complaint.value)
 
 
 def test_the_unit_of_the_scene_is_the_unit_of_the_result() -> None:
-    assert parse_force("10 kN", "kN").values == (10.0,)
-    assert parse_force("1 t", "kN").values == pytest.approx((9.81,))
-    assert parse_force("7", "kN").values == (7.0,)
-    assert parse_force("7", "blocks").values == (7.0,)
+    assert forces.parse_force("10 kN", "kN").values == (10.0,)
+    assert forces.parse_force("1 t", "kN").values == pytest.approx((9.81,))
+    assert forces.parse_force("7", "kN").values == (7.0,)
+    assert forces.parse_force("7", "blocks").values == (7.0,)
     with pytest.raises(InputError, match="that of the scene"):
-        parse_force("7 N", "blocks")
+        forces.parse_force("7 N", "blocks")
 
 
 @pytest.mark.parametrize(
@@ -112,7 +111,7 @@ def test_the_unit_of_the_scene_is_the_unit_of_the_result() -> None:
     ],
 )
 def test_forces_in_space(text: str, values: tuple[float, ...]) -> None:
-    found = parse_force(text, dimension=3)
+    found = forces.parse_force(text, dimension=3)
     assert (found.values, found.components) == (values, len(values) == 3)
 
 
@@ -122,7 +121,7 @@ def test_forces_in_space(text: str, values: tuple[float, ...]) -> None:
 )
 def test_components_that_do_not_fit(text: str, dimension: int, problem: str) -> None:
     with pytest.raises(InputError, match=problem):
-        parse_force(text, dimension=dimension)
+        forces.parse_force(text, dimension=dimension)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +129,7 @@ def test_components_that_do_not_fit(text: str, dimension: int, problem: str) -> 
     [("10 kN/m", (1.0, 1)), ("10 N/mm²", (1e-3, 2)), ("F = 1 kN / m^2", (1.0, 2)), ("3 lbf/ft", (0.3048, 1))],
 )
 def test_loads_per_length_or_area(text: str, per: tuple[float, int]) -> None:
-    assert parse_force(text, distributed=True).per == per
+    assert forces.parse_force(text, distributed=True).per == per
 
 
 # What is equally near is shared, or asked for; the order in which things were drawn decides nothing.

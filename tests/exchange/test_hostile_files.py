@@ -10,14 +10,14 @@ import pytest
 
 from files.bombs import bombs
 from jld_core import InputError, parse_scene
-from jld_core.exchange import ImportOptions, Notes, import_file
-from jld_core.exchange.libraries import in_own_process
+from jld_formats import ImportOptions, Notes, import_file, libraries
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">'
 
 BOMBS = bombs()
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", BOMBS)
 def test_what_expands_or_branches_ends_in_one_line(name: str, tmp_path: Path) -> None:
     for library in ("ezdxf", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):
@@ -37,7 +37,7 @@ def test_a_clock_says_how_far_the_reader_was(tmp_path: Path, monkeypatch: pytest
             notes.reached("lines", k, 10_000)
             time.sleep(0.01)
 
-    monkeypatch.setattr("jld_core.exchange.read_mesh.read_mesh", slow)
+    monkeypatch.setattr("jld_formats.read_mesh.read_mesh", slow)
     path = tmp_path / "a.obj"
     path.write_text("v 0 0 0\n")
     seen: list[tuple[str, int]] = []
@@ -57,21 +57,21 @@ def test_a_few_copies_are_no_fault(tmp_path: Path) -> None:
 
 def test_a_reader_that_does_not_end_is_ended() -> None:
     with pytest.raises(InputError, match="does not end in 1 s"):
-        in_own_process(time.sleep, 60.0, seconds=1.0)
+        libraries.in_own_process(time.sleep, 60.0, seconds=1.0)
 
 
 def test_a_reader_that_breaks_down_is_a_line() -> None:
     import os
 
     with pytest.raises(InputError, match="its reader broke down"):
-        in_own_process(os._exit, 3, seconds=60.0)
+        libraries.in_own_process(os._exit, 3, seconds=60.0)
 
 
 def test_results_and_errors_come_back() -> None:
     """In a forked process, and in a new one where there is no fork."""
-    assert in_own_process(pow, 2, 5, seconds=60.0) == 32
+    assert libraries.in_own_process(pow, 2, 5, seconds=60.0) == 32
     with pytest.raises(ZeroDivisionError):
-        in_own_process(divmod, 1, 0, seconds=60.0)
+        libraries.in_own_process(divmod, 1, 0, seconds=60.0)
 
 
 def test_where_processes_cannot_be_forked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from command import call
 from jld_core import Assembly, InputError, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.exchange import ImportOptions, import_file
+from jld_formats import ImportOptions, import_file
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -353,6 +353,7 @@ def nothing(path: Path) -> None:
     ezdxf.new().saveas(path)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -405,6 +406,7 @@ def test_a_force_is_read_with_its_unit_and_reported(text: str, force: list[float
 SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [

@@ -13,7 +13,7 @@ import pytest
 
 from command import call
 from jld_core import Assembly, InputError, build_assembly, parse_scene, solve
-from jld_core.exchange import ImportOptions, import_file
+from jld_formats import ImportOptions, import_file
 
 pytest.importorskip("meshio")
 DATA = Path(__file__).parent / "data"

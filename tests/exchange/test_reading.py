@@ -13,9 +13,9 @@ import pytest
 from command import Command
 from files.make import File, shelf
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.exchange import ImportOptions, import_file
-from jld_core.exchange.options import measure, role_by_name
-from jld_core.scene.units import METRES
+from jld_core.scene import units
+from jld_formats import ImportOptions, import_file
+from jld_formats import options as options_of_exchange
 from jld_practice.design import DesignOptions, read_outline
 from jld_studio.server import opened
 
@@ -65,7 +65,7 @@ def test_wide_gaps_say_how_wide_and_what_closes_them(gap: float, tmp_path: Path)
         read(tolerance=tolerance)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("drawn", ["outline", "lines"])
 @pytest.mark.parametrize("rings", [1, 2])
 @pytest.mark.parametrize(("embrace", "skew"), [(40, 0.0), (60, 0.1), (90, -0.05), (120, 0.0), (150, 0.1), (180, 0.0)])
@@ -175,7 +175,7 @@ def test_less_than_nine_tenths_is_doubtful(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_roles_by_name(name: str, role: str | None) -> None:
-    assert role_by_name(name) == role
+    assert options_of_exchange.role_by_name(name) == role
 
 
 # Files of other programs come in as they were drawn: number, size, unit, what is doubtful and what is dropped.
@@ -186,7 +186,7 @@ for library in ("ezdxf", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):
 SHELF = shelf()
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("file", SHELF, ids=[file.name for file in SHELF])
 def test_file(file: File, tmp_path: Path) -> None:
     path = tmp_path / file.name
@@ -207,8 +207,8 @@ def test_file(file: File, tmp_path: Path) -> None:
     assert any(file.dropped in words for words in facts["dropped"]) or not file.dropped, facts["dropped"]
     if file.whole is not None:
         entries = [{**entry, "support": False} for entry in found.document["elements"]]
-        size = METRES[file.unit] ** (2 if "area" in facts else 3)
-        assert measure(entries).amount == pytest.approx(size * file.whole(path), rel=5e-3)
+        size = units.METRES[file.unit] ** (2 if "area" in facts else 3)
+        assert options_of_exchange.measure(entries).amount == pytest.approx(size * file.whole(path), rel=5e-3)
 
 
 def test_the_shelf_is_large_and_its_files_are_small(tmp_path: Path) -> None:

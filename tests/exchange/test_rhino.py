@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from command import SCENES, call
-from jld_core import InputError, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.exchange import ImportOptions, Layout, export, import_file
+from jld_core import InputError, Layout, build_assembly, load_scene, parse_scene, samples, solve
+from jld_formats import ImportOptions, export, import_file
 
 rhino = pytest.importorskip("rhino3dm")
 

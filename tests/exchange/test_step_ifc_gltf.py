@@ -15,8 +15,8 @@ import pytest
 from cases import box, grid_document
 from cases import scene_in_space as pile
 from command import SCENES, call
-from jld_core import InputError, ParameterError, Scene, build_assembly, parse_scene, samples, solve
-from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core import InputError, Layout, ParameterError, Scene, blocks_csv, build_assembly, parse_scene, samples, solve
+from jld_formats import ImportOptions, export, import_file
 
 
 def layout(scene: Scene, solved: bool = False) -> Layout:
@@ -120,6 +120,7 @@ def test_step_texts_are_escaped(tmp_path: Path) -> None:
     assert "'it''s \\X4\\000003BB\\X0\\\\\\ new'" in text
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CASES)
 def test_ifc_is_valid_and_holds_every_block(name: str, tmp_path: Path) -> None:
     """By the validator of ifcopenshell; mass, mould, order, λ and faces as properties; volumes after import."""

@@ -11,11 +11,10 @@ import pytest
 from pydantic import BaseModel
 
 from command import Command
-from jld_core import InputError, Scene, build_assembly, parse_scene, solve
-from jld_core.exchange import FORMATS, Layout, export, import_file
-from jld_core.exchange.facts import lost
-from jld_core.exchange.formats import formats
-from jld_core.scene.uncertain import with_means
+from jld_core import InputError, Layout, Scene, build_assembly, parse_scene, solve
+from jld_core.scene import uncertain
+from jld_formats import FORMATS, export, facts, import_file
+from jld_formats import formats as formats_of_exchange
 
 LIBRARY = {"dxf": "ezdxf", "3dm": "rhino3dm", "ifc": "ifcopenshell", "obj": "meshio", "ply": "meshio", "vtk": "meshio"}
 READ_BACK = ("dxf", "3dm", "compas")
@@ -182,14 +181,7 @@ SPATIAL: dict[str, dict[str, Any]] = {
         ]
     ),
     "patch": tower(
-        loads={
-            "live": [
-                {
-                    "face": {"patch": [[0, 0, 3], [1, 0, 3], [1, 1, 3], [0, 1, 3]]},
-                    "pressure": 2.0,
-                }
-            ]
-        }
+        loads={"live": [{"face": {"patch": [[0, 0, 3], [1, 0, 3], [1, 1, 3], [0, 1, 3]]}, "pressure": 2.0}]}
     ),
 }
 SCENES = PLANAR | SPATIAL
@@ -211,7 +203,7 @@ def values_of(document: dict[str, Any]) -> dict[str, list[str]]:
     """Return the values under each key of a scene, without geometry and without what labels decide."""
     scene = parse_scene(document)
     found: dict[str, list[str]] = {}
-    for path, value in stated_paths(with_means(scene.model_dump(mode="json", exclude_defaults=True))):
+    for path, value in stated_paths(uncertain.with_means(scene.model_dump(mode="json", exclude_defaults=True))):
         found.setdefault(path, []).append(json.dumps(value, sort_keys=True))
     return {path: sorted(values) for path, values in found.items()}
 
@@ -230,7 +222,7 @@ TURNED = ("force", "at", "moment", "body", "gravity")
 """Vectors of the plane that become vectors of space."""
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("cells", [False, True])
 @pytest.mark.parametrize("kind", READ_BACK)
 @pytest.mark.parametrize("name", SCENES)
@@ -243,7 +235,7 @@ def test_every_key_is_kept_or_named(name: str, kind: str, cells: bool, tmp_path:
     except InputError:
         return
     back = import_file(path).document
-    gone = lost(made, kind, cells=cells)
+    gone = facts.lost(made, kind, cells=cells)
     before, after = values_of(SCENES[name]), values_of(back)
     planar = made.assembly.dimension == 2
     for key, values in before.items():
@@ -288,15 +280,16 @@ def schema_paths(model: type[BaseModel], head: str = "") -> Iterator[str]:
             yield from schema_paths(inner, f"{path}.")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", FORMATS)
 def test_a_key_of_the_schema_is_known_or_named(kind: str) -> None:
     """What a format knows are keys of the schema, and any other key is named: also one that comes later."""
     every = set(schema_paths(Scene))
-    keeps = formats()[kind].keeps
+    keeps = formats_of_exchange.formats()[kind].keeps
     assert set(keeps) <= every
     for name, document in SCENES.items():
         made = layout(document)
-        named = lost(made, kind)
+        named = facts.lost(made, kind)
         for key, _ in stated_paths(made.scene.model_dump(mode="json", exclude_defaults=True)):
             known = any(key == one or key.startswith(f"{one}.") for one in keeps)
             whole = kind in ("dxf", "3dm") and made.assembly.dimension == 2

@@ -2,47 +2,27 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cases import CASES, grid_document
-from jld_core import InputError, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
-from jld_core.batch import build, chosen, library
-from jld_core.batch.batch_solver import BatchSolver
-from jld_explore import ExploreSettings, search_space
-from jld_explore.drivers import BufferedRandom, make_driver, operators
+from jld_core import InputError, LimitAnalysis, SolveOptions, Status, blocks_of, build_assembly, parse_scene
+from jld_core.batch import batch_solver, chosen
+from jld_explore import ExploreSettings, explore, search_space
+from jld_explore.drivers import BufferedRandom, operators
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
-from jld_explore.evaluation.cases import CasesEvaluator, OwnObjectiveEvaluator, RobustEvaluator, VoidCellsEvaluator
-from jld_explore.evaluation.field_evaluator import CellEvaluator, FieldEvaluator
-from jld_explore.evaluation.protocol import LabellingEvaluator
-from jld_explore.report.tables import results_table
-from jld_explore.search.study import Study
 from jld_explore.space import feasible
-from jld_explore.space.labelling import blocks_of
 
 SETTINGS = EvaluatorSettings()
 
 
-@pytest.fixture(autouse=True)
-def kernel(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The batch solver in use, compiled for these tests where none is built."""
-    monkeypatch.delenv(library.SWITCH, raising=False)
-    if chosen() is None:
-        if not build.compilers():
-            pytest.skip("no compiler, and no kernel")
-        variant = next(filter(build.runs_here, build.variants()))
-        folder = tmp_path_factory.getbasetemp() / "kernel"
-        path = folder / f"_{variant}.so"
-        if not path.exists():
-            build.compile_variant(variant, folder, build.compilers()[0])
-        monkeypatch.setenv(library.SWITCH, str(path))
-    return chosen() or ""
+pytestmark = pytest.mark.skipif(chosen() is None, reason="no compiled solver")
 
 
 @pytest.mark.parametrize("name", ["wall", "beam", "overhang", "arch", "no friction", "crushable arch", "pressed"])
@@ -52,7 +32,7 @@ def test_evaluation_in_a_batch_equals_evaluation_one_by_one(name: str, monkeypat
     dice = np.random.default_rng(2)
     asked = dice.random((12, len(assembly.interfaces))) < dice.random((12, 1))
     many = Evaluator(assembly, SETTINGS).evaluate_all(asked)
-    monkeypatch.setenv(library.SWITCH, "off")
+    monkeypatch.setenv("JLD_KERNEL", "off")
     single = Evaluator(assembly, SETTINGS)
     for labels, found in zip(asked, many, strict=True):
         known = single.evaluate(labels)
@@ -73,7 +53,7 @@ def test_the_batch_solver_is_used_where_it_settles() -> None:
     assert not Evaluator(wall, EvaluatorSettings(SolveOptions(friction="zero-dilation"))).settles_nearly_all
     rows, options = CASES["crushable wall"]
     assert Evaluator(build_assembly(parse_scene(grid_document(rows, **options))), SETTINGS).settles_nearly_all
-    assert 0.8 <= BatchSolver(LimitAnalysis(wall).template).settled_fraction <= 1.0
+    assert 0.8 <= batch_solver.BatchSolver(LimitAnalysis(wall).template).settled_fraction <= 1.0
 
 
 def test_a_twin_answers_alike_by_the_same_kernel() -> None:
@@ -87,37 +67,26 @@ def test_a_twin_answers_alike_by_the_same_kernel() -> None:
     ]
 
 
-def study(folder: Path, jobs: int, budget: int) -> Study:
+def searched(folder: Path, jobs: int, budget: int, **more: Any) -> pd.DataFrame:
     scene = parse_scene(grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 4]))
-    assembly = build_assembly(scene)
-    space = search_space(scene, assembly)
-    driver = make_driver("genetic", space, 1)
-    return Study(scene, assembly, space, driver, folder, ExploreSettings(jobs=jobs, budget=budget))
-
-
-def rows_of(made: Study) -> list[tuple[str, ...]]:
-    table = results_table(made.records, made.assembly, made.space, made.driver.name)
-    return [tuple(map(str, row)) for row in table.drop(columns=["seconds"]).to_numpy().tolist()]
+    settings = ExploreSettings(
+        driver="genetic", seed=1, jobs=jobs, budget=budget, pictures=False, check_fields=0, **more
+    )
+    return explore(scene, folder, settings).results.drop(columns="seconds")
 
 
 def test_jobs_and_interruptions_change_nothing(tmp_path: Path) -> None:
-    whole = study(tmp_path / "one", 1, 300)
-    whole.run()
-    two = study(tmp_path / "two", 2, 300)
-    two.run()
-    assert rows_of(two) == rows_of(whole)
-    half = study(tmp_path / "half", 1, 120)
-    half.run()
-    again = study(tmp_path / "half", 2, 300)
-    again.run()
-    assert rows_of(again) == rows_of(whole)
+    whole = searched(tmp_path / "one", 1, 200)
+    assert searched(tmp_path / "two", 2, 200).equals(whole)
+    searched(tmp_path / "half", 1, 80)
+    assert searched(tmp_path / "half", 2, 200, resume=True).equals(whole)
 
 
 def test_a_study_goes_on_with_its_own_kernel_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    study(tmp_path, 1, 20).run()
-    monkeypatch.setenv(library.SWITCH, "off")
+    searched(tmp_path / "out", 1, 20)
+    monkeypatch.setenv("JLD_KERNEL", "off")
     with pytest.raises(InputError, match="versions"):
-        study(tmp_path, 1, 40)
+        searched(tmp_path / "out", 1, 40, resume=True)
 
 
 @pytest.mark.parametrize("search", [{"block_cells": [2, 4]}, {"candidates": "all+supports"}], ids=str)
@@ -129,17 +98,9 @@ def test_operators_draw_the_same_without_the_kernel(search: dict[str, Any], monk
         tools, chance = operators(space), BufferedRandom(np.random.default_rng(4))
         first = tools.draw(60, chance)
         bred = tools.breed(first[:20], first[20:40], first[:30], chance)
-        return [first, bred, blocks_of(space.graph, bred), feasible(space, bred)]
+        return [first, bred, [blocks_of(space.assembly, labels) for labels in bred], feasible(space, bred)]
 
     quick = drawn()
-    monkeypatch.setenv(library.SWITCH, "off")
+    monkeypatch.setenv("JLD_KERNEL", "off")
     for one, other in zip(quick, drawn(), strict=True):
         assert np.array_equal(one, other)
-
-
-@pytest.mark.parametrize("method", ["evaluate", "evaluate_all"])
-def test_evaluators_have_one_signature(method: str) -> None:
-    kinds = [Evaluator, CasesEvaluator, RobustEvaluator, VoidCellsEvaluator, OwnObjectiveEvaluator]
-    for kind in (*kinds, FieldEvaluator, CellEvaluator):
-        assert LabellingEvaluator in kind.__mro__
-        assert inspect.signature(getattr(kind, method)) == inspect.signature(getattr(LabellingEvaluator, method))

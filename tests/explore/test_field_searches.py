@@ -17,27 +17,19 @@ import pytest
 from cases import grid_document
 from command import Command
 from jld_core import Deadline, InputError, Status, build_assembly, parse_scene, solve, solve_many
+from jld_core.fields import bounds as field_bounds
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.bounds import CoarseBounds, Fields, FieldSetting, PartialUpperBound
 from jld_core.limit import CaseBounds, governing
 from jld_core.refinement import crack_cells
 from jld_explore import Exploration, ExploreSettings, Interrupted, Progress, explore, read_folder, search_space
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conflict
+from jld_explore.evaluation import field_evaluator
 from jld_explore.evaluation import pool as task_pool
-from jld_explore.evaluation.field_evaluator import (
-    COARSE_RATE,
-    FieldEvaluator,
-    FieldPool,
-    FieldRace,
-    field_evaluation,
-    mesh_seconds,
-    time_rate,
-)
 from jld_explore.report import words
-from jld_explore.report.page_of_study import study_data
 from jld_explore.space import from_string
 from jld_explore.steps.field_check import _findings, plan_check
+from jld_views import page_of_study
 
 FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}
 WIDE: dict[str, Any] = {"kind": "fields", "gap": 0.3}
@@ -82,7 +74,7 @@ def test_a_proof_does_not_depend_on_jobs(monkeypatch: pytest.MonkeyPatch) -> Non
     assembly = build_assembly(scene)
     space, told = search_space(scene, assembly), []
     for jobs in (1, 2):
-        driver, evaluator, asked = FieldExact(space, gap=0.2, search=1), FieldEvaluator(assembly), []
+        driver, evaluator, asked = FieldExact(space, gap=0.2, search=1), field_evaluator.FieldEvaluator(assembly), []
         driver.set_workers(jobs)
         driver.start(None, lambda: None)
         while len(labellings := driver.ask()):
@@ -228,7 +220,7 @@ def test_a_target_that_time_leaves_open_is_not_proven() -> None:
     scene = parse_scene(document())
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
-    driver, evaluator = FieldExact(space, aim="front", gap=0.1, search=1), FieldEvaluator(assembly)
+    driver, evaluator = FieldExact(space, aim="front", gap=0.1, search=1), field_evaluator.FieldEvaluator(assembly)
     driver.start(None, lambda: None)
     driver.pool.deadline = Deadline(0.0)  # no mesh of a single layout is begun
     while len(labellings := driver.ask()):
@@ -259,8 +251,11 @@ def test_partial_bounds_enclose_those_of_every_labelling() -> None:
         scene = parse_scene(grid_document(["aa", "aa", "##"], tension=3e3, shear=3e3, block_cells=[1, 4], **more))
         assembly = build_assembly(scene)
         space = search_space(scene, assembly)
-        setting = FieldSetting.of(assembly)
-        partial, coarse = PartialUpperBound(setting.problem(setting.coarse)), CoarseBounds(setting)
+        setting = field_bounds.FieldSetting.of(assembly)
+        partial, coarse = (
+            field_bounds.PartialUpperBound(setting.problem(setting.coarse)),
+            field_bounds.CoarseBounds(setting),
+        )
         labels = rng.random(len(space.fixed)) < 0.5
         labels[~space.candidates] = space.fixed[~space.candidates]
         undecided = space.candidates & (rng.random(len(labels)) < 0.5)
@@ -287,7 +282,7 @@ def test_bounds_on_all_layouts_fall_as_meshes_adapt() -> None:
     """Every mesh holds the fields of the one before: bounds fall, and stay above what a layout carries."""
     scene = parse_scene(document())
     assembly = build_assembly(scene)
-    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
+    space, setting = search_space(scene, assembly), field_bounds.FieldSetting.of(assembly)
     meshes = CommonMeshes(setting, 1.0, space.fixed, space.candidates)
     bounds, sizes = [], []
     while not meshes.ended and len(bounds) < 6:
@@ -299,7 +294,7 @@ def test_bounds_on_all_layouts_fall_as_meshes_adapt() -> None:
     assert (np.diff(bounds) <= 1e-6 * bounds[0]).all()
     assert bounds[-1] < 0.98 * bounds[0]
     assert (np.diff(sizes) > 0).all()
-    carried = CoarseBounds(setting).lower(space.fixed & ~space.candidates)[0]
+    carried = field_bounds.CoarseBounds(setting).lower(space.fixed & ~space.candidates)[0]
     assert bounds[-1] >= carried * (1 - 1e-9)
     assert [len(meshes.meshes[place]) for place in meshes.shared] == sorted(
         len(meshes.meshes[place]) for place in meshes.shared
@@ -319,7 +314,7 @@ def test_conflicts_of_finer_meshes_hold_for_all_layouts_that_have_them() -> None
     drawn = [np.where(space.candidates, rng.random(len(space.fixed)) < 0.6, space.fixed) for _ in range(4)]
     found = [one for one in refuter.refute(drawn, threshold, tasks) if one is not None]
     assert len(found) > 1
-    coarse = CoarseBounds(FieldSetting.of(assembly))
+    coarse = field_bounds.CoarseBounds(field_bounds.FieldSetting.of(assembly))
     for conflict in found:
         assert refuter.weigh(conflict) <= conflict.bound * (1 + 1e-12) <= threshold * (1 + 1e-12)
         other = np.where(space.candidates, rng.random(len(space.fixed)) < 0.5, space.fixed)
@@ -334,8 +329,8 @@ def test_an_undecided_joint_bears_what_the_better_label_bears() -> None:
     lift = [{"element": "c0r0", "force": [0, 1]}]
     scene = parse_scene(grid_document(["a", "a", "#"], tension=1e7, shear=1e7, live=lift, block_cells=[1, 2]))
     assembly = build_assembly(scene)
-    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
-    partial = PartialUpperBound(setting.problem(setting.coarse))
+    space, setting = search_space(scene, assembly), field_bounds.FieldSetting.of(assembly)
+    partial = field_bounds.PartialUpperBound(setting.problem(setting.coarse))
     weight, none = 1400.0 * 9.81 * 0.1**3, np.zeros_like(space.candidates)
     for labels, undecided, cells in (
         (space.fixed | space.candidates, none, 1.0),
@@ -350,8 +345,8 @@ def test_a_wall_slides_on_its_support_whatever_its_labels() -> None:
     """Strong cells under a horizontal body load: μ bounds all labellings, by one mechanism."""
     scene = parse_scene(grid_document(["aa", "##"], tension=1e6, shear=1e6, friction=0.6, block_cells=[1, 2]))
     assembly = build_assembly(scene)
-    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
-    found = PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
+    space, setting = search_space(scene, assembly), field_bounds.FieldSetting.of(assembly)
+    found = field_bounds.PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
     assert found.bound == pytest.approx(0.6, rel=1e-6)
 
 
@@ -375,8 +370,8 @@ def test_a_structure_that_falls_has_a_bound_below_zero() -> None:
     """Blocks too weak for their own weight: one mechanism proves it for every labelling."""
     scene = parse_scene(grid_document(["aa"] * 5 + ["##"], tension=100.0, shear=100.0, block_cells=[1, 3]))
     assembly = build_assembly(scene)
-    space, setting = search_space(scene, assembly), FieldSetting.of(assembly)
-    found = PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
+    space, setting = search_space(scene, assembly), field_bounds.FieldSetting.of(assembly)
+    found = field_bounds.PartialUpperBound(setting.problem(setting.coarse)).field(space.fixed, space.candidates)
     assert found.bound < 0.0
 
 
@@ -384,15 +379,15 @@ def test_labellings_evaluated_together_have_the_bounds_of_each_alone(monkeypatch
     """Groups grow to what fits in their time; time that is up ends between groups."""
     assembly = build_assembly(parse_scene(document()))
     labellings = np.random.default_rng(4).random((9, len(assembly.labels))) < 0.5
-    alone = [FieldEvaluator(assembly).evaluate(labels) for labels in labellings]
-    evaluator, sizes = FieldEvaluator(assembly), list[int]()
-    together = CoarseBounds.both
+    alone = [field_evaluator.FieldEvaluator(assembly).evaluate(labels) for labels in labellings]
+    evaluator, sizes = field_evaluator.FieldEvaluator(assembly), list[int]()
+    together = field_bounds.CoarseBounds.both
 
-    def watched(self: CoarseBounds, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def watched(self: field_bounds.CoarseBounds, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         sizes.append(len(some))
         return together(self, some)
 
-    monkeypatch.setattr(CoarseBounds, "both", watched)
+    monkeypatch.setattr(field_bounds.CoarseBounds, "both", watched)
     monkeypatch.setattr("jld_explore.evaluation.field_evaluator._SECONDS", 1e9)
     found = evaluator.evaluate_all(labellings)
     assert sizes == [1, 2, 4, 2]
@@ -474,10 +469,10 @@ def test_jobs_do_not_matter(raced: Exploration, tmp_path: Path, monkeypatch: pyt
 
 
 def test_data_for_processes_can_be_pickled(raced: Exploration) -> None:
-    setting = FieldSetting.of(raced.assembly)
+    setting = field_bounds.FieldSetting.of(raced.assembly)
     again = cloudpickle.loads(cloudpickle.dumps(setting))
     labels = from_string(str(raced.results["labelling"][0]))
-    bounds = [Fields.on(one, one.coarse, labels).bounds for one in (setting, again)]
+    bounds = [field_bounds.Fields.on(one, one.coarse, labels).bounds for one in (setting, again)]
     assert bounds[0] == bounds[1]
 
 
@@ -492,9 +487,9 @@ def test_no_time_leaves_one_layout(tmp_path: Path) -> None:
 def test_no_mesh_is_begun_that_would_be_late(raced: Exploration) -> None:
     """Where every mesh would take longer than what is left, bounds of the coarsest mesh remain, with any jobs."""
     labellings = np.array([from_string(str(text)) for text in raced.results["labelling"][:4]])
-    pool = FieldPool(raced.assembly, labellings, Deadline(60.0), jobs=2)
+    pool = field_evaluator.FieldPool(raced.assembly, labellings, Deadline(60.0), jobs=2)
     pool.rate = 1e9
-    found = FieldRace(pool, 1e-3).run()
+    found = field_evaluator.FieldRace(pool, 1e-3).run()
     assert found.refined == 0
     assert found.gap > 0.01
     assert np.isfinite(pool.low()).all()
@@ -508,8 +503,8 @@ def test_load_cases_race_by_the_governing_factor() -> None:
     assembly = build_assembly(scene)
     rng = np.random.default_rng(1)
     labellings = rng.random((6, len(assembly.interfaces))) < 0.4
-    pool = FieldPool(assembly, labellings)
-    FieldRace(pool, 0.2).run()
+    pool = field_evaluator.FieldPool(assembly, labellings)
+    field_evaluator.FieldRace(pool, 0.2).run()
     low, high = pool.low(), pool.high()
     assert (low <= high * (1 + 1e-9)).all()
     for row, labels in enumerate(labellings):
@@ -518,7 +513,7 @@ def test_load_cases_race_by_the_governing_factor() -> None:
         most = min(one.upper / factor for one, factor in zip(alone, assembly.required, strict=True))
         assert least <= high[row] * (1 + 1e-9)
         assert low[row] <= most * (1 + 1e-9)
-    found = field_evaluation(np.array([4.0, 3.0]), np.array([6.0, 3.5]), np.array([2.0, 1.0]))
+    found = field_evaluator.field_evaluation(np.array([4.0, 3.0]), np.array([6.0, 3.5]), np.array([2.0, 1.0]))
     assert (found.low, found.high, found.governing) == (2.0, 3.0, 0)
     assert found.cases == (4.0, 3.0)
 
@@ -591,7 +586,7 @@ def test_the_command_line_searches_by_fields(jld: Command, tmp_path: Path) -> No
     assert told.code == 2
     assert "rigid elements" in told.err
     # the page shows the picture of the best layout
-    data = study_data(read_folder(tmp_path / "out"))
+    data = page_of_study.study_data(read_folder(tmp_path / "out"))
     assert [base64.b64decode(one["png"]) for one in data["pictures"]] == [(tmp_path / "out" / "best.png").read_bytes()]
     assert len((tmp_path / "out" / "report.html").read_text(encoding="utf-8")) > len(data["pictures"][0]["png"])
 
@@ -727,6 +722,6 @@ def test_findings() -> None:
 
 def test_time_of_a_mesh_follows_from_that_of_another() -> None:
     """The measured times of a wall of 12 × 9 cells, 432 and 3 315 triangles, on the safe side by less than twice."""
-    expected = mesh_seconds(time_rate(0.42, 432), 3315)
+    expected = field_evaluator.mesh_seconds(field_evaluator.time_rate(0.42, 432), 3315)
     assert 5.3 < expected < 2.0 * 5.3
-    assert mesh_seconds(COARSE_RATE, 60) == pytest.approx(0.024)
+    assert field_evaluator.mesh_seconds(field_evaluator.COARSE_RATE, 60) == pytest.approx(0.024)

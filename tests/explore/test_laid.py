@@ -20,12 +20,9 @@ from jld_explore import Exploration, ExploreSettings, explore, read_folder, sear
 from jld_explore.drivers.exact.proof_check import Claim, _find_open_labelling
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.evaluation.cases import Standing
-from jld_explore.report.words import facts_of_exploration
+from jld_explore.report import words
 from jld_explore.space import from_string
 from jld_practice.laying import SequenceConstraint, assembly_order, locked_blocks
-
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
 
 # a neck that what is wider cannot pass; two that lean over one another; a lid over one end
 NECK = ["#aaa#", "##a##", "#aaa#"]
@@ -42,6 +39,7 @@ def scene_of(rows: list[str], *, assemble: str | None = None, friction: float = 
     return parse_scene(document)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("rows", [NECK, HOOKS, LID])
 def test_a_lock_refutes_other_labellings_and_never_a_possible_one(rows: list[str]) -> None:
     scene = scene_of(rows, **WIDE)
@@ -63,6 +61,7 @@ def test_a_lock_refutes_other_labellings_and_never_a_possible_one(rows: list[str
 DOWN = [{"element": "c1r0", "force": [0, -1]}]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("rows", "assemble", "search"),
     [
@@ -96,6 +95,7 @@ def test_exact_is_brute_force(rows: list[str], assemble: Any, search: dict[str, 
     assert found.summary.best_labelling in kept
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("driver", ["random", "genetic", "hillclimb"])
 def test_every_driver_keeps_the_assembly_constraint(driver: str, tmp_path: Path) -> None:
     scene = scene_of(LID, assemble="translation", **WIDE)
@@ -215,7 +215,7 @@ def test_where_nothing_stands_the_first_stage_that_falls_is_named(tmp_path: Path
 # Layouts that fall under their dead load alone rank after those that stand, and are called so everywhere.
 
 
-DRIVERS = ("enumeration", "random", "hillclimb", "anneal", "genetic", "optuna", "exact")
+DRIVERS = ("enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
 
 
 def slope(shear: float, candidates: str = "all+supports") -> dict[str, Any]:
@@ -251,7 +251,7 @@ def found_by(driver: str, document: dict[str, Any], folder: Path, **settings: An
     return explore(parse_scene(document), folder / "out", driver=driver, pictures=False, budget=64, **settings)
 
 
-@pytest.mark.usefixtures("without_field_check")
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_best_of_those_that_stand(driver: str, tmp_path: Path) -> None:
     """The strongest layout has dry joints and falls without the push."""
@@ -271,7 +271,7 @@ def test_best_of_those_that_stand(driver: str, tmp_path: Path) -> None:
     strongest = ranked["load_factor"].max()
     assert strongest == pytest.approx(4.0, rel=1e-6)
     assert done.summary.facts["falling"] == int(falls.sum()) > 0
-    assert "ranked last" in facts_of_exploration(done)
+    assert "ranked last" in words.facts_of_exploration(done)
     front = pd.read_csv(tmp_path / "out" / "pareto.csv")
     assert front["stands_at_zero"].all()
     if done.summary.proven:
@@ -279,7 +279,6 @@ def test_best_of_those_that_stand(driver: str, tmp_path: Path) -> None:
         assert done.summary.facts.get("proof_check", {"passed": True})["passed"]
 
 
-@pytest.mark.usefixtures("without_field_check")
 @pytest.mark.parametrize("driver", ["enumeration", "exact", "genetic"])
 def test_nothing_stands(driver: str, tmp_path: Path) -> None:
     done = found_by(driver, slope(1e3, "all"), tmp_path)
@@ -287,13 +286,12 @@ def test_nothing_stands(driver: str, tmp_path: Path) -> None:
     assert done.summary.stands_at_zero is False
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["stands_at_zero"] is False
-    assert "falls under its own weight" in facts_of_exploration(done)["best λ"]
+    assert "falls under its own weight" in words.facts_of_exploration(done)["best λ"]
     assert "falls" in repr(done)
     assert not done.results["stands_at_zero"].fillna(True).any()
     assert repr(read_folder(tmp_path / "out")) == repr(done)
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_a_resumed_search_ranks_alike(tmp_path: Path) -> None:
     first = found_by("exact", slope(19620.0), tmp_path)
     again = found_by("exact", slope(19620.0), tmp_path, resume=True)
@@ -301,7 +299,6 @@ def test_a_resumed_search_ranks_alike(tmp_path: Path) -> None:
     assert again.summary.best == first.summary.best
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_a_required_load_factor_is_not_met_by_what_falls(tmp_path: Path) -> None:
     document = slope(19620.0)
     document["search"]["require"] = {"load_factor": 3.9}
@@ -311,7 +308,6 @@ def test_a_required_load_factor_is_not_met_by_what_falls(tmp_path: Path) -> None
         assert done.summary.facts["require"]["best"] is None
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_cells_and_cases(tmp_path: Path) -> None:
     document = slope(19620.0)
     live = document["loads"].pop("live")

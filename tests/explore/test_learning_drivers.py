@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-import math
 import sqlite3
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.claims import Tally, trials
+from benchmarks.claims import run as run_claim
 
 from cases import grid_document
 from command import SCENES
-from jld_core import Deadline, LimitAnalysis, SolveOptions, Status, build_assembly, load_scene, parse_scene
-from jld_core.limit.mechanism import Movements
-from jld_explore import Evaluation, ExploreSettings, SearchSpace, explore, search_space
-from jld_explore.drivers import DRIVERS, BufferedRandom, Genetic, make_driver, operators
-from jld_explore.drivers.choice import driver_for
-from jld_explore.drivers.exact.context import TargetSchedule
+from jld_core import LimitAnalysis, Status, build_assembly, load_scene, parse_scene
+from jld_core.limit import mechanism
+from jld_explore import ExploreSettings, explore, search_space
+from jld_explore.drivers import DRIVERS, Genetic
 from jld_explore.drivers.genetic import crowding_of, fronts_of
-from jld_explore.drivers.operators.segmentations import Following
-from jld_explore.drivers.searcher import SLOTS, Pool, Surrogate
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
-from jld_explore.evaluation.protocol import FAILED, ORDER, objectives, sort_key, status_ranks
-from jld_explore.search import driver_choice
-from jld_explore.space import feasible, keys
 
 BEST = 12.6221788  # of all 6 382 classes, by enumeration
 
@@ -81,15 +73,6 @@ def test_fronts_are_those_of_the_definition(objectives: int) -> None:
         assert [front.tolist() for front in fronts_of(values, enough)] == known
 
 
-def test_fronts_of_two_objectives_are_those_of_three() -> None:
-    """The sort for two objectives and the count for more, with a third objective that is the same for all."""
-    rng = np.random.default_rng(7)
-    for _ in range(20):
-        values = rng.normal(size=(80, 2)).round(1)
-        third = np.column_stack([values, np.ones(80)])
-        assert list(map(list, fronts_of(values, 50))) == list(map(list, fronts_of(third, 50)))
-
-
 def test_crowding_is_that_of_the_definition() -> None:
     """Mean over the objectives of the distance between both neighbours on the front, in widths of the front."""
     rng = np.random.default_rng(0)
@@ -114,26 +97,6 @@ def test_crowding_is_that_of_the_definition() -> None:
     assert 0.0 < distances["d"] < distances["1"] < np.inf
 
 
-def test_layouts_without_a_load_factor_rank_last() -> None:
-    nan = float("nan")
-    kinds = [
-        Evaluation(Status.COLLAPSE, 2.0, 2.0, 2.0),
-        Evaluation(Status.COLLAPSE, -1.0, -1.0, -1.0),
-        Evaluation(Status.LOCKED, 5.0, nan, nan),
-        Evaluation(Status.UNCERTIFIED, nan, nan, 9.0),
-        Evaluation(Status.UNSTABLE, nan, nan, nan),
-        FAILED,
-    ]
-    shuffled = [kinds[n] for n in (3, 0, 5, 2, 1, 4)]
-    assert sorted(shuffled, key=sort_key) == kinds
-    assert [found.status for found in kinds[1:]] == list(ORDER)
-    scene = load_scene(SCENES / "flat_beam_arch.json")
-    space = search_space(scene, build_assembly(scene))
-    rows = np.zeros((len(kinds), len(space.fixed)), dtype=bool)
-    assert objectives(space, rows, kinds)[:, 0].tolist() == pytest.approx([-2.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    assert status_ranks(kinds).tolist() == [0, 0, 1, 2, 3, 4]
-
-
 # Annealing: what its moves do to a labelling, and that it reaches proven optima.
 
 
@@ -146,29 +109,11 @@ def test_a_tower_moves_at_its_foot_alone(kernel: str, monkeypatch: pytest.Monkey
     """Rocking about the foot: λ = 1/4 there, 1/3 at the joint above (width over height of what rocks), all dry."""
     monkeypatch.setenv("JLD_KERNEL", kernel)
     assembly = build_assembly(parse_scene(grid_document(["a", "a", "a", "a", "#"])))
-    moving = Movements(LimitAnalysis(assembly)).of(np.ones((3, len(assembly.interfaces)), dtype=bool))
+    moving = mechanism.Movements(LimitAnalysis(assembly)).of(np.ones((3, len(assembly.interfaces)), dtype=bool))
     feet = assembly.elements.support[assembly.interfaces.a] | assembly.elements.support[assembly.interfaces.b]
     assert moving.shape == (3, 4)
     assert moving[:, feet] == pytest.approx(1.0)
     assert moving[:, ~feet] == pytest.approx(0.0, abs=1e-4)
-
-
-def test_a_face_that_moves_is_joined() -> None:
-    assembly = build_assembly(parse_scene(grid_document(WALL, **OPTIONS)))
-    space = search_space(parse_scene(grid_document(WALL, **OPTIONS)), assembly)
-    moves, rng = operators(space), BufferedRandom(np.random.default_rng(1))
-    follow = Following(space, moves)
-    rows = moves.draw(40, rng)
-    joined = 0
-    for labels in rows:
-        faces = np.flatnonzero(labels & space.candidates)
-        moving = np.zeros((1, len(labels)))
-        moving[0, faces[0]] = 1.0
-        child, of = follow.changes(labels[None], follow.parts(labels[None]), moving, rng)
-        assert feasible(space, child).all()
-        assert of.tolist() == [0] * len(child)
-        joined += int((~child[:, faces[0]]).sum())
-    assert joined > 20
 
 
 @pytest.mark.long
@@ -181,27 +126,29 @@ def test_the_driver_reaches_the_proven_best(tmp_path: Path) -> None:
     assert found["best"] == pytest.approx(proven["best"], rel=2e-3)
 
 
-@pytest.mark.usefixtures("without_field_check")
-@pytest.mark.parametrize("chains", [1, 8])
-def test_a_small_space_is_left_completely_known(chains: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("driver", "options"), [("anneal", {"chains": 1}), ("anneal", {"chains": 8}), ("portfolio", {})]
+)
+def test_a_small_space_is_left_completely_known(driver: str, options: dict[str, int], tmp_path: Path) -> None:
     """What waits in the population when changes run out is asked as well."""
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], **OPTIONS))
     every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False)).summary.facts
-    settings = ExploreSettings(driver="anneal", pictures=False, small=0, options={"chains": chains})
-    found = explore(scene, tmp_path / "anneal", settings).summary.facts
+    settings = ExploreSettings(driver=driver, pictures=False, small=0, options=options)
+    found = explore(scene, tmp_path / "found", settings).summary.facts
     assert found["stop_reason"] == "exhausted"
     assert found["evaluated"] == every["evaluated"] > 50
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
 
 
-def test_evaluations_decide_what_is_next_and_no_clock() -> None:
+@pytest.mark.parametrize(("name", "options"), [("anneal", {"chains": 4}), ("portfolio", {})])
+def test_evaluations_decide_what_is_next_and_no_clock(name: str, options: dict[str, int]) -> None:
     """The same seed and budget give the same rows, whatever the portions that answers come in."""
     scene = parse_scene(grid_document(WALL, **OPTIONS))
     space = search_space(scene, build_assembly(scene))
     solver = Evaluator(space.assembly, EvaluatorSettings())
     asked = []
     for portion in (None, 7):
-        driver, rows = DRIVERS["anneal"](space, 3, chains=4), []
+        driver, rows = DRIVERS[name](space, 3, **options), []
         while sum(map(len, rows)) < 300:
             rows.append(driver.ask(portion))
             driver.tell(rows[-1], [solver.evaluate(labels) for labels in rows[-1]])
@@ -225,126 +172,22 @@ def test_half_of_the_chains_begin_every_cycle_at_the_best() -> None:
     assert counts == [(4, 2), (8, 4), (8, 4), (8, 4)]
 
 
-# The guess at labellings before they are solved: what it learns, what it forgets, and that units do not matter.
-
-
-def space_of(rows: list[str]) -> SearchSpace:
-    scene = parse_scene(grid_document(rows, block_cells=[1, 3]))
-    return search_space(scene, build_assembly(scene))
-
-
-def test_guesses_rank_as_truth_does_and_units_do_not_matter() -> None:
-    space = space_of(["aaa", "aaa", "aaa", "###"])
-    rows = make_driver("enumeration", space, 0).ask(2000)
-    rows = rows[np.random.default_rng(1).permutation(len(rows))]
-    worth = rows @ np.random.default_rng(0).normal(size=rows.shape[1])
-    one, other = Surrogate(space), Surrogate(space)
-    one.learn(rows[:200], worth[:200])
-    other.learn(rows[:200], np.exp(3.0 * worth[:200]))
-    guess = one.predict(rows[200:])
-    assert np.array_equal(guess, other.predict(rows[200:]))
-    assert np.corrcoef(guess, worth[200:])[0, 1] > 0.7
-
-
-def test_mirror_images_are_guessed_alike() -> None:
-    scene = parse_scene(grid_document(["aaa", "aaa", "###"], live=[{"element": "c1r0", "force": [0, -1]}]))
-    space = search_space(scene, build_assembly(scene))
-    assert len(space.group) == 2
-    rows = make_driver("enumeration", space, 0).ask(60)
-    model = Surrogate(space)
-    model.learn(rows[:30], np.arange(30.0))
-    assert np.abs(model.predict(rows[30:]) - model.predict(rows[30:][:, space.group[1]])).max() <= 2e-4
-
-
-def test_the_best_and_the_last_are_kept() -> None:
-    space = space_of(["aaa", "aaa", "aaa", "###"])
-    rows = make_driver("enumeration", space, 0).ask(3 * SLOTS)
-    worth = np.random.default_rng(0).permutation(len(rows)).astype(float)
-    model = Surrogate(space)
-    for low in range(0, len(rows), 32):
-        model.learn(rows[low : low + 32], worth[low : low + 32])
-    assert model.share_below(np.array([worth.max(), -1.0])).tolist() == [1.0 - 0.5 / SLOTS, 0.0]
-    last = rows[-SLOTS // 2 :]
-    assert np.corrcoef(model.predict(last), worth[-SLOTS // 2 :])[0, 1] > 0.9
-
-
-def test_predictions_do_not_depend_on_stored_covariances() -> None:
-    """What is alike is kept from one guess to the next, while what is remembered changes."""
-    space = space_of(["aaa", "aaa", "aaa", "###"])
-    rows = make_driver("enumeration", space, 0).ask(2 * SLOTS)
-    worth = np.random.default_rng(0).normal(size=len(rows))
-    model = Surrogate(space)
-    pool = Pool(space, model)
-    for low in range(0, len(rows), 48):
-        part = rows[low : low + 48]
-        pool.add(part, keys(part))
-        model.learn(part[::2], worth[low : low + 48 : 2])
-        assert np.array_equal(pool.predict(), model.predict(pool.rows))
-        pool.keep(np.arange(0, len(pool), 3))
-        assert pool.names.tolist() == keys(pool.rows)
-        assert np.array_equal(pool.predict(), model.predict(pool.rows))
-
-
-# Steps of a bound down to the best λ known.
-
-
-def test_without_a_bound_or_near_the_goal_the_step_covers_the_whole_gap() -> None:
-    assert TargetSchedule(100).next_target(math.inf, 0.5) == 0.5
-    assert TargetSchedule(100).next_target(0.51, 0.5) == 0.5
-    assert TargetSchedule(100).next_target(0.75, 0.65) == 0.65
-    schedule = TargetSchedule(100)
-    assert schedule.next_target(0.5, 0.5 + 1e-9) == 0.5 + 1e-9  # nothing to be refuted says nothing of steps
-    assert schedule.next_target(0.9, 0.5) == pytest.approx(0.7)
-
-
-def test_steps_are_half_of_a_wide_gap_and_grow_after_quick_ones() -> None:
-    schedule = TargetSchedule(100)
-    assert schedule.next_target(0.75, 0.25) == 0.5
-    schedule.note_proven(90)
-    assert schedule.next_target(0.70, 0.3) == pytest.approx(0.5)
-    schedule.note_proven(10)
-    assert schedule.next_target(0.70, 0.1) == 0.1  # three quarters of what is left and more go all the way
-
-
-def test_a_step_that_takes_too_long_is_halved_and_has_more_patience() -> None:
-    schedule = TargetSchedule(100)
-    first = schedule.next_target(0.75, 0.65)
-    assert not schedule.is_stuck(99, 0.75, first)
-    assert schedule.is_stuck(100, 0.75, first)
-    second = schedule.next_target(0.75, 0.65)
-    assert 0.75 - second == pytest.approx(0.5 * (0.75 - first))
-    assert not schedule.is_stuck(399, 0.75, second)
-    schedule.note_proven(399)
-    assert schedule.next_target(second, 0.65) == pytest.approx(0.5 * (second + 0.65))  # half of what is left now
-    # a step is never so small that bounds would not move
-    assert not schedule.is_stuck(10**9, 0.75, 0.75 * (1.0 - 1e-3))
-
-
 # A slice of the trials of brute force against proof; `python -m benchmarks.claims trials` runs two thousand.
 
 
-@pytest.mark.usefixtures("without_field_check")
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", [1, 4, 6, 10])
 def test_proven_results_equal_brute_force(seed: int) -> None:
-    assert not trials.case(seed, Tally(""))
+    assert run_claim("trials", seed, 1, 600.0).disagreements == []
 
 
-# The default driver: a proof begins with labellings of the genetic driver, and counting takes a small share.
+# The default driver: a proof begins with labellings of the genetic driver.
 
 
 ROWS = ["aaaa", "aaaa", "#..#"]
 
 
-def test_a_proof_begins_with_the_genetic_driver() -> None:
-    """The first labellings of the default are those of the genetic driver with the same seed."""
-    scene = parse_scene(grid_document(ROWS, block_cells=[2, 4]))
-    space = search_space(scene, build_assembly(scene))
-    chosen = driver_for(space, 3, SolveOptions(), None, {}, many=False)
-    assert isinstance(chosen, DRIVERS["exact"])
-    np.testing.assert_array_equal(chosen.ask(48), Genetic(space, 3).ask(48))
-
-
-@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.usefixtures("without_pictures")
 def test_the_default_driver_proves_the_same_as_exact(tmp_path: Path) -> None:
     """With and without the start the same λ is proven, that of enumeration."""
     scene = parse_scene(grid_document(ROWS, block_cells=[2, 4]))
@@ -357,35 +200,34 @@ def test_the_default_driver_proves_the_same_as_exact(tmp_path: Path) -> None:
     assert [one["best"] for one in found] == pytest.approx([found[2]["best"]] * 3, rel=1e-6)
 
 
-def test_the_default_driver_does_what_the_genetic_one_does(tmp_path: Path) -> None:
-    """Where the default is the genetic driver, both see the same layouts in the same order, with the same name."""
-    scene = parse_scene(grid_document(["a" * 8] * 6 + ["###..###"], block_cells=[2, 4]))
-    facts, orders = [], []
-    for driver in (None, "genetic"):
-        settings = ExploreSettings(driver=driver, budget=100, jobs=1, pictures=False, check_fields=0)
-        done = explore(scene, tmp_path / str(driver), settings)
-        facts.append([done.summary.facts[key] for key in ("driver", "evaluated", "best", "classes")])
+@pytest.mark.parametrize(("rows", "driver"), [(["a" * 8] * 6 + ["###..###"], "portfolio"), (ROWS, "exact")])
+def test_the_default_driver_begins_as_the_one_it_names(rows: list[str], driver: str, tmp_path: Path) -> None:
+    """It is the portfolio, whatever the jobs, or a proof that begins with labellings of the genetic driver."""
+    scene = parse_scene(grid_document(rows, block_cells=[2, 4]))
+    orders, names = [], []
+    other = "genetic" if driver == "exact" else driver
+    for name, jobs in ((None, 1), (other, 1 if driver == "exact" else 2)):
+        settings = ExploreSettings(driver=name, budget=48, jobs=jobs, small=0, pictures=False, check_fields=0)
+        done = explore(scene, tmp_path / str(name), settings)
+        names.append(done.summary.driver)
         with closing(sqlite3.connect(done.folder / "records.sqlite3")) as file:
             orders.append(file.execute("SELECT labelling FROM evaluations ORDER BY id").fetchall())
-    assert facts[0] == facts[1] == ["genetic", 100, facts[0][2], None]
+    assert names == [driver, other]
     assert orders[0] == orders[1]
-    assert len(orders[0]) == 100
+    assert len(orders[0]) > 30
 
 
-def test_counting_takes_a_small_share_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 10 s a count has 0.6 s; beyond the reach of a proof it is quick, since the genetic driver needs the time."""
-    left: list[float] = []
-    quick_counts: list[bool] = []
-
-    def count(*_: object, quick: bool) -> None:
-        from jld_core import time_left
-
-        left.append(time_left())
-        quick_counts.append(quick)
-
-    monkeypatch.setattr(driver_choice, "size_up_to", count)
-    for rows in (ROWS, ["a" * 8] * 6 + ["###..###"]):
-        scene = parse_scene(grid_document(rows, block_cells=[2, 4]))
-        driver_choice.choose_driver(search_space(scene, build_assembly(scene)), ExploreSettings(), Deadline(10.0))
-    assert left == pytest.approx([0.6, 0.6], rel=0.2)
-    assert quick_counts == [False, True]
+@pytest.mark.parametrize(
+    ("search", "options", "name"),
+    [
+        ({}, {"aim": "best"}, "portfolio"),
+        ({}, {"population": 40}, "genetic"),
+        ({"front": {"counts": ["blocks", "shapes"], "sense": ["max", "min"]}}, {}, "genetic"),
+    ],
+)
+def test_the_portfolio_is_the_default_where_it_applies(
+    search: dict[str, object], options: dict[str, object], name: str, tmp_path: Path
+) -> None:
+    scene = parse_scene(grid_document(["a" * 8] * 6 + ["###..###"], block_cells=[2, 4], **search))
+    settings = ExploreSettings(budget=1, jobs=1, pictures=False, check_fields=0, options=options)
+    assert explore(scene, tmp_path / "found", settings).summary.driver == name

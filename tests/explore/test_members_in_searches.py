@@ -12,22 +12,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from benchmarks.claims import Tally, members
+from benchmarks.claims import run as run_claim
 
 from cases import dry_and_inner, every_layout, grid_document
-from jld_core import InputError, SolveOptions, Status, build_assembly, parse_scene, solve
-from jld_core.exchange import Layout, export
+from jld_core import InputError, Layout, SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_core.models import solve_by_fields
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
-from jld_explore.report.page_contract import PageData
 from jld_explore.space import from_string
 from jld_explore.verification import verify
-
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
-
+from jld_formats import export
+from jld_views import page_contract
 
 Document = dict[str, Any]
 
@@ -58,7 +54,8 @@ def searched(document: Document, out: Path, driver: str, **options: Any) -> dict
     return dict(json.loads((out / "summary.json").read_text()))
 
 
-@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.sampled(2)
+@pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("driver", sorted(DRIVERS))
 def test_strongest_layout_changes_with_the_tie(driver: str, tmp_path: Path) -> None:
     """Seven layouts: without the tie one with two joined pairs is proven best, with it one with a single pair."""
@@ -78,7 +75,7 @@ def test_strongest_layout_changes_with_the_tie(driver: str, tmp_path: Path) -> N
         assert plain["best"] == pytest.approx(0.7, rel=1e-6)
 
 
-@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.usefixtures("without_pictures")
 def test_proof_with_members_is_certified_and_verified(tmp_path: Path) -> None:
     """A pin, a tie and a tendon: the certificate weighs what they dissipate, and fails without them."""
     ends = {"from": {"element": "c0r0", "at": [0.4, 2.8]}, "to": {"element": "c0r2", "at": [0.5, 0.5]}}
@@ -103,7 +100,7 @@ def test_proof_with_members_is_certified_and_verified(tmp_path: Path) -> None:
         verify(file)
 
 
-@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.usefixtures("without_pictures")
 def test_required_factor_and_load_cases_with_members(tmp_path: Path) -> None:
     """The tie holds under the push to the left only; λ of a row is the least of both cases."""
     pushes = (("r", 1, 1.0), ("l", -1, 0.5))
@@ -129,8 +126,8 @@ def test_symmetry_needs_members_that_are_symmetric() -> None:
 def test_page_and_pictures_show_members(tmp_path: Path) -> None:
     from pydantic import TypeAdapter
 
-    from jld_core.views.figures import draw_forces, draw_mechanism, figure_for
-    from jld_explore.report.page_data import page_data, solution_of
+    from jld_views.figures import draw_forces, draw_mechanism, figure_for
+    from jld_views.page_data import page_data, solution_of
 
     scene = parse_scene(wall([STRAP]))
     assembly = build_assembly(scene)
@@ -140,7 +137,7 @@ def test_page_and_pictures_show_members(tmp_path: Path) -> None:
     assert len(draw_mechanism(axes[1], result)["members"]) == 1
     data = page_data(kind="report", scene=scene, assembly=assembly, candidates=assembly.free_faces, facts={},
                      solutions={0: solution_of(result)})  # fmt: skip
-    TypeAdapter(PageData).validate_python(data)
+    TypeAdapter(page_contract.PageData).validate_python(data)
     assert [one["name"] for one in data["structure"]["members"]] == ["strap"]
     case = data["solutions"]["0"]["cases"][0]
     assert case["members"] == pytest.approx([2e4], rel=1e-5)
@@ -242,11 +239,11 @@ def test_commands_end_with_two_and_name_the_file(command: str, tmp_path: Path, j
     assert said[0].startswith(f"jld: {file}: members: ")
 
 
-@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.usefixtures("without_pictures")
 def test_random_wall_of_the_claim() -> None:
     """One of the scenes of the claim `members`, with a certificate."""
-    tally = Tally(members.CLAIM)
-    assert members.case(8, tally) == ""
+    tally = run_claim("members", 8, 1, 600.0)
+    assert tally.disagreements == []
     assert "not proven" not in tally.notes
 
 
@@ -286,7 +283,7 @@ def searched_fill_in_searches(document: dict[str, Any], out: Path, driver: str, 
     return dict(json.loads((out / "summary.json").read_text()))
 
 
-@pytest.mark.usefixtures("without_pictures", "without_field_check")
+@pytest.mark.usefixtures("without_pictures")
 def test_proof_with_fill_is_that_of_the_enumeration_and_verified(tmp_path: Path) -> None:
     listed = searched_fill_in_searches(arch(SOIL), tmp_path / "all", "enumeration")
     file = tmp_path / "proof"
@@ -324,8 +321,6 @@ def test_spatial_scenes_and_cells_left_out_refuse_fill(tmp_path: Path) -> None:
 
 # Searches under several load cases: every driver, every row, and proofs by whichever case refutes.
 
-
-# what blocks that crack anywhere carry, test_field_searches.py tests
 
 RIGHT, LEFT, DOWN = [{"body": [1, 0]}], [{"body": [-1, 0]}], [{"body": [0, -1]}]
 WINDS = [{"name": "left", "live": RIGHT}, {"name": "right", "live": LEFT}]
@@ -369,6 +364,7 @@ def scene_of(name: str, **more: Any) -> Any:
     return parse_scene({**grid_document(rows), "loads": {"cases": cases}, "search": {**search, **more}})
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", SCENES)
 def test_exact_proves_the_same_as_enumeration(name: str, tmp_path: Path) -> None:
     scene = scene_of(name)
@@ -439,7 +435,7 @@ def test_a_mirror_maps_winds_onto_one_another() -> None:
     assert len(search_space(other, build_assembly(other)).group) == 1
 
 
-@pytest.mark.parametrize("driver", ["genetic", "random", "hillclimb", "anneal"])
+@pytest.mark.parametrize("driver", ["genetic", "random", "hillclimb", "anneal", "portfolio"])
 def test_other_drivers_rank_by_the_governing_factor(driver: str, tmp_path: Path) -> None:
     scene = scene_of("bridge")
     done = explore(scene, tmp_path / "out", ExploreSettings(pictures=False, driver=driver, budget=40, jobs=1))

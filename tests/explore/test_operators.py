@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import box, every_layout, grid_document
+from cases import box, canonical, every_layout, grid_document
 from cases import scene_in_space as spatial_scene
-from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.scene.cracks import FieldCracks
+from jld_core import InputError, Scene, blocks_of, build_assembly, parse_scene
+from jld_core.scene import cracks
 from jld_explore import ExploreSettings, SearchSpace, explore, read_folder, search_space
 from jld_explore.drivers import BufferedRandom, Register, make_driver, operators
 from jld_explore.drivers.operators.segmentations import Segmentations
@@ -22,7 +22,6 @@ from jld_explore.report import words
 from jld_explore.report.tables import on_front
 from jld_explore.space import feasible, keys
 from jld_explore.space.counts import counts
-from jld_explore.space.labelling import blocks_of, canonical
 
 DOWN = [{"body": [0, -1]}]
 
@@ -131,7 +130,7 @@ def test_keys_are_written_and_read_back(seed: int, search: dict[str, Any]) -> No
 
 
 def names(space: SearchSpace, labels: np.ndarray) -> list[int]:
-    return blocks_of(space.graph, labels)[space.assembly.elements.free].tolist()
+    return blocks_of(space.assembly, labels)[space.assembly.elements.free].tolist()
 
 
 def test_effects_of_each_operator() -> None:
@@ -311,6 +310,6 @@ def test_the_exact_driver_proves_a_front_of_two_counts_by_enumeration(tmp_path: 
 
 def test_by_fields_two_counts_have_no_exact_front(tmp_path: Path) -> None:
     settings = ExploreSettings(driver="exact", options={"aim": "front"}, pictures=False)
-    scene = scene_of().model_copy(update={"cracks": FieldCracks(kind="fields")})
+    scene = scene_of().model_copy(update={"cracks": cracks.FieldCracks(kind="fields")})
     with pytest.raises(InputError, match=r"search\.front\.counts: by fields two counts have no exact front"):
         explore(scene, tmp_path / "done", settings)

@@ -18,32 +18,24 @@ from typing import Any
 import numpy as np
 import psutil
 import pytest
-from benchmarks.claims import proofs
+from benchmarks.claims import run as run_claim
+from benchmarks.claims import searches
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cases import dry_and_inner, grid_document
-from jld_core import Scene, build_assembly, parse_scene
-from jld_core.batch import chosen
-from jld_core.batch.batch_solver import ConflictRequest, MinimizationOptions
+from jld_core import Scene, blocks_of, build_assembly, parse_scene
+from jld_core.batch import batch_solver, chosen
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
 from jld_explore import Driver, Exploration, ExploreSettings, Progress, StopReason, explore, search_space
 from jld_explore.drivers import DRIVERS
-from jld_explore.drivers.exact.certifying import certify
-from jld_explore.drivers.exact.context import ProofContext
-from jld_explore.drivers.exact.cube_workers import CubeWorkers, TaskResult
 from jld_explore.drivers.exact.driver import MinimumCount
-from jld_explore.drivers.exact.formula import EVERYTHING, Formula, split_cube
 from jld_explore.drivers.exact.proof_check import Claim, check_proof
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, ProofState
 from jld_explore.evaluation import Records
 from jld_explore.report import words
 from jld_explore.search.study import Study
 from jld_explore.space.counts import BlockShapes
-from jld_explore.space.labelling import blocks_of
 from jld_explore.verification import verify
-
-# what blocks that crack anywhere carry, test_field_searches.py tests
-pytestmark = pytest.mark.usefixtures("without_field_check")
 
 QUIET = ExploreSettings(pictures=False, small=0)
 WEAK: dict[str, Any] = {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
@@ -80,7 +72,7 @@ def search(document: dict[str, Any], folder: Path, **options: Any) -> tuple[Expl
     return explore(scene, folder, settings, driver=driver), driver
 
 
-@pytest.mark.parametrize("step_after", [None, 1, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize("step_after", [None, *(pytest.param(one, marks=pytest.mark.long) for one in (1, 20))])
 def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_path: Path) -> None:
     done, _ = search(LOST, tmp_path / "out", step_after=step_after)
     assert done.summary.proven is True
@@ -90,8 +82,8 @@ def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_p
 
 def test_proofs_agree_with_enumeration_and_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
     """A share of `python -m benchmarks.claims proofs`: five of its cases, however busy the machine is."""
-    monkeypatch.setattr(proofs, "EVERY", 10**9)  # real processes take seconds to start
-    found = proofs.run(20_000, 5, 600.0)
+    monkeypatch.setattr(searches, "EVERY", 10**9)  # real processes take seconds to start
+    found = run_claim("proofs", 20_000, 5, 600.0)
     assert found.cases == 5
     assert found.disagreements == []
 
@@ -102,44 +94,15 @@ def test_mirrored_blocks_have_one_shape_in_every_order(tmp_path: Path) -> None:
     done, _ = search(FLIPPED, tmp_path / "exact")
     assert every.summary.best == pytest.approx(done.summary.best, rel=1e-9)
     assembly = build_assembly(scene)
-    space = search_space(scene, assembly)
     text = every.results["labelling"]
     rows = np.array([[letter == "d" for letter in labels] for labels in text])
-    blocks = blocks_of(space.graph, rows)
+    blocks = np.array([blocks_of(assembly, row) for row in rows])
     counts = [
         BlockShapes(assembly, flip=True).different(blocks[order])[np.argsort(order)].tolist()
         for order in (np.arange(len(rows)), np.arange(len(rows))[::-1])
     ]
     assert counts[0] == counts[1]
     assert max(counts[0]) == 1
-
-
-@pytest.mark.usefixtures("_switching")
-def test_threads_number_shapes_alike() -> None:
-    assembly = build_assembly(parse_scene(grid_document(["aaaa", "aaaa", "aaaa", "####"], **WEAK)))
-    free = assembly.elements.free
-    rng = np.random.default_rng(3)
-    groups = [np.sort(rng.choice(free, size=int(rng.integers(1, 7)), replace=False)) for _ in range(400)]
-    alone = BlockShapes(assembly, flip=True)
-    expected = [alone.one(group).size for group in groups]
-    shared = BlockShapes(assembly, flip=True)
-    wrong: list[str] = []
-
-    def ask(seed: int) -> None:
-        try:
-            for k in np.random.default_rng(seed).permutation(len(groups)).tolist():
-                if abs(shared.one(groups[k]).size - expected[k]) > 1e-9 * expected[k]:
-                    wrong.append(f"block {k} has another outline")
-        except Exception as error:  # a thread reports to the test
-            wrong.append(repr(error))
-
-    threads = [threading.Thread(target=ask, args=(seed,)) for seed in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert wrong == []
-    assert len(shared.values("size")) == len({group.tobytes() for group in groups})
 
 
 @pytest.mark.usefixtures("_switching")
@@ -313,7 +276,7 @@ def test_to_ask_why_a_study_ends_changes_nothing(tmp_path: Path) -> None:
     study.records.close()
 
 
-@pytest.mark.parametrize("lowered", [40, 10**9])
+@pytest.mark.parametrize("lowered", [40, pytest.param(10**9, marks=pytest.mark.long)])
 def test_a_bound_recorded_too_low_is_corrected(lowered: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The largest recomputed bound counts, and the search goes on from it to the end."""
     left, sound = [lowered], Relaxation._refutations
@@ -349,7 +312,9 @@ def test_recorded_bounds_are_recomputed_alike(seed: int) -> None:
     whole = np.zeros_like(labels)
     known = [one for one in relaxation.refute_all(labels, whole, np.full(40, 1e12)) if one is not None]
     thresholds = np.array([one.bound * rng.uniform(1.02, 2.0) for one in known])
-    request = ConflictRequest(labels[: len(known)], free, thresholds, how=MinimizationOptions(neighbours=2, tries=4))
+    request = batch_solver.ConflictRequest(
+        labels[: len(known)], free, thresholds, how=batch_solver.MinimizationOptions(neighbours=2, tries=4)
+    )
     conflicts = [one for one in relaxation.minimize_conflicts(request) if one.velocity is not None]
     assert conflicts
     for one in conflicts:
@@ -380,8 +345,6 @@ def boxes(rng: np.random.Generator) -> dict[str, Any]:
 
 # A proof in several processes: the same optimum and bound as by one, whoever joins, leaves or is killed on the way.
 
-
-# what blocks that crack anywhere carry, test_field_searches.py tests
 
 WEAKER: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
@@ -414,6 +377,7 @@ def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("_in_threads")
 @pytest.mark.parametrize("name", SCENES)
 def test_two_processes_prove_the_same_as_one(name: str, tmp_path: Path) -> None:
@@ -458,7 +422,8 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
     for called, jobs in ((False, 2), (True, 3)):
         if called:
             monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.SOLO_RELAXATIONS", (60, 1))
-        two, driver = prove(scene, tmp_path / f"{jobs}", replace(TWO, jobs=jobs), **how)
+        certificate = tmp_path / f"proof-{jobs}"
+        two, driver = prove(scene, tmp_path / f"{jobs}", replace(TWO, jobs=jobs, certificate=certificate), **how)
         assert (driver._sources.solves > 0) is called
         assert driver.context.relaxation.solves > 60  # by threads, before others were called
         assert two.summary.proven is True
@@ -467,8 +432,7 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
         names = [(conflict.faces.tobytes(), conflict.labels.tobytes()) for conflict in driver.state.conflicts]
         assert len(names) > 50
         assert called or len(set(names)) == len(names)  # what both threads found is kept once
-        certify(driver, scene, tmp_path / "proof.jld", None)
-        assert verify(tmp_path / "proof.jld", scene).claim.bound == pytest.approx(one.summary.best, rel=2e-6)
+        assert verify(certificate, scene).claim.bound == pytest.approx(one.summary.best, rel=2e-6)
 
 
 @pytest.mark.skipif(chosen() is None, reason="without a kernel there is one thread")
@@ -486,7 +450,7 @@ def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path, monke
     # many small cubes: of the few large ones of so short a proof it is chance whether any is closed before its end
     monkeypatch.setattr("jld_explore.drivers.exact.cube_workers._CUBES_PER_WORKER", 12)
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
-    whole, driver = prove(scene, tmp_path / "whole", by_blocks="off")
+    whole, driver = prove(scene, tmp_path / "whole", replace(TWO, certificate=tmp_path / "proof"), by_blocks="off")
     known = driver.state.conflicts[:]
     from_cubes = [one for one in known if one.from_cube]
     assert from_cubes
@@ -504,52 +468,7 @@ def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path, monke
     assert again.summary.proven is True
     assert again.summary.facts["relaxations"] < 0.1 * whole.summary.facts["relaxations"]
     assert again.summary.bound == pytest.approx(whole.summary.bound, rel=1e-9)
-    certify(driver, scene, tmp_path / "proof.jld", None)
-    assert verify(tmp_path / "proof.jld", scene).claim.bound == pytest.approx(whole.summary.best, rel=2e-6)
-
-
-def test_workers_are_at_work_once_one_has_answered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A target that changes sends a second task to a process that still starts; nobody must wait for that process."""
-    held: list[tuple[Future[Any], tuple[Any, ...]]] = []
-
-    class Starting(ThreadPoolExecutor):
-        def submit(self, *task: Any) -> Future[Any]:
-            held.append((Future(), task))
-            return held[-1][0]
-
-    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", Starting)
-    scene = scene_of([*["aaaa"] * 3, "####"], WEAKER)
-    space = search_space(scene, build_assembly(scene))
-    formula = Formula(space, None)
-    formula.aim(0.0)
-    context = ProofContext.of(space, 0, list_blocks=False)
-    assert context is not None
-    workers = CubeWorkers(context, 2, ProofState(space))
-    for _ in range(2):
-        workers.begin(formula, None, 0.0)
-        workers.exchange()
-    assert max(state.tasks for state in workers._worker_states.values()) > 1
-    assert not workers.started
-    held[0][0].set_result(TaskResult())
-    workers.exchange()
-    assert workers.started
-    workers.close(0.0)
-
-
-def test_parts_of_a_cube_cover_it() -> None:
-    scene = scene_of(["aaa", "aaa", "###"], WEAKER)
-    space = search_space(scene, build_assembly(scene))
-    every = Formula(space, None)
-    rows = []
-    while (labels := every.next()) is not None:
-        rows.append(labels)
-        every.forbid(np.arange(len(labels)), labels)
-    formula, cubes = Formula(space, None), [EVERYTHING]
-    for _ in range(12):
-        cube = cubes.pop(0)
-        cubes += split_cube(cube, formula, np.arange(len(space.fixed), dtype=float))
-    assert len(cubes) > 4
-    assert [sum(cube.holds(labels) for cube in cubes) for labels in rows] == [1] * len(rows)
+    assert verify(tmp_path / "proof", scene).claim.bound == pytest.approx(whole.summary.best, rel=2e-6)
 
 
 class Mortal(ThreadPoolExecutor):

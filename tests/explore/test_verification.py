@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.claims import certificates
+from benchmarks.claims import run as run_claim
 from pysat.solvers import Solver
 
 from cases import box, dry_and_inner, grid_document
@@ -31,9 +31,9 @@ from jld_core import InputError, LimitAnalysis, build_assembly, parse_scene
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.exact.proof_check import refutation
 from jld_explore.space import feasible
+from jld_explore.verification import certificate as proof_file
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances
-from jld_explore.verification.certificate import Claim
 from jld_explore.verification.verify import Checker, Labellings, follows
 
 ROOM = Path(__file__).parents[2] / "src" / "jld_explore" / "verification"
@@ -334,6 +334,7 @@ def widen(lines: list[dict[str, Any]]) -> None:
     lines[0]["scene"]["search"]["block_cells"] = [1, 3]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "harm", [lower, flip, drop, free, shorten, borrow, cut, stop, support, widen, excuse], ids=lambda f: f.__name__
 )
@@ -442,7 +443,6 @@ def test_searches_without_a_certificate_are_refused_before_they_begin(
     assert not (tmp_path / "proof.jld").exists()
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_a_limit_that_decides_has_no_certificate_and_one_that_does_not_has(tmp_path: Path) -> None:
     """Clauses do not express limits on shapes and blocks: the proof has to hold without them."""
     rows = ["aaa", "aaa", "###"]
@@ -462,7 +462,7 @@ def test_a_limit_that_decides_has_no_certificate_and_one_that_does_not_has(tmp_p
 
 def test_a_claim_alone_proves_nothing() -> None:
     scene = parse_scene(SCENES["weak"])
-    checker = Checker(scene, build_assembly(scene), Claim(SCENES["weak"], 1e9))
+    checker = Checker(scene, build_assembly(scene), proof_file.Claim(SCENES["weak"], 1e9))
     with pytest.raises(InputError, match="leave labellings"):
         checker.check([])
 
@@ -556,7 +556,7 @@ def test_the_checker_is_short_and_shares_nothing() -> None:
     assert used <= set(sys.stdlib_module_names)
 
 
-@pytest.mark.usefixtures("without_field_check")
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", SCENES | KNOWN)
 def test_certificates_hold_and_meet_enumeration(name: str, tmp_path: Path) -> None:
     """By `verify` and by the checker alike, which both refuse a bound that is a little lower."""
@@ -651,9 +651,8 @@ def test_both_refuse_another_digest(tall: list[dict[str, Any]], tmp_path: Path) 
     assert "digest" in checked(path).err
 
 
-@pytest.mark.usefixtures("without_field_check")
 def test_changed_certificates_are_judged_by_enumeration() -> None:
-    tally = certificates.run(first_seed=1000, cases=2, seconds=600.0)
+    tally = run_claim("certificates", 1000, 2, 600.0)
     assert tally.disagreements == []
     assert tally.notes["refused"] > tally.notes["accepted"] > 0
 

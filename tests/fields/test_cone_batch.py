@@ -10,14 +10,14 @@ import scipy.sparse as sp
 
 from cases import grid_assembly
 from jld_core import Assembly, Bits, Floats
-from jld_core.batch import library
+from jld_core.batch import chosen
 from jld_core.fields import ConeProgram
-from jld_core.fields.bounds import CoarseBounds, FieldSetting
-from jld_core.fields.cones import ConeBatch, independent_rows, is_installed
+from jld_core.fields import bounds as field_bounds
+from jld_core.fields.cones import ConeBatch, independent_rows
 from jld_core.fields.lower import LowerBound
 from jld_core.fields.upper import UpperBound
 
-pytestmark = pytest.mark.skipif(not is_installed(), reason="no compiled solver")
+pytestmark = pytest.mark.skipif(chosen() is None, reason="no compiled solver")
 
 PUSHED: list[dict[str, Any]] = [{"element": "c1r0", "force": [0.3, -1], "at": [0.15, 0.3]}]
 KINDS: dict[str, dict[str, Any]] = {
@@ -76,11 +76,12 @@ def test_dependent_equations_are_left_out() -> None:
     assert independent_rows(sp.csr_array(np.eye(3))).all()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_same_bounds_as_clarabel(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both programs have one optimum each; what both solvers leave to repair is some 1e-7 of λ."""
     assembly = frame(**KINDS[kind])
-    problem_of = FieldSetting.of(assembly)
+    problem_of = field_bounds.FieldSetting.of(assembly)
     problem = problem_of.problem(problem_of.coarse)
     labellings = np.random.default_rng(5).random((11, len(assembly.interfaces))) < 0.5
     for bounds in (LowerBound, UpperBound):
@@ -105,7 +106,7 @@ def test_same_bounds_as_clarabel(kind: str, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def both(assembly: Assembly, labellings: Bits) -> list[list[float]]:
-    low, high = CoarseBounds(FieldSetting.of(assembly)).both(labellings)
+    low, high = field_bounds.CoarseBounds(field_bounds.FieldSetting.of(assembly)).both(labellings)
     return [low.tolist(), high.tolist()]
 
 
@@ -114,10 +115,10 @@ def test_bounds_do_not_depend_on_company(monkeypatch: pytest.MonkeyPatch) -> Non
     assembly = frame()
     labellings = np.random.default_rng(7).random((13, len(assembly.interfaces))) < 0.5
     together = both(assembly, labellings)
-    coarse = CoarseBounds(FieldSetting.of(assembly))
+    coarse = field_bounds.CoarseBounds(field_bounds.FieldSetting.of(assembly))
     assert together == [[coarse.lower(one)[0] for one in labellings], [coarse.upper(one)[0] for one in labellings]]
     assert together == [part[::-1] for part in both(assembly, labellings[::-1])]
-    monkeypatch.setenv(library.SWITCH, "off")
-    assert not is_installed()
+    monkeypatch.setenv("JLD_KERNEL", "off")
+    assert chosen() is None
     for found, expected in zip(both(assembly, labellings), together, strict=True):
         assert found == pytest.approx(expected, rel=2e-6, abs=1e-7 * 1e3)

@@ -14,7 +14,7 @@ from cases import grid_document
 from command import Command
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.loads import loaded_mesh, thickness_of
+from jld_core.fields import loads as field_loads
 from jld_core.models import require_cracks, solve_by_fields
 from jld_core.refinement import crack_cells
 
@@ -87,10 +87,7 @@ def test_solve_by_fields_names_its_model(jld: Command, tmp_path: Path) -> None:
     assert "by faces" in jld("solve", path, "--cracks", "faces").out
 
 
-@pytest.mark.parametrize(
-    "option",
-    ["fields:0", "fields:x", "cells", "cells:-1", "anything", "faces:1"],
-)
+@pytest.mark.parametrize("option", ["fields:0", "fields:x", "cells", "cells:-1", "anything", "faces:1"])
 def test_wrong_options_are_one_line(jld: Command, tmp_path: Path, option: str) -> None:
     found = jld("solve", written(tmp_path, BAR), "--cracks", option)
     assert (found.code, found.out) == (2, "")
@@ -204,11 +201,11 @@ def test_widths_of_point_loads() -> None:
         {"element": "bar", "force": [0, -2], "at": [0.25, 1.5]},
     ]
     assembly = build_assembly(parse_scene({**BAR, "loads": {"live": live}}))
-    _, loads = loaded_mesh(assembly)
+    _, loads = field_loads.loaded_mesh(assembly)
     total, moment = np.zeros(2), 0.0
     for segment in loads.tractions:
         step = segment.ends[1] - segment.ends[0]
-        force = np.hypot(*step) * thickness_of(assembly) * segment.live.mean(axis=0)
+        force = np.hypot(*step) * field_loads.thickness_of(assembly) * segment.live.mean(axis=0)
         total += force
         moment += segment.ends.mean(axis=0)[0] * force[1]
     assert total == pytest.approx([0.5, -1.0], abs=1e-12)
@@ -218,7 +215,7 @@ def test_widths_of_point_loads() -> None:
     inside = {"element": "bar", "force": [0, 1], "at": [0.2, 1.0], "width": 0.1}
     assembly = build_assembly(parse_scene({**BAR, "loads": {"live": [inside]}}))
     with pytest.raises(InputError, match="has a width and no free face"):
-        loaded_mesh(assembly)
+        field_loads.loaded_mesh(assembly)
 
 
 def test_cells_by_hand() -> None:

@@ -14,11 +14,10 @@ from benchmarks.claims.geometry import Move, random_move
 
 from cases import all_inner, grid_document
 from jld_core import Assembly, Floats, build_assembly, load_scene, parse_scene
-from jld_core.fields import ConeProgram, bounds_by_fields, governing_bounds
-from jld_core.fields.bounds import FieldRefinement, FieldSetting, FieldStatus
+from jld_core.fields import ConeProgram, bounds, bounds_by_fields, governing_bounds
+from jld_core.fields import problem as field_problem
 from jld_core.fields.cones import Answer
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.problem import Problem
 from jld_core.fields.upper import Settling, UpperBound
 from jld_core.models import solve_by_fields
 
@@ -60,7 +59,7 @@ def test_prandtl() -> None:
     load = {"element": "soil", "force": [0, -1], "at": [0, 0]}
     found = bounds_by_fields(scene(ground, [load]), gap=0.09, patch=1.0, parts=2)
     exact = 2.0 + math.pi
-    assert found.status is FieldStatus.CLOSED
+    assert found.status is bounds.FieldStatus.CLOSED
     assert found.lower <= exact <= found.upper
     assert found.gap <= 0.09
 
@@ -100,10 +99,7 @@ def test_cantilever_in_plastic_bending() -> None:
     assert found.lower >= 0.98 * plastic / 8.0
 
 
-@pytest.mark.parametrize(
-    ("tension", "factor"),
-    [(1.2, 1.2 * 0.5), (5.0, 2.0 * 0.5)],
-)
+@pytest.mark.parametrize(("tension", "factor"), [(1.2, 1.2 * 0.5), (5.0, 2.0 * 0.5)])
 def test_pulled_bar(tension: float, factor: float) -> None:
     """A bar glued to its support breaks at σt A, or slides at 45° by 2τ A where σt is larger."""
     parts = [box("wall", 0, -1, 0.5, 0, support=True), box("bar", 0, 0, 0.5, 1.5)]
@@ -213,12 +209,12 @@ def test_blocks_too_weak_for_their_own_weight() -> None:
     parts = [box("ceiling", 0, 2, 1, 3, support=True), box("bar", 0, 0, 1, 2, density=1.0)]
     load = {"element": "bar", "force": [0, -1], "at": [0.5, 0]}
     weak = bounds_by_fields(scene(parts, [load], inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01)
-    assert weak.status is FieldStatus.UNSTABLE
+    assert weak.status is bounds.FieldStatus.UNSTABLE
     # the force that would have to push it up
     assert weak.upper == pytest.approx(1.9 - 2.0, rel=1e-6)
     assert len(weak.history) == 1
     strong = bounds_by_fields(scene(parts, [load], inner={"tensile_strength": 2.1, "shear_strength": 5.0}), gap=0.01)
-    assert strong.status is FieldStatus.CLOSED
+    assert strong.status is bounds.FieldStatus.CLOSED
     assert strong.lower <= 0.1 * (1 + 1e-9)
     assert strong.upper >= 0.1 * (1 - 1e-9)
 
@@ -343,7 +339,7 @@ def test_the_governing_bracket_holds_the_closed_form(blocks: Assembly) -> None:
 
 def test_the_upper_bound_is_left_out_of_two_meshes_in_three(blocks: Assembly) -> None:
     """Meshes 1, 4, ... have both bounds; a caller may leave more of them out, and the best bound stays."""
-    refinement = FieldRefinement(blocks.by_case[1], gap=1e-9, lower_first=True)
+    refinement = bounds.FieldRefinement(blocks.by_case[1], gap=1e-9, lower_first=True)
     steps = [refinement.step() for _ in range(4)]
     uppers = [step.upper for step in steps[-1].history]
     assert [math.isfinite(upper) for upper in uppers] == [True, False, False, True]
@@ -423,12 +419,14 @@ LABELS = np.array([letter == "d" for letter in "iiidididddddiididdidiiid"])
 
 
 @pytest.fixture(scope="module")
-def problem() -> Problem:
-    setting = FieldSetting.of(build_assembly(load_scene(SCENE)))
+def problem() -> field_problem.Problem:
+    setting = bounds.FieldSetting.of(build_assembly(load_scene(SCENE)))
     return setting.problem(setting.coarse)
 
 
-def test_bounds_do_not_depend_on_refined_linear_systems(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bounds_do_not_depend_on_refined_linear_systems(
+    problem: field_problem.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Both bounds with and without iterative refinement, to a tenth of what scenes may differ by (1e-6)."""
 
     def careful(self: ConeProgram, off: object = None, objective: object = None) -> Answer:
@@ -443,7 +441,9 @@ def test_bounds_do_not_depend_on_refined_linear_systems(problem: Problem, monkey
         assert one.factor == pytest.approx(other.factor, rel=1e-7)
 
 
-def test_an_answer_that_is_not_solved_is_asked_for_again(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_answer_that_is_not_solved_is_asked_for_again(
+    problem: field_problem.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What fails without refinement is solved with it, and that answer counts."""
     original, asked = ConeProgram._solve, []
 
@@ -459,7 +459,9 @@ def test_an_answer_that_is_not_solved_is_asked_for_again(problem: Problem, monke
     assert found.factor > 0.0
 
 
-def test_a_field_is_settled_where_opening_costs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_field_is_settled_where_opening_costs(
+    problem: field_problem.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Velocities with slips of 1e-6 where nothing moves are settled, those of the solver are not; λ is the same."""
     upper, settled = UpperBound(problem), []
     original = Settling.settled

@@ -12,10 +12,9 @@ import pytest
 from cases import box
 from command import Command
 from jld_core import Assembly, Floats, InputError, build_assembly, load_scene, parse_scene, solve
-from jld_core.fields import bounds_by_fields
-from jld_core.fields.loads import FieldLoads, loaded_mesh, thickness_of
-from jld_core.fields.mesh import Mesh
-from jld_core.fields.problem import material_of
+from jld_core.fields import bounds_by_fields, problem
+from jld_core.fields import loads as field_loads
+from jld_core.fields import mesh as field_mesh
 
 
 def column(live: list[Any], *, dead: list[Any] | None = None, **inner: Any) -> Assembly:
@@ -38,10 +37,10 @@ def column(live: list[Any], *, dead: list[Any] | None = None, **inner: Any) -> A
     return build_assembly(parse_scene(document))
 
 
-def resultants(assembly: Assembly, mesh: Mesh, loads: FieldLoads, live: bool) -> Floats:
+def resultants(assembly: Assembly, mesh: field_mesh.Mesh, loads: field_loads.FieldLoads, live: bool) -> Floats:
     """Forces and moments (n, 3) about the centroids, by quadrature of body forces and tractions."""
     total = np.zeros((len(assembly.elements), 3))
-    thickness = thickness_of(assembly)
+    thickness = field_loads.thickness_of(assembly)
     middle = mesh.corners.mean(axis=1)
 
     def add(cell: int, place: Floats, force: Floats) -> None:
@@ -81,7 +80,7 @@ LIVE: list[list[dict[str, Any]]] = [
 def test_equivalence(live: list[dict[str, Any]], patch: float | None) -> None:
     """Forces and moments of every cell are those of the scene, dead and live."""
     assembly = column(live, dead=[{"element": "b", "force": [0.5, 0.0], "at": [2.0, 1.5]}])
-    mesh, loads = loaded_mesh(assembly, patch)
+    mesh, loads = field_loads.loaded_mesh(assembly, patch)
     free = assembly.elements.free
     assert resultants(assembly, mesh, loads, True)[free] == pytest.approx(assembly.live[free], abs=1e-12)
     assert resultants(assembly, mesh, loads, False)[free] == pytest.approx(assembly.dead[free], abs=1e-12)
@@ -91,7 +90,7 @@ def test_patches() -> None:
     """Whole face within the middle third, centred part beyond it, stated length on request."""
 
     def spans(at: float, patch: float | None) -> list[float]:
-        _, loads = loaded_mesh(column([{"element": "a", "force": [0.0, -1.0], "at": [at, 2.0]}]), patch)
+        _, loads = field_loads.loaded_mesh(column([{"element": "a", "force": [0.0, -1.0], "at": [at, 2.0]}]), patch)
         return sorted(x for segment in loads.tractions for x in segment.ends[:, 0].tolist())
 
     assert spans(0.6, None) == pytest.approx([0.0, 1.0])
@@ -136,8 +135,8 @@ def test_cases_and_missing_strengths_are_refused() -> None:
     with pytest.raises(InputError, match="one load case"):
         bounds_by_fields(built)
     with pytest.raises(InputError, match="strengths"):
-        material_of(built)
-    assert material_of(assembly).tension == 100.0
+        problem.material_of(built)
+    assert problem.material_of(assembly).tension == 100.0
 
 
 def test_stated_interfaces_that_miss_the_outlines_are_refused() -> None:
@@ -162,7 +161,7 @@ def test_stated_interfaces_that_miss_the_outlines_are_refused() -> None:
 def test_flagship_load_is_uniform_over_the_top_of_its_cell() -> None:
     """Three forces of 1000 N in all on 0.1 × 0.1 m: 100 kPa."""
     assembly = build_assembly(load_scene(Path(__file__).parents[2] / "scenes" / "flat_beam_arch.json"))
-    _, loads = loaded_mesh(assembly)
+    _, loads = field_loads.loaded_mesh(assembly)
     assert len(loads.tractions) == 1
     assert loads.tractions[0].live == pytest.approx(np.array([[0.0, -1e5], [0.0, -1e5]]), abs=1e-6)
 
@@ -252,6 +251,7 @@ UNIFORM: list[tuple[str, dict[str, Any], list[dict[str, Any]], float]] = [
 ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("live", "dead", "expected"), [case[1:] for case in UNIFORM], ids=[case[0] for case in UNIFORM]
 )

@@ -14,11 +14,11 @@ from studies.crack_models import bridge
 
 from cases import all_inner, box, prism, rotation
 from jld_core import Assembly, Bits, Floats, build_assembly, parse_scene, solve
+from jld_core.fields import bounds as field_bounds
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.bounds import CoarseBounds, FieldSetting
+from jld_core.fields import loads as field_loads
+from jld_core.fields import mesh as field_mesh
 from jld_core.fields.layers import layers_of, surface_of
-from jld_core.fields.loads import loaded_mesh
-from jld_core.fields.mesh import Mesh, fanned, refine, subdivide
 from jld_core.fields.rigid_joints import RigidBlocks, fitted_joints, rigid_balance
 from jld_core.fields.solids import loaded_solids
 from jld_core.fields.upper import UpperBound, VelocityField, VelocityProgram
@@ -30,7 +30,7 @@ def random_assembly(seed: int) -> Assembly | None:
     return None if scenes is None else build_assembly(parse_scene(scenes[0]))
 
 
-def check(mesh: Mesh, assembly: Assembly) -> None:
+def check(mesh: field_mesh.Mesh, assembly: Assembly) -> None:
     """Areas, interfaces, and that every edge joins the same places on both sides."""
     assert (mesh.volume > 0.0).all()
     for cell in assembly.elements.free.tolist():
@@ -53,14 +53,14 @@ def test_random_cells(seed: int) -> None:
     assembly = random_assembly(seed)
     if assembly is None:
         return
-    coarse, _ = loaded_mesh(assembly)
+    coarse, _ = field_loads.loaded_mesh(assembly)
     check(coarse, assembly)
-    check(subdivide(coarse, 3), assembly)
+    check(field_mesh.subdivide(coarse, 3), assembly)
     rng = np.random.default_rng(seed)
     mesh = coarse
     for _ in range(3):
         singular = rng.integers(-1, 3, len(mesh))
-        mesh = refine(mesh, rng.random(len(mesh)) < 0.2, singular)
+        mesh = field_mesh.refine(mesh, rng.random(len(mesh)) < 0.2, singular)
         check(mesh, assembly)
         assert np.array_equal(np.unique(mesh.root), np.arange(len(coarse)))
 
@@ -69,7 +69,7 @@ def test_gradients_and_normals() -> None:
     """Gradients reproduce a linear function; normals are outward and of length one."""
     assembly = random_assembly(1)
     assert assembly is not None
-    mesh = subdivide(loaded_mesh(assembly)[0], 2)
+    mesh = field_mesh.subdivide(field_loads.loaded_mesh(assembly)[0], 2)
     slope = np.array([0.3, -1.7])
     values = mesh.corners @ slope + 0.2
     assert np.einsum("tk,tki->ti", values, mesh.gradient) == pytest.approx(np.tile(slope, (len(mesh), 1)))
@@ -198,7 +198,7 @@ def tower(friction: float, cohesion: float = 0.0) -> Assembly:
 def test_rigid_blocks_at_nodes_are_those_by_faces(friction: float, cohesion: float) -> None:
     """Without cohesion forces at the nodes carry λ by faces; with it a cohesive block slides at μ + c A/W."""
     assembly = tower(friction, cohesion)
-    setting = FieldSetting.of(assembly, None, assembly.labels)
+    setting = field_bounds.FieldSetting.of(assembly, None, assembly.labels)
     mesh = setting.coarse
     problem = setting.problem(mesh)
     found = rigid_balance(problem, RigidBlocks.of(problem, assembly.labels), at_nodes=True)
@@ -214,7 +214,7 @@ def test_rigid_blocks_at_nodes_are_those_by_faces(friction: float, cohesion: flo
 def test_fitted_joints_lose_less_than_their_share() -> None:
     """Halving edges where tractions lose brings linear tractions to within 0.4 of the gap of forces at nodes."""
     assembly = tower(0.9)
-    setting = FieldSetting.of(assembly, None, assembly.labels)
+    setting = field_bounds.FieldSetting.of(assembly, None, assembly.labels)
     mesh = setting.coarse
     fitted = fitted_joints(mesh, setting.problem, assembly.labels, 0.2)
     before, after = (setting.problem(one) for one in (mesh, fitted))
@@ -234,7 +234,7 @@ def test_fitted_joints_lose_less_than_their_share() -> None:
 def test_a_mesh_without_dry_joints_is_not_changed() -> None:
     parts = [box("ground", [-1, -1, -1], [2, 2, 0], support=True), box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
     assembly = scene(parts, [{"body": [1, 0, 0]}], "inner")
-    setting = FieldSetting.of(assembly, None, assembly.labels)
+    setting = field_bounds.FieldSetting.of(assembly, None, assembly.labels)
     assert fitted_joints(setting.coarse, setting.problem, assembly.labels, 0.15) is setting.coarse
 
 
@@ -262,31 +262,33 @@ def assembly() -> Assembly:
 
 def test_a_patch_inside_a_face_has_a_stress_field_on_the_coarsest_mesh(assembly: Assembly) -> None:
     """Ends of the patch get three triangles; before, λ = 0 was the best of every mesh whose ends had two."""
-    coarse, loads = loaded_mesh(assembly)
+    coarse, loads = field_loads.loaded_mesh(assembly)
     ends = [end for segment in loads.tractions for end in segment.ends]
-    mesh = FieldSetting.of(assembly).coarse
+    mesh = field_bounds.FieldSetting.of(assembly).coarse
     for end in ends:
         (node,) = np.flatnonzero(np.hypot(*(mesh.points - end).T) < 1e-9)
         assert (mesh.simplices == node).sum() >= 3
     assert mesh.volume.sum() == pytest.approx(coarse.volume.sum(), rel=1e-12)
-    assert (fanned(mesh, ends).simplices == mesh.simplices).all()  # nothing more to do
-    low = CoarseBounds(FieldSetting.of(assembly)).lower(~assembly.free_faces)[0]
-    high = CoarseBounds(FieldSetting.of(assembly)).upper(~assembly.free_faces)[0]
+    assert (field_mesh.fanned(mesh, ends).simplices == mesh.simplices).all()  # nothing more to do
+    low = field_bounds.CoarseBounds(field_bounds.FieldSetting.of(assembly)).lower(~assembly.free_faces)[0]
+    high = field_bounds.CoarseBounds(field_bounds.FieldSetting.of(assembly)).upper(~assembly.free_faces)[0]
     assert 0.4 * high < low < high
 
 
 def test_meshes_are_left_alone_where_loads_end_at_corners(assembly: Assembly) -> None:
-    coarse, _ = loaded_mesh(assembly)
+    coarse, _ = field_loads.loaded_mesh(assembly)
     corners = assembly.elements.shape[assembly.elements.index["c0r0"]]
-    assert fanned(coarse, list(corners)) is coarse or len(fanned(coarse, list(corners))) == len(coarse)
-    assert fanned(coarse, []) is coarse
+    assert field_mesh.fanned(coarse, list(corners)) is coarse or len(field_mesh.fanned(coarse, list(corners))) == len(
+        coarse
+    )
+    assert field_mesh.fanned(coarse, []) is coarse
 
 
 def test_a_field_whose_repair_costs_much_is_solved_with_slack(
     assembly: Assembly, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On 674 triangles of this bridge opening by 5e-9 costs 1.6 % of λ; here the first field costs a tenth."""
-    upper = UpperBound(FieldSetting.of(assembly).problem(FieldSetting.of(assembly).coarse))
+    upper = UpperBound(field_bounds.FieldSetting.of(assembly).problem(field_bounds.FieldSetting.of(assembly).coarse))
     plain, original, asked = upper.bound(assembly.labels), UpperBound.certify, []
 
     def dear(self: UpperBound, velocity: Floats, labels: Bits, expected: float) -> VelocityField | None:
@@ -304,7 +306,7 @@ def test_a_field_whose_repair_costs_much_is_solved_with_slack(
 
 def test_room_of_flow_rules_costs_next_to_nothing(assembly: Assembly) -> None:
     """A program with a margin of 1e-8: its field needs no opening, and λ rises by less than 1e-5 of itself."""
-    setting = FieldSetting.of(assembly)
+    setting = field_bounds.FieldSetting.of(assembly)
     upper = UpperBound(setting.problem(setting.coarse))
     labels = assembly.labels
     plain = upper.bound(labels)

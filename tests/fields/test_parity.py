@@ -9,23 +9,24 @@ import cvxpy as cp
 import numpy as np
 import pytest
 from benchmarks.claims import fields
+from benchmarks.claims import run as run_claim
 from benchmarks.claims.geometry import Move
 
 from jld_core import Assembly, Bits, Floats, Route, build_assembly, parse_scene
-from jld_core.fields.bounds import disagreement
+from jld_core.fields import bounds
+from jld_core.fields import loads as field_loads
+from jld_core.fields import mesh as field_mesh
+from jld_core.fields import problem as field_problem
 from jld_core.fields.forms import Material
-from jld_core.fields.loads import loaded_mesh
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.mesh import Mesh, patch_tag
-from jld_core.fields.problem import material_of, problem_of, units_of
 from jld_core.fields.upper import UpperBound
 
 ROUTE = Route("a test")
 
 
-def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -> Floats:
+def tractions(assembly: Assembly, mesh: field_mesh.Mesh, loads: Any, edge: int, end: int) -> Floats:
     """Live traction at one end of an outline edge."""
-    tags = [patch_tag(index) for index in range(len(loads.tractions))]
+    tags = [field_mesh.patch_tag(index) for index in range(len(loads.tractions))]
     tag = int(mesh.sides.tag[edge])
     if tag not in tags:
         return np.zeros(2)
@@ -36,7 +37,9 @@ def tractions(assembly: Assembly, mesh: Mesh, loads: Any, edge: int, end: int) -
     return np.asarray((1.0 - share) * segment.live[0] + share * segment.live[1])
 
 
-def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, material: Material, unit: float) -> float:
+def lower_by_cvxpy(
+    assembly: Assembly, mesh: field_mesh.Mesh, loads: Any, labels: Bits, material: Material, unit: float
+) -> float:
     """Largest λ with stresses (σx, σy, τxy) at corners, in units of a stress; yield as three cones at each corner."""
     s = [[cp.Variable(3) for _ in range(3)] for _ in range(len(mesh))]
     factor = cp.Variable()
@@ -77,7 +80,9 @@ def lower_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, mat
     return float(program.value)
 
 
-def upper_by_cvxpy(assembly: Assembly, mesh: Mesh, loads: Any, labels: Bits, material: Material, unit: float) -> float:
+def upper_by_cvxpy(
+    assembly: Assembly, mesh: field_mesh.Mesh, loads: Any, labels: Bits, material: Material, unit: float
+) -> float:
     """Least power less dead work at live work one; support functions by multipliers y ≥ 0 of each yield condition."""
     v = [[cp.Variable(2) for _ in range(3)] for _ in range(len(mesh))]
     rules: list[Any] = []
@@ -138,10 +143,10 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
     scenes = fields.random_scenes(np.random.default_rng([seed, 2026]), [Move(np.eye(2), 1.0, np.zeros(2))])
     assert scenes is not None
     assembly = build_assembly(parse_scene(scenes[0]))
-    mesh, loads = loaded_mesh(assembly)
-    material = material_of(assembly)
-    units = units_of(assembly, material)
-    problem = problem_of(assembly, material, units, mesh, loads)
+    mesh, loads = field_loads.loaded_mesh(assembly)
+    material = field_problem.material_of(assembly)
+    units = field_problem.units_of(assembly, material)
+    problem = field_problem.problem_of(assembly, material, units, mesh, loads)
     low, high = LowerBound(problem).bound(assembly.labels), UpperBound(problem).bound(assembly.labels)
     given = (assembly, mesh, loads, assembly.labels, material, units.stress)
     if low is None:
@@ -152,17 +157,17 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
     assert low.factor * units.load == pytest.approx(lower_by_cvxpy(*given), rel=1e-5)
     assert high.factor * units.load == pytest.approx(upper_by_cvxpy(*given), rel=1e-5)
     # the local differences between power and stress power add up to the gap
-    total = float(disagreement(problem, low, high).sum())
+    total = float(bounds.disagreement(problem, low, high).sum())
     assert total == pytest.approx(high.factor - low.factor, abs=1e-6 * abs(high.factor))
 
 
 def test_a_share_of_the_claims() -> None:
     """A share of `python -m benchmarks.claims fields`: two of its cases, however busy the machine is."""
-    found = fields.run(0, 2, 600.0)
+    found = run_claim("fields", 0, 2, 600.0)
     assert found.cases == 2
     assert not found.disagreements
 
 
 def test_bounds_stay_where_they_are_when_a_scene_is_moved() -> None:
     """Seed 10185 of `benchmarks.claims.fields`: upper bounds of material with friction differed by 1.7e-5 of λ."""
-    assert not fields.run(10185, 1, np.inf).disagreements
+    assert not run_claim("fields", 10185, 1, np.inf).disagreements

@@ -12,10 +12,8 @@ import pytest
 from cases import all_inner, box, prism, rotation
 from command import Command
 from jld_core import Assembly, InputError, Status, build_assembly, parse_scene
-from jld_core.fields import bounds_by_fields
-from jld_core.fields.bounds import FieldBounds, FieldStatus, stress_power
+from jld_core.fields import bounds, bounds_by_fields, problem
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.problem import material_of, problem_of, units_of
 from jld_core.fields.solids import loaded_solids
 from jld_core.fields.upper import UpperBound
 from jld_core.models import solve_by_fields
@@ -39,7 +37,7 @@ def scene(elements: list[dict[str, Any]], live: list[Any], label: str = "inner",
     return build_assembly(parse_scene(all_inner(document, label)))
 
 
-def holds(found: FieldBounds, exact: float, gap: float) -> None:
+def holds(found: bounds.FieldBounds, exact: float, gap: float) -> None:
     """The bracket holds the exact value and is no wider than a gap."""
     assert found.lower <= exact * (1 + 1e-9)
     assert found.upper >= exact * (1 - 1e-9)
@@ -54,19 +52,14 @@ def test_pulled_cube(tension: float, factor: float) -> None:
     """A cube glued to its support breaks at σt A, or slides at 45° by 2τ A where σt is larger."""
     live = [{"element": "cube", "force": [0, 0, 1], "at": [0.5, 0.5, 1.0]}]
     parts = [box("base", [0, 0, -1], [1, 1, 0], support=True), box("cube", [0, 0, 0], [1, 1, 1])]
-    holds(
-        bounds_by_fields(scene(parts, live, inner={"tensile_strength": tension}), gap=1e-4, most=30),
-        factor,
-        1e-4,
-    )
+    holds(bounds_by_fields(scene(parts, live, inner={"tensile_strength": tension}), gap=1e-4, most=30), factor, 1e-4)
 
 
 def test_sheared_slab() -> None:
     """A flat slab glued to its support slides by τ A under a body load; its height limits the lower bound."""
     parts = [GROUND, box("slab", [0, 0, 0], [1, 1, 0.1])]
     found = bounds_by_fields(
-        scene(parts, [{"element": "slab", "force": [1, 0, 0]}], inner={"tensile_strength": 5.0}),
-        gap=0.7,
+        scene(parts, [{"element": "slab", "force": [1, 0, 0]}], inner={"tensile_strength": 5.0}), gap=0.7
     )
     holds(found, 1.0, 0.7)
 
@@ -115,7 +108,7 @@ def test_blocks_too_weak_for_their_own_weight() -> None:
     weak = bounds_by_fields(
         scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most=50
     )
-    assert weak.status is FieldStatus.UNSTABLE
+    assert weak.status is bounds.FieldStatus.UNSTABLE
     assert weak.upper == pytest.approx(1.9 - 2.0, rel=1e-4)
     strong = bounds_by_fields(
         scene(parts, live, inner={"tensile_strength": 2.1, "shear_strength": 5.0}), gap=0.01, most=50
@@ -131,7 +124,7 @@ def test_more_weight_than_any_live_load_can_hold() -> None:
     found = bounds_by_fields(
         scene(parts, live, inner={"tensile_strength": 1.9, "shear_strength": 5.0}), gap=0.01, most=50
     )
-    assert found.status is FieldStatus.UNSTABLE
+    assert found.status is bounds.FieldStatus.UNSTABLE
     assert found.upper < 0.0
 
 
@@ -209,14 +202,14 @@ def test_virtual_power_of_both_fields() -> None:
     """Dissipation less stress power is the width of the bracket: both fields meet equilibrium and compatibility."""
     parts = [GROUND, box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
     assembly = scene(parts, [{"element": "a", "force": [1, 0, -0.2], "at": [0.5, 0.5, 1.0]}], "dry")
-    material = material_of(assembly)
+    material = problem.material_of(assembly)
     mesh, loads = loaded_solids(assembly, None, assembly.labels)
-    units = units_of(assembly, material)
-    given = problem_of(assembly, material, units, mesh, loads)
+    units = problem.units_of(assembly, material)
+    given = problem.problem_of(assembly, material, units, mesh, loads)
     stress, velocity = LowerBound(given).bound(assembly.labels), UpperBound(given).bound(assembly.labels)
     assert stress is not None
     assert velocity is not None
-    power = stress_power(given, stress, velocity.velocity)
+    power = bounds.stress_power(given, stress, velocity.velocity)
     width = velocity.factor - stress.factor
     assert velocity.dissipation.sum() - power.sum() == pytest.approx(width, abs=1e-9)
     # no tetrahedron dissipates less than the stresses work on it

@@ -9,7 +9,7 @@ import pytest
 
 from cases import grid_assembly
 from jld_core import Assembly
-from jld_core.fields.bounds import CoarseBounds, Fields, FieldSetting
+from jld_core.fields import bounds
 
 PUSHED: list[dict[str, Any]] = [{"element": "c1r0", "force": [0.3, -1], "at": [0.15, 0.3]}]
 KINDS: dict[str, dict[str, Any]] = {
@@ -28,7 +28,7 @@ def frame(**more: Any) -> Assembly:
 def test_one_field_bounds_other_labellings(kind: str) -> None:
     """Upper bounds of mechanisms lie above every lower bound, those of the own labelling are the certified ones."""
     assembly = frame(**KINDS[kind])
-    coarse = CoarseBounds(FieldSetting.of(assembly))
+    coarse = bounds.CoarseBounds(bounds.FieldSetting.of(assembly))
     rng = np.random.default_rng(3)
     labellings = rng.random((14, len(assembly.interfaces))) < 0.5
     lows, highs, mechanisms, stresses = [], [], [], []
@@ -58,10 +58,10 @@ def test_one_field_bounds_other_labellings(kind: str) -> None:
 def test_power_of_faces_is_that_of_the_certified_field(kind: str) -> None:
     """Each face weighed alone, against the power of the whole field computed under other labels."""
     assembly = frame(**KINDS[kind])
-    setting = FieldSetting.of(assembly)
+    setting = bounds.FieldSetting.of(assembly)
     rng = np.random.default_rng(5)
     labels = rng.random(len(assembly.interfaces)) < 0.4
-    fields = Fields.on(setting, setting.coarse, labels)
+    fields = bounds.Fields.on(setting, setting.coarse, labels)
     assert fields.velocity is not None
     mechanism = fields.for_all[1]
     assert mechanism is not None
@@ -82,7 +82,7 @@ def test_a_face_that_may_be_dry() -> None:
     """A column pressed down: joints across it may be dry, glued cells beside one another by no stress at all."""
     assembly = grid_assembly(["ab", "ab", "##"], live=[{"body": [0, 1]}])
     labels = np.zeros(len(assembly.interfaces), dtype=bool)
-    low, field = CoarseBounds(FieldSetting.of(assembly)).lower(labels)
+    low, field = bounds.CoarseBounds(bounds.FieldSetting.of(assembly)).lower(labels)
     assert field is not None
     bed = np.array([abs(normal[1]) > 0.5 for normal in assembly.interfaces.normal])
     assert low > 1.0

@@ -11,10 +11,10 @@ from scipy.optimize import linprog
 
 from cases import box
 from jld_core import Floats, build_assembly, parse_scene
+from jld_core.fields import mesh as field_mesh
+from jld_core.fields import problem as field_problem
 from jld_core.fields.forms import Material, normal_map, tensors
 from jld_core.fields.lower import LowerBound
-from jld_core.fields.mesh import Mesh, bisect, split_at_centroids, subdivide
-from jld_core.fields.problem import Joints, Problem, Units, material_of, problem_of, units_of
 from jld_core.fields.solids import loaded_solids
 from jld_core.fields.upper import UpperBound
 
@@ -23,21 +23,21 @@ TENSION = 0.7
 COHESION = 1.0
 
 
-def problem(material: Material, stress: tuple[float, float, float], parts: int) -> Problem:
+def problem(material: Material, stress: tuple[float, float, float], parts: int) -> field_problem.Problem:
     """A free square under tractions of a uniform stress (σx, σy, τxy)."""
     fan = np.array([[k, (k + 1) % 4, 4] for k in range(4)])
     none = np.zeros(0)
     ends = np.zeros((0, 2), dtype=np.int64)
-    mesh = Mesh(SQUARE, fan, np.zeros(4, dtype=np.int64), np.arange(4), ends, np.zeros(0, dtype=np.int64))
-    mesh = subdivide(mesh, parts)
+    mesh = field_mesh.Mesh(SQUARE, fan, np.zeros(4, dtype=np.int64), np.arange(4), ends, np.zeros(0, dtype=np.int64))
+    mesh = field_mesh.subdivide(mesh, parts)
     tensor = np.array([[stress[0], stress[2]], [stress[2], stress[1]]])
     free = mesh.sides.b < 0
     pull = np.where(free[:, None, None], (mesh.sides.normal @ tensor)[:, None], 0.0).repeat(2, axis=1)
     zero: Floats = np.zeros((len(mesh), 2))
-    found = Problem(
-        Units(1.0, 1.0, 1.0, 1.0, np.zeros(2)),
+    found = field_problem.Problem(
+        field_problem.Units(1.0, 1.0, 1.0, 1.0, np.zeros(2)),
         material,
-        Joints(none, none, none),
+        field_problem.Joints(none, none, none),
         mesh,
         zero,
         zero,
@@ -117,7 +117,7 @@ INNER = {"tensile_strength": TENSION, "shear_strength": COHESION}
 
 
 @cache
-def cube(times: int) -> Problem:
+def cube(times: int) -> field_problem.Problem:
     """A cube of side 1 without any interface: bisected as often as stated."""
     parts = [box("ground", [0, 0, -1], [1, 1, 0], support=True), box("cube", [0, 0, 0], [1, 1, 1])]
     document = {
@@ -129,9 +129,9 @@ def cube(times: int) -> Problem:
     mesh, loads = loaded_solids(assembly)
     mesh = replace(mesh, tagged=mesh.tagged[:0], tag=mesh.tag[:0])
     for _ in range(times):
-        mesh = bisect(mesh, np.ones(len(mesh), dtype=bool))
-    material = material_of(assembly)
-    found = problem_of(assembly, material, units_of(assembly, material), mesh, loads)
+        mesh = field_mesh.bisect(mesh, np.ones(len(mesh), dtype=bool))
+    material = field_problem.material_of(assembly)
+    found = field_problem.problem_of(assembly, material, field_problem.units_of(assembly, material), mesh, loads)
     return replace(found, live=np.zeros_like(found.live))
 
 
@@ -210,8 +210,8 @@ def test_tensors_and_tractions() -> None:
 @pytest.mark.parametrize("times", [0, 1, 4])
 def test_meshes_fill_the_cube(times: int) -> None:
     """Volumes add up, every triangle inside has two sides, gradients are exact, and no tetrahedron degenerates."""
-    mesh: Mesh = cube(times).mesh
-    for one in (mesh, split_at_centroids(mesh)):
+    mesh: field_mesh.Mesh = cube(times).mesh
+    for one in (mesh, field_mesh.split_at_centroids(mesh)):
         sides = one.sides
         assert one.volume.min() > 0.02 * one.volume.max()
         assert one.volume.sum() == pytest.approx(1.0)

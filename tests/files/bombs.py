@@ -57,10 +57,7 @@ def _svg() -> dict[str, tuple[Callable[[Path], None], str]]:
             _text(lambda: SVG.format("", '<path d="M0 0' + " a1 2 0 0 1 1 0" * 15_000 + '"/>')),
             "too many",
         ),
-        "many_shapes.svg": (
-            _text(lambda: SVG.format("", '<rect width="1" height="1"/>' * 300_000)),
-            "05 shapes; ",
-        ),
+        "many_shapes.svg": (_text(lambda: SVG.format("", '<rect width="1" height="1"/>' * 300_000)), "05 shapes; "),
     }
 
 
@@ -228,10 +225,7 @@ def _solids() -> dict[str, tuple[Callable[[Path], None], str]]:
         "assembly.step": (_text(lambda: _step(30, 2)), "too many parts"),
         "assembly_ten.step": (_text(lambda: _step(12, 10)), "too many parts"),
         "brackets.step": (_text(lambda: deep), "too deeply"),
-        "face.obj": (
-            _text(lambda: "v 0 0 0\nv 1 0 0\nv 0 1 0\nf" + " 1 2 3" * 150_000 + "\n"),
-            "",
-        ),
+        "face.obj": (_text(lambda: "v 0 0 0\nv 1 0 0\nv 0 1 0\nf" + " 1 2 3" * 150_000 + "\n"), ""),
         "faces.obj": (_text(lambda: "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "f 1 2 3\n" * 400_000), "too many faces"),
         "claims.stl": (
             lambda path: path.write_bytes(b"\0" * 80 + struct.pack("<I", 4_000_000_000) + b"\0" * 50) and None,
@@ -239,10 +233,7 @@ def _solids() -> dict[str, tuple[Callable[[Path], None], str]]:
         ),
         "claims.ply": (lambda path: path.write_bytes(ply) and None, ""),
         "deep.json": (_text(lambda: '{"node":' + "[" * 500_000), "nested too deeply"),
-        "nodes.json": (
-            _text(lambda: json.dumps({"node": {str(k): {"block": {}} for k in range(70_000)}})),
-            "",
-        ),
+        "nodes.json": (_text(lambda: json.dumps({"node": {str(k): {"block": {}} for k in range(70_000)}})), ""),
         "rows.csv": (_text(lambda: "id,x,y\n" + "a,1,2\n" * 400_000), "too many corners"),
     }
 

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 import jld_core as jc
-from command import ROOT, Command
+from command import Command
 from jld_explore.verification import verify
+from jld_maps.benchmark import PROBLEMS
 
-PROBLEMS = ROOT / "benchmarks" / "problems"
 RECORDS: dict[str, Any] = json.loads((PROBLEMS / "records.json").read_text("utf-8"))
 
 
@@ -91,10 +91,7 @@ def test_a_record_can_be_beaten(jld: Command, tmp_path: Path) -> None:
         ("nonsense", "it cannot be read"),
         ('{"layouts": [{"problem": "wall-4x4"}]}', "layouts[0]: its keys are wrong"),
         ('{"layouts": [{"problem": "x", "labels": "d", "load_factor": 1}]}', "there is no 'x'"),
-        (
-            '{"layouts": [{"problem": "wall-4x4", "labels": "01", "load_factor": 1}]}',
-            "labels: they are wrong",
-        ),
+        ('{"layouts": [{"problem": "wall-4x4", "labels": "01", "load_factor": 1}]}', "labels: they are wrong"),
         ('{"layouts": [{"problem": "wall-4x4", "labels": "d", "load_factor": "1"}]}', "'1' is wrong"),
     ],
 )

@@ -44,6 +44,16 @@ def test_two_cubes_have_the_mechanisms_and_borders_of_figure_4(tension: float) -
     assert least[1] - least[0] == pytest.approx(np.zeros(len(found)), abs=1e-6)
 
 
+def test_borders_over_a_key_on_which_strengths_do_not_depend_linearly() -> None:
+    """tan φ = τA/W where sliding and shear meet."""
+    scene = stacked_cubes(2, friction=0.5, tension=1.0, shear=0.5)
+    grid = {"materials.dry.friction_angle": [5.0, 15.0, 25.0], TAU: [0.1, 0.2, 0.3]}
+    found = borders(scene, grid, je.sweep(scene, grid))
+    assert set(found["along"]) == set(grid)
+    slopes = np.tan(np.radians(found["materials.dry.friction_angle"].to_numpy(dtype=float)))
+    assert slopes == pytest.approx(found[TAU].to_numpy(dtype=float), abs=1e-4)
+
+
 def test_borders_stay_within_a_map_that_begins_where_values_end() -> None:
     """Shear strength and friction from 0 on, where the next value outside is refused."""
     scene, grid = stacked_cubes(2, friction=0.5, tension=0.0, shear=0.5), {MU: [0.0, 0.1, 0.2], TAU: [0.0, 0.15, 0.3]}
@@ -134,10 +144,7 @@ def test_the_strongest_layout_changes_with_friction() -> None:
 @pytest.mark.parametrize(
     ("over", "words"),
     [
-        (
-            "materials.inner.sher_strength=0:1:3",
-            "materials.inner.sher_strength: unknown key",
-        ),
+        ("materials.inner.sher_strength=0:1:3", "materials.inner.sher_strength: unknown key"),
         ("materials.dry.friction_angle=0:40:2000000", "--over: it asks for 2000000 points; expected at most 1000000"),
         ("materials.dry=0:1:3", "materials.dry: it is no number"),
         ("loads.live[7].force[0]=0:1:3", "there is no 7 in loads.live; expected an entry from 0 to 2"),

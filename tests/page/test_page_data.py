@@ -19,18 +19,14 @@ from tools.page_contract import joined as with_contract
 from cases import HOSTILE, scene_of_cases, small_scene, spatial_scene
 from command import SCENES
 from jld_core import build_assembly, load_scene, parse_scene, solve
-from jld_core.views import quantities
 from jld_explore import ExploreSettings, explore, read_folder
-from jld_explore.report import page_data, page_of_study
-from jld_explore.report import page_data as joined
-from jld_explore.report import page_data as page_table
-from jld_explore.report.columns import rounded
-from jld_explore.report.page_contract import page_schema
-from jld_explore.report.page_data import solution_of, structure_of
-from jld_explore.report.page_of_study import scene_page, study_page
+from jld_explore.report import columns as columns_of_report
 from jld_explore.space import from_string
+from jld_views import page_contract, page_data, page_of_study, quantities
+from jld_views import page_data as joined
+from jld_views import page_data as page_table
 
-SCHEMA = page_schema()
+SCHEMA = page_contract.page_schema()
 
 
 def check(data: dict[str, Any]) -> None:
@@ -95,7 +91,7 @@ def test_the_page_of_every_search_agrees_with_its_tables(folder: Path) -> None:
 
 def test_solutions_of_a_page_are_those_of_solve(folder: Path) -> None:
     done = read_folder(folder)
-    data = embedded(study_page(done, patience=60.0))
+    data = embedded(page_of_study.study_page(done, patience=60.0))
     best = data["solutions"]["0"]["cases"][0]
     labels = from_string(str(done.results["labelling"].iloc[0]))
     proven = solve(done.assembly, labels)
@@ -112,7 +108,7 @@ def test_solutions_of_a_page_are_those_of_solve(folder: Path) -> None:
 def test_the_page_has_every_load_case_and_the_governing_one() -> None:
     scene = parse_scene(scene_of_cases())
     assembly = build_assembly(scene)
-    data = embedded(scene_page(scene, assembly))
+    data = embedded(page_of_study.scene_page(scene, assembly))
     check(data)
     found, own = data["solutions"]["0"], solve(assembly)
     assert data["cases"] == ["right", "<b>left</b>"]
@@ -144,7 +140,7 @@ def test_titles_and_units_of_columns(tmp_path: Path) -> None:
 def test_edges_and_faces_together_are_the_outlines() -> None:
     """The pieces of outline that touch nothing, with the faces, are as long as all outlines together."""
     assembly = build_assembly(load_scene(SCENES / "flat_beam_arch.json"))
-    found = structure_of(assembly, assembly.free_faces)
+    found = page_table.structure_of(assembly, assembly.free_faces)
     bare = sum(float(np.hypot(*np.subtract(edge["to"], edge["from"]))) for edge in found["edges"])
     free = assembly.elements.free
     shapes = [assembly.elements.shape[k] for k in free]
@@ -167,7 +163,7 @@ def test_a_page_loads_nothing_and_runs_nothing_else(folder: Path) -> None:
 
 def test_names_in_a_scene_stay_text() -> None:
     scene = parse_scene(small_scene(name=HOSTILE))
-    html = scene_page(scene, build_assembly(scene))
+    html = page_of_study.scene_page(scene, build_assembly(scene))
     assert HOSTILE not in html
     assert html.count("</script>") == 2
     assert embedded(html)["title"] == HOSTILE
@@ -206,7 +202,7 @@ def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
     assert len(kept) == page_table.MOST + 1
     table = page_table.table_of(kept, front, assembly, axes=[("dry_faces", "max")], left_out=rows - len(kept))
     assert table["evidence"][-1] == "found"
-    solution = solution_of(solve(assembly))
+    solution = page_table.solution_of(solve(assembly))
     data = page_data(
         kind="report",
         scene=parse_scene(small_scene()),
@@ -224,9 +220,9 @@ def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
 
 def test_rounding_keeps_digits_and_writes_null_for_nan() -> None:
     values = np.array([0.1 + 0.2, 123456.789, -1e-300, 1e300, 0.0, np.nan, np.inf, 2.5e-7])
-    assert rounded(values, 6) == [0.3, 123457.0, -1e-300, 1e300, 0.0, None, None, 2.5e-7]
-    assert rounded(np.pi, 4) == 3.142
-    assert rounded(np.nan) is None
+    assert columns_of_report.rounded(values, 6) == [0.3, 123457.0, -1e-300, 1e300, 0.0, None, None, 2.5e-7]
+    assert columns_of_report.rounded(np.pi, 4) == 3.142
+    assert columns_of_report.rounded(np.nan) is None
 
 
 def test_modules_that_import_one_another_in_a_circle_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from cases import small_scene
 from command import ROOT, Command
 from files.make import File, shelf
 from jld_core import InputError
-from jld_core.exchange import ImportOptions, import_file
+from jld_formats import ImportOptions, import_file
 
 ezdxf = pytest.importorskip("ezdxf")
 for library in ("uvicorn", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):

@@ -15,7 +15,7 @@ import pytest
 from cases import scene_of_cases, small_scene, spatial_scene
 from command import ROOT
 from jld_core import build_assembly, parse_scene, solve
-from jld_core.exchange import import_file
+from jld_formats import import_file
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 

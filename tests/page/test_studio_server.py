@@ -25,7 +25,7 @@ from command import running
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_explore import ExploreSettings, explore
-from jld_explore.report.page_data import asset_names
+from jld_views import page_data
 
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
@@ -251,7 +251,7 @@ def test_the_page_names_no_script_but_files_of_its_own(local: Local) -> None:
     assert headers["content-type"].startswith("text/html")
     assert "<script>" not in text
     assert HOSTILE not in text
-    for name in asset_names():
+    for name in page_data.asset_names():
         assert local.ask(f"/{TOKEN}/assets/{name}")[0] == 200
 
 

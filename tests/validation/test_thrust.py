@@ -14,7 +14,7 @@ from studies.families import semicircular_arch
 from cases import ROUTE, as_elements, box, rotated
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.build.loads import settlements_of
+from jld_core.build import loads
 from jld_practice.reactions import (
     Settled,
     reactions,
@@ -283,7 +283,7 @@ def wedge_of_settlement(alpha: float, mu: float, spatial: bool = False, scale: f
 
 def settled(scene: Scene, which: int = 0) -> Settled:
     assembly = build_assembly(scene)
-    return settle(assembly, settlements_of(scene, assembly)[which])
+    return settle(assembly, loads.settlements_of(scene, assembly)[which])
 
 
 @pytest.mark.parametrize("spatial", [False, True], ids=["planar", "spatial"])

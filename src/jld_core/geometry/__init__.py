@@ -8,8 +8,13 @@
 - `merge_points`: number points, merging those within a tolerance
 - `moment_about`: compute arm × force in the plane or in space
 - `outlines`: outlines of blocks: boundary of the union of elements, aspect ratio, re-entrant corners
+- `planar_contacts`: contacts of polygons, found or stated
+- `polyhedra`: plane facets, volumes and distances of polyhedra
+- `snapping`: vertices that nearly meet, moved together
 - `solids`: orient faces outward and compute volumes and centroids of polyhedra
+- `spatial_contacts`: contacts of polyhedra
 - `spun`: compute spin × arm in the plane or in space
+- `stated_fit`: how well faces that a scene states fit its elements
 - `unions`: union of the cells of one block, as one outline or one closed surface
 """
 
@@ -24,7 +29,7 @@ from jld_core.geometry.vectors import area_vector, moment_about, spun
 from jld_core.lazy_exports import export_lazily
 
 if TYPE_CHECKING:
-    from jld_core.geometry import outlines, unions
+    from jld_core.geometry import outlines, planar_contacts, polyhedra, snapping, spatial_contacts, stated_fit, unions
     from jld_core.geometry.vectors import across
 
 __all__ = [
@@ -36,8 +41,13 @@ __all__ = [
     "merge_points",
     "moment_about",
     "outlines",
+    "planar_contacts",
+    "polyhedra",
+    "snapping",
     "solids",
+    "spatial_contacts",
     "spun",
+    "stated_fit",
     "unions",
 ]
 
@@ -46,5 +56,5 @@ export_lazily(
     {
         "vectors": ["across"],
     },
-    submodules=["outlines", "unions"],
+    submodules=["outlines", "planar_contacts", "polyhedra", "snapping", "spatial_contacts", "stated_fit", "unions"],
 )

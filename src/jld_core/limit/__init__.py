@@ -13,6 +13,7 @@
 - `face_jumps`: compute the velocity jumps J = A_eqᵀ u of all faces in a mechanism
 - `governing`: compute the governing factor of a labelling from its load cases
 - `load_scale`: compute the λ below which differences are negligible
+- `mechanism`: mechanisms: movements of faces, and results without the faces of members
 - `movements`: classify the movements of all faces in several mechanisms
 - `number`: convert a float to a JSON number or null
 - `relative_width`: compute the relative width of a bracket
@@ -32,6 +33,7 @@ from jld_core.limit.proof import Proof
 from jld_core.limit.result import number, result_of
 
 if TYPE_CHECKING:
+    from jld_core.limit import mechanism
     from jld_core.limit.bounds import crossed
     from jld_core.limit.mechanism import face_jumps, movements
     from jld_core.limit.result import effects, without_idle
@@ -51,6 +53,7 @@ __all__ = [
     "face_jumps",
     "governing",
     "load_scale",
+    "mechanism",
     "movements",
     "number",
     "relative_width",

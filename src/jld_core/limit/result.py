@@ -156,7 +156,7 @@ class Result(NotebookRepr):
         Of rigid elements, see `LimitAnalysisResult`; None by fields.
     """
 
-    shown_by: ClassVar[str] = "jld_core.views.notebook:ResultView"
+    shown_by: ClassVar[str] = "jld_views.notebook:ResultView"
 
     assembly: Assembly
     labels: Bits

@@ -39,7 +39,7 @@ class FieldResult(Result):
     cases: dict[str, FieldBounds | FieldBounds]  # bounds of each load case by its name; a single load has the name ""
     seconds: dict[str, float]  # wall-clock time: total, s
 
-    shown_by: ClassVar[str] = "jld_core.views.notebook:FieldResultView"
+    shown_by: ClassVar[str] = "jld_views.notebook:FieldResultView"
     notes = ()
     forces = mechanism = instability_mechanism = None
 

@@ -20,10 +20,6 @@ from jld_explore.cli.streams import say
 _FUNCTIONS: Final = {
     "check": ("check", "check"),
     "explore": ("explore", "explore_command"),
-    "export": ("exchange", "export_command"),
-    "import": ("exchange", "import_command"),
-    "plot": ("plot", "plot_command"),
-    "refine": ("exchange", "refine_command"),
     "solve": ("solve", "solve"),
     "verify": ("check", "verify_command"),
 }

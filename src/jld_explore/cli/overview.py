@@ -46,7 +46,8 @@ COMMANDS: Final = {name: words for group in _GROUPS.values() for name, words in 
 DRIVERS: Final = {
     "enumeration": "every layout once; the best is proven. Default where the space is small",
     "exact": "proves the best of spaces far too large to enumerate. Default where that is in reach",
-    "genetic": "good layouts of large scenes, and fronts. Default elsewhere",
+    "portfolio": "good layouts of large scenes, and fronts. Default elsewhere",
+    "genetic": "good layouts of large scenes, and fronts of several counts",
     "random": "a baseline",
     "hillclimb": "a baseline",
     "anneal": "the strongest layout of a large scene, without proof",

@@ -24,9 +24,11 @@ from jld_core.models import cost_estimate, require_cracks, rigid, sensitivities,
 from jld_core.models.case_analysis import solve_cracked, under
 from jld_core.models.rigid_blocks import require_model
 from jld_core.models.sensitivity import geometry_sensitivities
+from jld_core.plugins import part
 from jld_core.scene.cracks import FieldCracks
 from jld_core.tolerances import GAP
-from jld_core.views.notebook import aligned, facts_of_result
+from jld_core.views import facts_of_result
+from jld_core.views.facts import aligned
 from jld_explore.cli.check import check_search, load, warn_of
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.options import (
@@ -82,11 +84,10 @@ def draw_rates(result: LimitAnalysisResult, out: Path) -> None:
     rates = result.facts.get("geometry_sensitivities")
     if rates is None:
         return
-    from jld_core.views.figures import save_figure
-    from jld_core.views.moved_joints import figure_of_vertex_rates
-
+    views = part("views")
     places, values = (np.array(rates[name], dtype=float) for name in ("vertices", "derivative"))
-    save_figure(figure_of_vertex_rates(result.assembly, result.labels, places, values), out / "vertices.png")
+    figure = views.moved_joints.figure_of_vertex_rates(result.assembly, result.labels, places, values)
+    views.figures.save_figure(figure, out / "vertices.png")
 
 
 SolvedFile = Annotated[Path, typer.Argument(help="Scene file (JSON), or a folder of jld explore.", show_default=False)]
@@ -200,7 +201,7 @@ def solve(
         spent = {"start": begun, **result.seconds, "total": begun + result.seconds["total"]}
         result = replace(result, seconds=spent)
         result = with_rates(result, asked=sensitivities, vertices=as_json or out is not None)
-    told = _geometric(scene, laid, result) if geometric else {}
+    told = _geometric(scene, laid, result, model, robust) if geometric else {}
     if out is not None:
         _write_result(result, out)
     say(json.dumps(result.to_json(), indent=1) if as_json else aligned(_facts(result) | told))
@@ -215,9 +216,11 @@ def _write_history(elements: Assembly, labels: Bits, model: Model, history: Path
     plugins.part("dilation_history")(elements, labels, model, history)
 
 
-def _geometric(scene: Path, laid: LaidOut, result: Result) -> dict[str, str]:
+def _geometric(scene: Path, laid: LaidOut, result: Result, model: Model, robust: bool) -> dict[str, str]:
+    if robust:
+        raise ParameterError("robust", "thickness is scaled at one value of each strength", "`geometric` without it")
     with error_context(scene):
-        safety = plugins.part("geometric_safety")(laid.scene, laid.labels)
+        safety = plugins.part("geometric_safety")(laid.scene, laid.labels, model)
     result.facts["geometric"] = safety.to_json()
     return {"geometric safety": str(safety)}
 
@@ -254,40 +257,36 @@ def _with_nominal(result: LimitAnalysisResult) -> LimitAnalysisResult:
 def _write_result(result: Result, out: Path) -> None:
     """Write result.json and pictures into a folder."""
     require_folder(out)
-    from jld_core.views import figures  # importing matplotlib takes longer than most solves
-
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
     if not isinstance(result, LimitAnalysisResult):
         _draw_fields(result, out)
         return
     draw_rates(result, out)
+    views = part("views")
     if any(case.place is not None for case in result.assembly.cases):
-        from jld_core.views.moved_joints import figure_of_path, path_values
-
-        path = figure_of_path(result.assembly, path_values(result))
+        path = views.moved_joints.figure_of_path(result.assembly, views.moved_joints.path_values(result))
         for ending in ("png", "svg"):
-            figures.save_figure(path, out / f"path.{ending}")
+            views.figures.save_figure(path, out / f"path.{ending}")
     drawn = {"": result}
     if result.cases:  # of the positions of moving loads, the one that governs is drawn
         places = {case.name: case.place for case in result.assembly.cases}
         shown = [places[name] is None or name == result.governing for name in result.cases]
         drawn = {f"-{k}": one for k, one in enumerate(result.cases.values(), 1) if shown[k - 1]}
     for after, one in drawn.items():
-        figure = figures.figure_of_result(one)
+        figure = views.figures.figure_of_result(one)
         for ending in ("png", "svg"):
-            figures.save_figure(figure, out / f"result{after}.{ending}")
+            views.figures.save_figure(figure, out / f"result{after}.{ending}")
 
 
 def _draw_fields(found: Any, out: Path) -> None:
     """Draw labels, stresses and cracks under each load case into a folder, as png and svg."""
     from jld_core.fields.bounds import FieldBounds
-    from jld_core.views import field_figures, figures  # importing matplotlib takes longer than many solves
 
-    several = len(found.cases) > 1
+    views, several = part("views"), len(found.cases) > 1
     for k, (case, bounds) in enumerate(zip(found.assembly.by_case, found.cases.values(), strict=True), 1):
         if not isinstance(bounds, FieldBounds):
             continue  # fields in space have no picture
-        figure = field_figures.figure_of_fields(case, found.labels, bounds)
+        figure = views.field_figures.figure_of_fields(case, found.labels, bounds)
         for ending in ("png", "svg"):
-            figures.save_figure(figure, out / f"result{f'-{k}' if several else ''}.{ending}")
+            views.figures.save_figure(figure, out / f"result{f'-{k}' if several else ''}.{ending}")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Final
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 from pydantic import Field
@@ -71,7 +72,7 @@ class Anneal(Searcher):
     """Driver that anneals several chains at faces that move in the collapse mechanism."""
 
     name = "anneal"
-    Options = AnnealOptions
+    Options: ClassVar[type[DriverOptions]] = AnnealOptions
 
     def __init__(self, space: SearchSpace, seed: int = 0, chains: int = 16) -> None:
         # A layout fails where its mechanism moves: a change merges blocks across a moving face, cuts a block without
@@ -79,7 +80,6 @@ class Anneal(Searcher):
         # combine parts; chains find those that need many small steps.
         super().__init__(space, seed, _TRIES * chains)
         self._follow = Following(space, self.operators)
-        self._movements = [Movements(LimitAnalysis(case)) for case in space.assembly.by_case]
         self._chain_count = chains
         self._chains = [_Chain() for _ in range(max(1, chains // 2) if _GREEDY_CYCLES else chains)]
         self._owner: dict[bytes, int] = {}
@@ -91,6 +91,11 @@ class Anneal(Searcher):
         self._of_population: set[bytes] = set()
         self._population_best = math.inf
         self._turn = 0
+
+    @cached_property
+    def _movements(self) -> list[Movements]:
+        """One for each load case."""
+        return [Movements(LimitAnalysis(case)) for case in self.space.assembly.by_case]
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -38,7 +38,8 @@ def driver_for(
 ) -> Driver:
     """Make the default driver for a space; InputError if it lacks an option."""
     # Small spaces are enumerated, those up to REACH faces go to the exact driver, which proves most of them, and larger
-    # ones to the genetic driver (docs/notes/tried.md).
+    # ones to the portfolio, or to the genetic driver where one mechanism says little about the objective
+    # (docs/notes/tried.md).
     if known is not None:
         return make_driver("enumeration", space, seed, **options)
     given = {key for key, value in options.items() if value is not None}
@@ -55,7 +56,9 @@ def driver_for(
             if exact.aim == "best":
                 exact.begin_with(Genetic(space, seed), STARTED * int(space.candidates.sum()))
             return exact
-    return make_driver("genetic", space, seed, **options)
+    guided = not many and space.void is None and len(space.search.front.axes) == 1
+    guided &= all(DRIVERS["portfolio"] in owners(key) for key in given)
+    return make_driver("portfolio" if guided else "genetic", space, seed, **options)
 
 
 def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:

@@ -171,6 +171,11 @@ class Genetic(Searcher):
     def settings(self) -> dict[str, Any]:
         return {"population": self.population, "aim": self.aim}
 
+    @property
+    def leading(self) -> Bits:
+        """Labellings (k, m) of the population that have a λ."""
+        return np.asarray(self._rows[self._status_rank == 0])
+
     def propose(self) -> Bits:
         # Labellings are random while the population has fewer than two. A population without progress is given up
         # first, and another one started.

@@ -15,11 +15,12 @@ from jld_explore.drivers.exact.driver import Exact, MinimumCount
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.hillclimb import HillClimb
 from jld_explore.drivers.optuna import Optuna
+from jld_explore.drivers.portfolio import Portfolio
 from jld_explore.drivers.searcher import Random
 from jld_explore.space.search_space import SearchSpace
 
 DRIVERS: Final[dict[str, type[Driver]]] = {
-    kind.name: kind for kind in (Enumeration, Random, HillClimb, Anneal, Genetic, Optuna, Exact)
+    kind.name: kind for kind in (Enumeration, Random, HillClimb, Anneal, Genetic, Portfolio, Optuna, Exact)
 }
 """Driver classes of jld by name."""
 

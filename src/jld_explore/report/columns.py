@@ -10,7 +10,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats
 from jld_core.assembly import Assembly
-from jld_core.exchange.formats import RUN_BY_SPREADSHEETS, harmless
+from jld_core.files import RUN_BY_SPREADSHEETS, harmless
 from jld_explore.space import registered
 
 if TYPE_CHECKING:

@@ -5,29 +5,24 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import blocks_csv
 from jld_core.files import require_folder, require_writable, write_text
+from jld_core.layout import blocks_csv
 from jld_core.limit import load_scale, number
 from jld_core.limit.options import Status
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.models import cost_estimate
-from jld_core.refinement import crack_cells
-from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_to_json
+from jld_core.scene.cracks import FieldCracks, cracks_to_json
 from jld_core.tolerances import GAP
 from jld_explore.drivers.choice import what_would_prove
 from jld_explore.drivers.field_exact import CONFLICTS_FILE
 from jld_explore.evaluation.records import RECORDS_FILE, REFINED_FILE
 from jld_explore.report import tables
 from jld_explore.report.columns import columns, csv_of, front_rows, values_on, with_evidence
-from jld_explore.report.reading import FIELD_PICTURE, Exploration, history_of
+from jld_explore.report.reading import Exploration
 from jld_explore.report.tables import Summary, without_parquet, write_results
 from jld_explore.search.state import StopReason, name_of
 from jld_explore.search.study import Study
@@ -35,12 +30,7 @@ from jld_explore.space import registered
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
-
-_DRAWING: Final = 1.2  # longest time of one picture including imports, s; a picture is not begun with less time left
-
-_DRAWING_FACE: Final = 4e-4  # further time for each face, s: pictures of 4 900 faces take 4.5 s together
 
 # pictures of a search, in the order in which they are drawn
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
@@ -199,135 +189,3 @@ def _uncounted(results: pd.DataFrame) -> list[str]:
     missing = {count.name: int(results[count.name].isna().sum()) for count in registered()}
     told = "the time limit ended the counting; --resume with more time goes on with it"
     return [f"{name}: blank in {count} of {len(results)} layouts; {told}" for name, count in missing.items() if count]
-
-
-def write_pictures(
-    done: Exploration,
-    ending: str = "png",
-    out: Path | None = None,
-    deadline: Deadline | None = None,
-    *,
-    busy: float = 1.0,
-    fields: float = FIELD_PICTURE,
-    names: Sequence[str] = PICTURES,
-) -> tuple[list[Path], list[str]]:
-    """Draw the pictures of a search: best layout, front, distributions and convergence.
-
-    Parameters
-    ----------
-    done : Exploration
-        The finished search.
-    ending : str
-        "png", "svg" or "pdf".
-    out : Path, optional
-        Default: the folder of the study.
-    deadline : Deadline, optional
-        Deadline.
-    busy : float
-        Factor by which other work prolongs drawing.
-    fields : float
-        Time, s, for bounds by fields of each load case.
-    names : sequence of str
-        Those of `PICTURES` to draw.
-
-    Returns
-    -------
-    written : list of Path
-        Files.
-    missing : list of str
-        Pictures omitted for lack of time.
-
-    Raises
-    ------
-    InputError
-        If the ending is unknown.
-    """
-    written, missing = [], []
-    for name in names:
-        if name == "best" and done.summary.best_labelling is None:
-            continue
-        for own, draw in _drawings(name, done, fields).items():
-            bounds = name == "best" and isinstance(done.scene.cracks, FieldCracks)
-            seconds = busy * _drawing_seconds(name, done) + (fields * len(done.assembly.by_case) if bounds else 0.0)
-            if deadline is not None and deadline.remaining() < seconds:
-                missing.append(f"{own}.{ending}")
-                continue
-            from jld_core.views.figures import save_figure
-
-            path = (out or done.folder) / f"{own}.{ending}"
-            save_figure(draw(), path)
-            written.append(path)
-    return written, missing
-
-
-def _drawing_seconds(name: str, done: Exploration) -> float:
-    """Return the longest processor time of one picture, s; the best layout is solved for its own."""
-    solved, cracks = done.assembly, done.scene.cracks
-    if name != "best" or isinstance(cracks, FieldCracks):
-        return _DRAWING + _DRAWING_FACE * solved.faces
-    if isinstance(cracks, CellCracks):
-        solved = crack_cells(done.scene, solved, cracks.cell).fine
-    return _DRAWING + _DRAWING_FACE * solved.faces + cost_estimate(solved).seconds
-
-
-def _drawings(name: str, done: Exploration, fields: float) -> dict[str, Callable[[], Figure]]:
-    """Return the functions that draw one of `PICTURES`, by file name; empty without data."""
-    if name == "best":
-        # With load cases "best" shows the governing case, and every case has a picture of its own.
-        if isinstance(done.scene.cracks, FieldCracks):
-            return {name: partial(_field_picture, done, fields)}
-        best = _Best(done)
-        cases = done.assembly.cases
-        each = {f"best-{k}": partial(best.draw, case.name) for k, case in enumerate(cases, 1) if case.place is None}
-        moving = {PATH: best.draw_path} if any(case.place is not None for case in cases) else {}
-        return {name: best.draw, **moving, **each}
-    if name == "convergence" and history_of(done.folder) is None:
-        return {}
-    return {name: partial(_drawn, name, done)}
-
-
-class _Best:
-    """Pictures of the best layout, which is solved once for all of them."""
-
-    def __init__(self, done: Exploration) -> None:
-        self._done = done
-
-    @cached_property
-    def _found(self) -> LimitAnalysisResult:
-        return self._done.result()
-
-    def draw(self, case: str | None = None) -> Figure:
-        """Draw the layout under one load case, None: the governing one."""
-        from jld_explore.report import pictures as drawings
-
-        return drawings.plot_best(self._found if case is None else self._found.cases[case])
-
-    def draw_path(self) -> Figure:
-        """Draw λ of the layout along the paths of moving loads."""
-        from jld_core.views.moved_joints import figure_of_path, path_values
-
-        return figure_of_path(self._found.assembly, path_values(self._found))
-
-
-def _field_picture(done: Exploration, seconds: float) -> Figure:
-    """Draw stress trajectories and cracks of the best layout under its governing load case."""
-    from jld_core.views.field_figures import figure_of_fields
-
-    return figure_of_fields(*done.field_result(seconds=seconds).governing_case)
-
-
-def _drawn(name: str, done: Exploration) -> Figure:
-    """Draw one of `PICTURES` other than the best layout."""
-    from jld_explore.report import pictures as drawings
-    from jld_explore.report.pictures import front_picture
-
-    if name == "pareto":
-        return front_picture(done)
-    if name == "distribution":
-        return drawings.plot_distribution(done.results)
-    if name == "dry_frequency":
-        return drawings.plot_dry_frequency(done.results, done.assembly)
-    history = history_of(done.folder)
-    if history is None:
-        raise ValueError(f"{done.folder} has no history, so its convergence cannot be drawn")
-    return drawings.plot_convergence({str(done.summary.driver): history})

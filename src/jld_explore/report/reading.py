@@ -14,7 +14,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_robust
 from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError, ParameterError
-from jld_core.exchange import Layout
+from jld_core.layout import Layout
 from jld_core.limit.options import SolveOptions, Status
 from jld_core.limit.result import LimitAnalysisResult
 from jld_core.models import solve_by_elements, solve_by_fields
@@ -65,7 +65,7 @@ class Exploration(NotebookRepr):
         Model of the search.
     """
 
-    shown_by: ClassVar[str] = "jld_explore.report.page_of_study:ExplorationView"
+    shown_by: ClassVar[str] = "jld_views.page_of_study:ExplorationView"
 
     scene: Scene
     assembly: Assembly

@@ -17,8 +17,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, faces_of
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
-from jld_core.exchange.formats import harmless
-from jld_core.files import whole_file, write_text
+from jld_core.files import harmless, whole_file, write_text
 from jld_core.limit import load_scale, relative_width
 from jld_core.limit.options import Status
 from jld_core.scene import Search

@@ -13,11 +13,10 @@ from jld_core.models.tilting import tilt_in_words
 from jld_core.scene.cracks import cracks_in_words
 from jld_core.scene.schema import Scene
 from jld_core.views import facts_of_assembly
-from jld_core.views.notebook import aligned
+from jld_core.views.facts import aligned
 from jld_explore.evaluation.protocol import BOUND
 from jld_explore.report import tables
 from jld_explore.report.columns import COLUMN, ranked_by
-from jld_explore.report.languages import stronger_cut
 from jld_explore.report.reading import Exploration
 from jld_explore.report.tables import STANDS
 from jld_explore.space import registered
@@ -25,6 +24,13 @@ from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd
+
+STRONGER_CUT: Final = (
+    "By faces, the structure without these cuts carries at most {high} times the load, less than this layout. "
+    "A crack along a face of the cells fails at its tensile or shear strength; the friction of a dry joint grows "
+    "with the load that presses on it."
+)
+"""Why a layout may be stronger than the structure without cuts."""
 
 LETTERS: Final = 24  # letters of a labelling shown in a terminal
 
@@ -114,7 +120,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         **tilt_in_words(done.summary.facts),
         **_anywhere(done),
         **nominal,
-        **({"cuts": stronger_cut(facts["uncut_at_most"])} if "uncut_at_most" in facts else {}),
+        **({"cuts": STRONGER_CUT.format(high=f"{facts['uncut_at_most']:.4g}")} if "uncut_at_most" in facts else {}),
         **_of_blocks(facts.get("fields")),
         **carried,
         **({"next": facts["next"]} if facts.get("next") else {}),

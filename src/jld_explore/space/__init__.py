@@ -9,6 +9,7 @@
 - `feasible`: return (k,) whether labellings (k, m) are in the search space
 - `from_string`: convert text to a labelling
 - `keys`: hashable keys of labellings
+- `labelling`: labellings as text, bits and letters
 - `reasons_against`: return one sentence for each condition of the space that a labelling (m,) violates
 - `register`: add a count
 - `registered`: return all counts
@@ -27,6 +28,7 @@ from jld_explore.space.counts import Count, Layouts, Terms, count_named, registe
 from jld_explore.space.labelling import LETTERS, from_string, keys, to_string, unpack
 
 if TYPE_CHECKING:
+    from jld_explore.space import labelling
     from jld_explore.space.labelling import cut
     from jld_explore.space.search_space import feasible, reasons_against
 
@@ -40,6 +42,7 @@ __all__ = [
     "feasible",
     "from_string",
     "keys",
+    "labelling",
     "reasons_against",
     "register",
     "registered",
@@ -55,4 +58,5 @@ export_lazily(
         "labelling": ["cut"],
         "search_space": ["feasible", "reasons_against"],
     },
+    submodules=["labelling"],
 )

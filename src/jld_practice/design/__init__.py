@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING
 from jld_core import export_lazily
 
 if TYPE_CHECKING:
-    from jld_practice.design.options import DesignOptions, with_loads
-    from jld_practice.design.outline import Outline, read_outline
+    from jld_practice.design.options import DesignOptions, Outline, read_outline, with_loads
     from jld_practice.design.page import facts_of, write_design
     from jld_practice.design.run import Task
     from jld_practice.design.tessellations import Tessellation, uniaxial_strength, with_crushing
@@ -48,8 +47,7 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "options": ["with_loads", "DesignOptions"],
-        "outline": ["Outline", "read_outline"],
+        "options": ["with_loads", "DesignOptions", "Outline", "read_outline"],
         "page": ["facts_of", "write_design"],
         "run": ["Task"],
         "tessellations": ["uniaxial_strength", "with_crushing", "Tessellation"],

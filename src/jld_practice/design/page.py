@@ -9,8 +9,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, Final
 
-from jld_core import build_assembly, files
-from jld_core.exchange import Layout, blocks_csv
+from jld_core import Layout, blocks_csv, build_assembly, files
 from jld_core.limit import number
 from jld_practice.design.tessellations import region_words
 from jld_practice.design.trials import NONE, Bounds, Design, Trial, built
@@ -334,7 +333,7 @@ def _next() -> list[str]:
 
 def _draw(work: Design, winner: Trial) -> None:
     """Draw the usual bond and the best layout with numbered blocks."""
-    from jld_core.views import figures, writing
+    from jld_views import figures, writing
 
     shown = [one for one in (work.usual, winner) if one is not None]
     assemblies = [built(one) for one in shown]

@@ -34,10 +34,9 @@ from jld_core.scene import units
 from jld_explore import most_without_cuts, search_space
 from jld_explore.drivers import Genetic
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of, field_evaluator
-from jld_explore.report import languages
+from jld_explore.report import words
 from jld_geometry import MovedScene, vertex_mesh
-from jld_practice.design.options import LOW_FRICTION, DesignOptions
-from jld_practice.design.outline import Outline
+from jld_practice.design.options import LOW_FRICTION, DesignOptions, Outline
 from jld_practice.design.tessellations import Tessellation, why_no_fields, with_crushing
 from jld_practice.laying import assembly_order
 from jld_practice.laying.order import LAID
@@ -350,7 +349,7 @@ def _without_cuts(work: Design, until: Deadline) -> Check:
     if high is None or until.passed():
         return Check("without cuts", "without cuts: not compared")
     if winner.faces[0] > high:
-        return Check("without cuts", languages.stronger_cut(high), {"uncut_at_most": high})
+        return Check("without cuts", words.STRONGER_CUT.format(high=f"{high:.4g}"), {"uncut_at_most": high})
     return Check("without cuts", f"without cuts: by faces at most {high:.4g}; the cuts are not proven to gain anything")
 
 

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 import typer
 
-from jld_core import Deadline, DeadlinePassed, Ints, ParameterError, error_context, files
-from jld_core.exchange import Layout
+from jld_core import Deadline, DeadlinePassed, Ints, Layout, ParameterError, error_context, files
 from jld_core.models import rigid
 from jld_core.scene import units
 from jld_explore.cli import layout, options, streams
@@ -116,8 +115,8 @@ def assembly(
 
 def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, deadline: Deadline) -> list[str]:
     """Draw an assembly sequence into a folder; return pictures left out for lack of time."""
-    from jld_core.views import figures
     from jld_practice.laying.strip import figure_of_laying, save_laying_animation
+    from jld_views import figures
 
     makes: dict[str, Callable[[Path], None]] = {
         "assembly.png": lambda path: figures.save_figure(figure_of_laying(laying, title), path)
@@ -139,8 +138,8 @@ def _draw(laying: Laying, out: Path, title: str, stages: bool, animation: bool, 
 
 
 def _save_stage(laying: Laying, number: int, path: Path) -> None:
-    from jld_core.views import figures
     from jld_practice.laying.strip import figure_of_stage
+    from jld_views import figures
 
     figures.save_figure(figure_of_stage(laying, number), path)
 

@@ -15,9 +15,9 @@ from PIL import Image
 
 from jld_core import Bools, Floats, checkpoint, files
 from jld_core.scene import units
-from jld_core.views import look, structure
 from jld_practice.laying import Laying
 from jld_practice.laying.order import Step
+from jld_views import look, structure
 
 # blocks laid before
 LAID: Final = "#d9d4c7"

@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING
 from jld_core import export_lazily
 
 if TYPE_CHECKING:
-    from jld_practice.reactions.force_range import Settled, reactions, settle
     from jld_practice.reactions.thrust import (
+        Settled,
+        reactions,
         reactions_of_supports,
         resultant_of_joint,
         resultant_of_section,
+        settle,
         thrust_ranges,
     )
 
@@ -37,7 +39,14 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "force_range": ["Settled", "reactions", "settle"],
-        "thrust": ["reactions_of_supports", "resultant_of_joint", "resultant_of_section", "thrust_ranges"],
+        "thrust": [
+            "Settled",
+            "reactions",
+            "settle",
+            "reactions_of_supports",
+            "resultant_of_joint",
+            "resultant_of_section",
+            "thrust_ranges",
+        ]
     },
 )

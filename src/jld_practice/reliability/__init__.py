@@ -24,8 +24,19 @@ from typing import TYPE_CHECKING
 from jld_core import export_lazily
 
 if TYPE_CHECKING:
-    from jld_practice.reliability.analysis import ReliabilityOptions, analyse, estimate, explore_failures, structure_of
-    from jld_practice.reliability.monte_carlo import Form, Limit, LimitFunction, compare, design_point, simulate
+    from jld_practice.reliability.monte_carlo import (
+        Form,
+        Limit,
+        LimitFunction,
+        ReliabilityOptions,
+        analyse,
+        compare,
+        design_point,
+        estimate,
+        explore_failures,
+        simulate,
+        structure_of,
+    )
     from jld_practice.reliability.structure import GoverningBounds, SampleBounds, Variables, random_structure
 
 __all__ = [
@@ -49,8 +60,19 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "analysis": ["ReliabilityOptions", "analyse", "estimate", "explore_failures", "structure_of"],
-        "monte_carlo": ["Form", "Limit", "LimitFunction", "design_point", "compare", "simulate"],
+        "monte_carlo": [
+            "ReliabilityOptions",
+            "analyse",
+            "estimate",
+            "explore_failures",
+            "structure_of",
+            "Form",
+            "Limit",
+            "LimitFunction",
+            "design_point",
+            "compare",
+            "simulate",
+        ],
         "structure": ["GoverningBounds", "SampleBounds", "Variables", "random_structure"],
     },
 )

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jld_core import InputError
-from jld_core.exchange import Format, ImportOptions, Layout, Notes, Part, Solids
+from jld_core import InputError, Layout
+from jld_formats import Format, ImportOptions, Notes, Part, Solids
 
 CORNERS = [[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
 FACES = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))

@@ -1,0 +1,193 @@
+"""Facts of assemblies and results in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.assembly import Assembly
+from jld_core.build.plausibility import Resultant, resultant
+from jld_core.limit import number
+from jld_core.limit.result import LimitAnalysisResult, stands_in_words, tensions
+from jld_core.loads import resultants
+from jld_core.models.tilting import tilt_in_words
+from jld_core.program import Template
+from jld_core.scene.cracks import cracks_in_words
+from jld_core.views.advice import advice
+
+_MEMBERS: Final = 6  # largest number of members whose tension the facts of a result name
+
+
+def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
+    """Describe an assembly by named facts: dimension, counts, loads, program size, dimensions.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly to describe.
+
+    Returns
+    -------
+    dict of str to str
+        Facts by name, with units.
+    """
+    elements, faces, members = assembly.elements, assembly.faces, assembly.members
+    length = assembly.units[0]
+    structure = Template(assembly.by_case[0]).structure
+    dry = int(np.count_nonzero(assembly.labels))
+    names = {"tie": "ties", "tendon": "tendons", "pin": "pins", "fill": "pressures of fill"}
+    kinds = [f"{members.kinds.count(kind)} {words}" for kind, words in names.items() if kind in members.kinds]
+    kind = "second-order cone program" if structure.cones else "linear program"
+    return {
+        "dimension": "planar" if assembly.dimension == 2 else "spatial",
+        "elements": f"{len(elements)}: {len(elements.free)} free, {int(elements.support.sum())} supports",
+        "interfaces": f"{faces}: {dry} dry, {faces - dry} inner in the scene's own labelling",
+        **({"members": f"{len(members)}: {', '.join(kinds)}"} if members else {}),
+        **_loads(assembly),
+        "program": f"{kind}, {structure.shape[1]} unknowns, {structure.equalities} equations, "
+        f"{structure.linear - 1} inequalities, {len(structure.cones)} cones",
+        "size": f"{assembly.size:.6g} {length}",
+        **({"snapped": f"corners moved by {assembly.moved:.3g} {length} at the most"} if assembly.moved else {}),
+    }
+
+
+def _loads(assembly: Assembly) -> dict[str, str]:
+    """Describe dead and live loads, for each load case by its name."""
+    length, force = assembly.units
+    found = {}
+    names = [case.name for case in assembly.cases] or [""]
+    for name, required, one in zip(names, assembly.required, assembly.by_case, strict=True):
+        after = f" {name}" if name else ""
+        dead = resultants(one.dead_loads, one.elements)
+        found[f"dead load{after}"] = _load(resultant(dead, one.elements), force, length)
+        found[f"live load{after}"] = "λ × " + _load(resultant(one.live, one.elements), force, length)
+        if required != 1.0:
+            found[f"live load{after}"] += f", λ of {required:g} required"
+    return found
+
+
+def _load(sum_of: Resultant, force: str, length: str) -> str:
+    """Describe the resultant of a load: force, point of its line of action, remaining moment."""
+    moment = f"{sum_of.moment:.6g} {force}·{length}"
+    if sum_of.cancels:
+        cancel = f", forces of {sum_of.total:.6g} {force} cancel" if sum_of.total else ""
+        return f"a couple of {moment}{cancel}"
+    along = ", ".join(f"{x:.6g}" for x in sum_of.force)
+    through = ", ".join(f"{x:.6g}" for x in sum_of.point)
+    words = f"({along}) {force} through ({through}) {length}"
+    if sum_of.total > 1.000001 * float(np.linalg.norm(sum_of.force)):
+        words += f", of forces of {sum_of.total:.6g} {force} in all"
+    return words + (f", and {moment} about that line" if abs(sum_of.moment) > 1e-9 * sum_of.total else "")
+
+
+def _tensions(result: LimitAnalysisResult) -> dict[str, str]:
+    """Describe the tensions of up to `_MEMBERS` members; {} without members or forces."""
+    assembly = result.assembly
+    if not assembly.members or result.forces is None:
+        return {}
+    values = tensions(assembly, result.forces).tolist()
+    shown = [f"{n} {v + 0.0:.6g}" for n, v in zip(assembly.members.names[:_MEMBERS], values, strict=False)]
+    left = len(values) - len(shown)
+    return {"tension": f"{', '.join(shown)} {assembly.units[1]}" + (f", and of {left} more members" if left else "")}
+
+
+def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
+    """Describe a result by named facts: status, λ with its bracket, evidence, solve log, time.
+
+    Parameters
+    ----------
+    result : LimitAnalysisResult
+        Result to describe.
+
+    Returns
+    -------
+    dict of str to str
+        Facts by name; evidence of zero dilation, load cases, sensitivities and advice as available.
+    """
+    low, high = result.bracket
+    bracket = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in (low, high))
+    facts = {
+        "status": str(result.status),
+        **({"governing": str(result.governing)} if result.cases else {}),
+        "λ / required" if result.cases else "λ": "none"
+        if math.isnan(result.load_factor)
+        else f"{result.load_factor:.12g}",
+        "bracket": bracket + ("" if math.isnan(result.gap) else f"   (relative width {result.gap:.1e})"),
+    }
+    for name, one in {"": result, **{f" {name}": one for name, one in result.cases.items()}}.items():
+        facts |= tilt_in_words(one.facts, name)
+    if result.reason:
+        facts["reason"] = result.reason
+    for note in result.notes:
+        facts["note"] = f"{facts['note']}; {note}" if "note" in facts else note
+    facts |= _tensions(result)
+    if result.friction == "zero-dilation":
+        extra = result.facts
+        facts["associative"] = (
+            f"{_shown(extra['associative_load_factor'])} (the only upper bound on every zero-dilation λ)"
+        )
+        facts["evidence"] = (
+            f"violation {_shown(extra['friction_violation'])}, dilation {_shown(extra['dilation'])}, "
+            f"complementarity gap {_shown(extra['complementarity_gap'])}, "
+            + ("converged" if extra["converged"] else "not converged")
+        )
+        facts |= _range(extra)
+    for (name, one), required in zip(result.cases.items(), result.assembly.required, strict=False):
+        ends = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in one.bracket)
+        facts[f"λ {name}"] = f"{_shown(number(one.load_factor))} of {required:g} required ({one.status}, {ends})"
+    if "load_factor_nominal" in result.facts:
+        facts["λ at nominal"] = f"{_shown(result.facts['load_factor_nominal'])} (λ above is at the low values)"
+    for name, rate in result.facts.get("sensitivities", {}).items():
+        if name == "not_computed":
+            facts["sensitivities"] = f"not computed: {rate}"
+        else:
+            facts[f"∂λ/∂{name}"] = _rate(rate)
+    facts |= advice(result)
+    facts["stands at 0"] = stands_in_words(result)
+    facts["cracks"] = cracks_in_words(result.cracks)
+    facts["solve log"] = ", ".join(result.solve_log)
+    facts["seconds"] = f"{result.seconds['total']:.3g} ({result.seconds['solve']:.3g} solving)"
+    return facts
+
+
+def _range(extra: dict[str, Any]) -> dict[str, str]:
+    """Describe the lowest and highest λ found without dilation, and the lower bound; empty if not sought."""
+    if extra.get("lowest_found") is None:
+        return {}
+    ends = (
+        f"{extra['lowest_found']:.9g} to {extra['highest_found']:.9g} ({extra['solutions_found']} solutions certified)"
+    )
+    proven, bound = extra["lowest_proven"], extra["lowest_bound"]
+    if bound is None:
+        below = "not sought"
+    elif proven is None and extra["bound_tolerance"] == 0.0:
+        below = "nothing above 0 proven"
+    elif extra["proven"]:
+        below = f"{proven:.9g} proven" + (", the lowest found is the lowest there is" if extra["closed"] else "")
+    else:
+        sure = "nothing above 0" if proven is None else f"{proven:.9g}"
+        below = f"{sure} proven; {bound:.9g} by the solver's word, within {extra['bound_tolerance']:g} of λ"
+    return {"found": ends, "none below": below}
+
+
+def _rate(rate: dict[str, Any]) -> str:
+    """Describe a derivative of λ, on both sides where these differ."""
+    unit = f" {'' if rate['unit'].startswith('of') else 'per '}{rate['unit']}" if rate["unit"] else ""
+    if rate["derivative"] is not None:
+        return f"{rate['derivative']:.6g}{unit}"
+    left, right = ("unknown" if rate[side] is None else f"{rate[side]:.6g}" for side in ("left", "right"))
+    return f"{left} for less, {right} for more{unit}"
+
+
+def _shown(value: float | None) -> str:
+    """Format a number, or "none"."""
+    return "none" if value is None else f"{value:.6g}"
+
+
+def aligned(facts: Mapping[str, str]) -> str:
+    """Return facts as lines of text, the values one below another."""
+    width = max(12, *(len(name) for name in facts))
+    return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())

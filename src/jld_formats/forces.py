@@ -1,0 +1,165 @@
+"""Parser of forces written as text: `10 kN`, `F1 = 2,5 kN`, `1 t`, `3 kN; -4 kN`."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core import Floats, InputError, Ints
+from jld_core.scene import units
+
+# Alternative spellings of units in drawings with capital letters; mN and T are ambiguous and refused
+_SPELLINGS: Final = {"KN": "kN", "kn": "kN", "n": "N", "DAN": "daN", "KG": "kg", "kips": "kip", "LBF": "lbf"}
+
+# Expected text, for error messages
+_EXPECTED: Final = f'a number with one of {", ".join(units.NEWTONS)}, as "F1 = 2.5 kN", or two as "3 kN; -4 kN"'
+
+# Pattern of a number with decimal point or decimal comma
+_DECIMAL: Final = r"[-+]?(?:\d+(?:\.\d*|,\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
+
+# Pattern of one force: optional name, number, optional unit, optional "per length or area"
+_FORCE: Final = re.compile(
+    rf"(?:(?P<name>[^\W\d][\w.]*)\s*[=:]\s*)?(?P<number>{_DECIMAL})\s*(?P<unit>[^\W\d]+)?(?P<per>\s*/\s*[^\W\d]\w*(?:[²³]|\^\d)?)?"
+)
+
+# Pattern of "per length or area": unit of length, and the power 2
+_PER: Final = re.compile(r"\s*/\s*([^\W\d]+?)(\^?2|²)?")
+
+_THOUSANDS: Final = re.compile(r"[-+]?\d{1,3},\d{3}(?!\d)")  # pattern of a number whose comma may separate thousands
+
+_COMPONENT: Final = re.compile(r"[FPQV]?_?([XYZ])", re.IGNORECASE)  # pattern of names of components, such as Fx or Q_y
+
+_BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")  # pattern of the separator of two forces
+
+
+@dataclass(frozen=True)
+class WrittenForce:
+    """Force that a text states."""
+
+    values: tuple[float, ...]  # one magnitude, or the two components fx and fy, in the requested force unit
+    components: bool  # True if the values are components. One value with False is a magnitude without direction.
+    has_unit: bool  # True if the text names a unit
+    # for a load per length or area: metres in its unit of length, and 1 or 2. None for a force.
+    per: tuple[float, int] | None = None
+
+
+def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimension: int = 2) -> WrittenForce:
+    """Parse a text that states a force.
+
+    text: one number with or without a unit, or one for each component. A name with ``=`` or ``:`` may stand before a
+    number; ``Fx``, ``Fy`` and ``Fz`` name components. A comma inside a number is a decimal comma. Numbers are separated
+    by a semicolon, or by a comma with a blank or a sign behind it. unit: force unit of the result, and of numbers
+    without a unit. distributed: accept one load per length or area, as ``10 kN/m``, as well. dimension: 2 or 3: number
+    of components of a force. Raises InputError: the text is no force: it holds other words, an unknown unit, a comma
+    that may separate thousands, or too few or too many components. A load per length or area is an error without
+    `distributed`.
+
+    Examples
+    --------
+    >>> parse_force("F1 = 2,5 kN").values
+    (2500.0,)
+    >>> parse_force("Fx = 3 kN; Fy = -4 kN", "kN").values
+    (3.0, -4.0)
+    """
+    parts: list[tuple[str, float, bool]] = []
+    place = 0
+    stripped = text.strip()
+    if distributed and (whole := _FORCE.fullmatch(stripped)) and whole["per"] and whole["unit"]:
+        length = _PER.fullmatch(whole["per"])
+        if length is None or length[1] not in units.METRES:
+            raise _refused(text, f"no unit of length is named {whole['per'].strip(' /')!r}")
+        _, value, _ = _part(whole, text, unit, distributed=True)
+        return WrittenForce((value,), False, True, (units.METRES[length[1]], 2 if length[2] else 1))
+    while place < len(stripped) or not parts:
+        if parts:
+            gap = _BETWEEN.match(stripped, place)
+            place = gap.end() if gap else place
+        found = _FORCE.match(stripped, place) if not parts or gap else None
+        if found is None:
+            rest = stripped[place:].strip() or "nothing"
+            raise _refused(text, f"{rest!r} is no part of a force" if parts else "it is no force")
+        parts.append(_part(found, text, unit))
+        place = found.end()
+    return _joined(parts, text, dimension)
+
+
+def is_force(text: str) -> bool:
+    """Return True if a text begins as a force does: with a number, or a component such as Fx = 3 kN."""
+    return bool(re.match(r"\s*([-+.]?\d|[FPQV]?_?[XYZ]\s*=)", text, re.IGNORECASE))
+
+
+def closest_first(
+    lines: Ints, texts: Ints, away: Floats, reach: float, names: Sequence[tuple[str, str]]
+) -> dict[int, int]:
+    """Match lines and texts (k,), closest pair first; InputError where equal distances share a line or text."""
+    order = np.lexsort((texts, lines, away))
+    pairs = list(zip(lines[order].tolist(), texts[order].tolist(), away[order].tolist(), strict=True))
+    found: dict[int, int] = {}
+    taken: set[int] = set()
+    for place, (line, text, distance) in enumerate(pairs):
+        if line in found or text in taken:
+            continue
+        for other, rival, beyond in itertools.islice(pairs, place + 1, None):
+            if beyond > distance + reach:
+                break
+            if (other == line) != (rival == text) and other not in found and rival not in taken:
+                layer, words = names[text]
+                rest = "two lines" if rival == text else f"the same line as the text {names[rival][1]!r}"
+                problem = f"the text {words!r} is equally far from {rest}"
+                raise InputError(f"layer {layer!r}", problem, "each text nearer to the line that it belongs to")
+        found[line] = text
+        taken.add(text)
+    return found
+
+
+def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = False) -> tuple[str, float, bool]:
+    """Parse a match of `_FORCE`: name or "", value in `unit`, whether it has a unit."""
+    number, given = found["number"], found["unit"]
+    if found["per"] and not distributed:
+        problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"
+        raise _refused(text, problem, "a line along the edge that it acts on, or a force")
+    if _THOUSANDS.fullmatch(number):
+        raise _refused(text, f"the comma in {number!r} may separate thousands or decimals", "a point for decimals")
+    value = float(number.replace(",", "."))
+    if not math.isfinite(value):
+        raise _refused(text, "its number is out of range")
+    if given is None:
+        return found["name"] or "", value, False
+    known = _SPELLINGS.get(given, given)
+    if known not in units.NEWTONS:
+        raise _refused(text, f"no unit of force is named {given!r}")
+    target = _SPELLINGS.get(unit, unit)
+    if target not in units.NEWTONS:
+        raise _refused(text, f"no unit of force is named {unit!r}, that of the scene", "a number alone")
+    return found["name"] or "", value if known == target else value * units.NEWTONS[known] / units.NEWTONS[target], True
+
+
+def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
+    """Combine parsed numbers into one magnitude or all components of a force."""
+    if len(parts) > dimension:
+        raise _refused(text, f"it has {len(parts)} numbers")
+    axes = [match[1].casefold() if (match := _COMPONENT.fullmatch(name)) else "" for name, _, _ in parts]
+    if len({has_unit for _, _, has_unit in parts}) > 1:
+        raise _refused(text, "not all of its numbers have a unit")
+    values = [value for _, value, _ in parts]
+    if "z" in axes and dimension == 2:
+        raise _refused(text, "a force in the plane has no component along z")
+    if any(axes):
+        if "" in axes or len(set(axes)) < len(axes):
+            raise _refused(text, "some of its numbers name no component, or the same one")
+        stated = dict(zip(axes, values, strict=True))
+        values = [stated.get(axis, 0.0) for axis in "xyz"[:dimension]]
+    elif len(values) not in (1, dimension):
+        raise _refused(text, f"it has {len(values)} numbers for {dimension} components")
+    return WrittenForce(tuple(values), len(values) > 1, parts[0][2])
+
+
+def _refused(text: str, problem: str, expected: str = _EXPECTED) -> InputError:
+    """Return the InputError for a text."""
+    return InputError(f"the text {text!r}", problem, expected)

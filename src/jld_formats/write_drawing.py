@@ -1,0 +1,179 @@
+"""Writers of DXF (by ezdxf) and SVG: outlines on layers by shape, and layers for faces."""
+
+from __future__ import annotations
+
+import json
+from html import escape
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core import Floats, Layout, ParameterError, files
+from jld_core.geometry import outlines as polygons
+from jld_formats.facts import scene_of
+from jld_formats.libraries import library
+from jld_formats.read_dxf import FACTS
+
+# Codes of the header variable $INSUNITS by length unit
+_UNITS: Final = {"m": 6, "mm": 4, "cm": 5, "dm": 14, "km": 7, "in": 1, "ft": 2, "yd": 10}
+
+# DXF colour numbers of the layers of block shapes, used cyclically
+_COLOURS: Final = (1, 30, 50, 90, 130, 170, 210, 240)
+
+# DXF colour numbers of the other layers
+_LAYERS: Final = {
+    "SUPPORTS": 8, "JOINTS": 7, "CRACKS": 1, "HOLES": 9, "IDS": 5, "BLOCK IDS": 3, "ARROWS": 1, "DIMENSIONS": 8,
+}  # fmt: skip
+
+_CHUNK: Final = 200  # largest number of characters per custom property
+
+
+def write_dxf(layout: Layout, path: Path, *, cells: bool = False) -> None:
+    """Write a DXF file: planar outlines and faces, or a mesh per block; InputError for "materials.faces"."""
+    # A planar file also has ids, live loads and dimensions, and stores the scene's materials and loads.
+    ezdxf = library("ezdxf", path)
+    document = ezdxf.new(setup=True)
+    document.header["$INSUNITS"] = _UNITS.get(layout.assembly.units[0], 0)
+    space = document.modelspace()
+    layers = {f"SHAPE_{n:02d}": _COLOURS[n % len(_COLOURS)] for n in sorted({b.shape for b in layout.blocks} - {0})}
+    layers |= _LAYERS
+    for name, colour in layers.items():
+        document.layers.add(name, color=colour, lineweight=50 if name == "JOINTS" else 18)
+    if layout.assembly.dimension == 3:
+        for block, surfaces in zip(layout.blocks, layout.surfaces, strict=True):
+            for surface in surfaces:
+                mesh = space.add_mesh(dxfattribs={"layer": _layer(block.shape, block.support and not block.cells)})
+                with mesh.edit_data() as data:
+                    data.vertices = surface.points.tolist()
+                    data.faces = [list(loop) for loop in surface.faces]
+        document.saveas(path)
+        return
+    facts = json.dumps(scene_of(layout))
+    for number, begin in enumerate(range(0, len(facts), _CHUNK)):
+        document.header.custom_vars.append(f"{FACTS}{number:04d}", facts[begin : begin + _CHUNK])
+    _draw(layout, space)
+    document.saveas(path)
+
+
+def _layer(shape: int, support: bool) -> str:
+    """Return the name of the layer of a block; shape: its number."""
+    return "SUPPORTS" if support else f"SHAPE_{shape:02d}"
+
+
+def _draw(layout: Layout, space: Any) -> None:
+    """Draw outlines, faces, names, live loads and dimensions of a planar layout."""
+    elements, faces = layout.assembly.elements, layout.assembly.interfaces
+    height = 0.15 * float(np.median(np.sqrt(layout.assembly.elements.volume / layout.thickness)))
+    for k, block in enumerate(layout.blocks):
+        if block.support:
+            # draw the elements of a block joined to a support, so that supports remain recognisable
+            for element in block.elements:
+                layer = "SUPPORTS" if elements.support[element] else _layer(block.shape, False)
+                space.add_lwpolyline(elements.shape[element].tolist(), close=True, dxfattribs={"layer": layer})
+            continue
+        for region in layout.regions[k]:
+            space.add_lwpolyline(region.shell.tolist(), close=True, dxfattribs={"layer": _layer(block.shape, False)})
+        x, y = block.centroid
+        wide, tall = (high - low for low, high in zip(block.lower, block.upper, strict=True))
+        words = f"stone {k + 1}, {block.name}: shape {block.shape}, {wide:.4g} × {tall:.4g}"
+        _text(space, words, (x, y - 1.5 * height), 0.45 * height, "BLOCK IDS")
+    for hole in layout.openings:
+        space.add_lwpolyline(hole.tolist(), close=True, dxfattribs={"layer": "HOLES"})
+    for polygon, dry in zip(faces.polygon, layout.labels, strict=True):
+        space.add_line(*polygon.tolist(), dxfattribs={"layer": "JOINTS" if dry else "CRACKS"})
+    for name, shape in zip(elements.ids, elements.shape, strict=True):
+        _text(space, name, _inside(shape), height, "IDS")
+    for _, point, force in layout.assembly.live_loads.arrows():
+        length = float(np.linalg.norm(force))
+        if length > 0.0:
+            tail = point - 6.0 * height * force / length
+            space.add_line(tail.tolist(), point.tolist(), dxfattribs={"layer": "ARROWS"})
+            _text(space, f"{length:.6g}", (tail[0], tail[1] + 0.8 * height), 0.7 * height, "ARROWS")
+    _dimensions(layout, space, height)
+
+
+def _inside(outline: Floats) -> tuple[float, float]:
+    """Return a point inside an outline: the centroid if it lies inside, else another point."""
+    import shapely
+
+    shape = shapely.Polygon(outline)
+    point = shape.centroid if shape.contains(shape.centroid) else shape.representative_point()
+    return float(point.x), float(point.y)
+
+
+def _text(space: Any, words: str, at: tuple[float, float], height: float, layer: str) -> None:
+    """Add a text centred at a place."""
+    look = {"layer": layer, "height": height, "insert": at, "align_point": at, "halign": 4}
+    space.add_text(files.printable(words).replace("\n", " "), dxfattribs=look)
+
+
+def _dimensions(layout: Layout, space: Any, height: float) -> None:
+    """Add dimensions of the overall width and height; height: of their text."""
+    style = {"dimtxt": height, "dimasz": 0.6 * height, "dimexe": 0.4 * height, "dimexo": 0.4 * height}
+    look = {
+        "override": {**style, "dimgap": 0.4 * height, "dimlfac": 1, "dimdec": 3},
+        "dxfattribs": {"layer": "DIMENSIONS"},
+    }
+    free = [block for block in layout.blocks if block.cells]
+    x0, y0 = np.min([block.lower for block in free], axis=0).tolist()
+    x1, y1 = np.max([block.upper for block in free], axis=0).tolist()
+    away = 9.0 * height
+    space.add_linear_dim(base=(x0, y1 + away), p1=(x0, y1), p2=(x1, y1), **look).render()
+    space.add_linear_dim(base=(x0 - 0.5 * away, y0), p1=(x0, y0), p2=(x0, y1), angle=90, **look).render()
+
+
+def _escaped(text: str) -> str:
+    return escape(files.printable(text), quote=True)
+
+
+def svg_text(layout: Layout, *, cells: bool = False) -> str:
+    """Return the text of an SVG drawing of a planar layout, with one group per layer; InputError in space."""
+    # Layers are block shapes, supports, joints, cracks and ids. Coordinates are in scene units with reversed y, since y
+    # points down in SVG.
+    if layout.assembly.dimension == 3:
+        raise ParameterError("format", "the layout is spatial", "obj, ply, stl, compas, 3dec or vtk")
+    elements = layout.assembly.elements
+    low, high = elements.lower.min(axis=0), elements.upper.max(axis=0)
+    size = float((high - low).max())
+    margin, line = 0.03 * size, 0.003 * size
+    box = (low[0] - margin, -high[1] - margin, high[0] - low[0] + 2 * margin, high[1] - low[1] + 2 * margin)
+
+    def ring(points: Floats) -> str:
+        """Return the path data of a closed outline."""
+        return "M " + " L ".join(f"{x!r},{-y!r}" for x, y in points.tolist()) + " Z"
+
+    groups: dict[str, list[str]] = {}
+    for k, block in enumerate(layout.blocks):
+        name = _escaped(block.name)
+        if block.support:
+            for element in block.elements:
+                layer = "supports" if elements.support[element] else f"shape {block.shape}"
+                own = _escaped(elements.ids[element])
+                outline = ring(elements.shape[element])
+                groups.setdefault(layer, []).append(f'<path data-name="{own}" d="{outline}"/>')
+            continue
+        for region in layout.regions[k]:
+            outline = " ".join(ring(part) for part in (region.shell, *region.holes))
+            groups.setdefault(f"shape {block.shape}", []).append(f'<path data-name="{name}" d="{outline}"/>')
+    for polygon, dry in zip(layout.assembly.interfaces.polygon, layout.labels, strict=True):
+        (x0, y0), (x1, y1) = polygon.tolist()
+        layer = "joints" if dry else "cracks"
+        groups.setdefault(layer, []).append(f'<path d="M {x0!r},{-y0!r} L {x1!r},{-y1!r}"/>')
+    for name, shape in zip(elements.ids, elements.shape, strict=True):
+        x, y = _inside(shape)
+        groups.setdefault("ids", []).append(f'<text x="{x!r}" y="{-y!r}">{_escaped(name)}</text>')
+    tall = 0.12 * float(np.median(np.sqrt(np.abs([polygons.area(s[None])[0] for s in elements.shape]))))
+    looks = {
+        "supports": f'fill="#c9c9c9" stroke="#555" stroke-width="{line:.6g}"',
+        "joints": f'fill="none" stroke="#111" stroke-width="{2.0 * line:.6g}"',
+        "cracks": f'fill="none" stroke="#8a3b12" stroke-width="{line:.6g}" stroke-dasharray="{3 * line:.6g}"',
+        "ids": f'font-size="{tall:.6g}" text-anchor="middle" fill="#333" font-family="sans-serif"',
+    }
+    shown = f'fill="#dfe8f2" stroke="#333" stroke-width="{line:.6g}"'
+    body = [
+        f'<g id="{layer}" {looks.get(layer, shown)}>\n' + "\n".join(parts) + "\n</g>"
+        for layer, parts in sorted(groups.items(), key=lambda item: (item[0] in looks, item[0] == "ids"))
+    ]
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{" ".join(f"{v:.9g}" for v in box)}" width="800">'
+    return "\n".join([head, f"<title>{_escaped(layout.assembly.name)}</title>", *body, "</svg>"]) + "\n"
