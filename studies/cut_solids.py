@@ -14,6 +14,8 @@ import numpy as np
 import pandas as pd
 import trimesh
 from manifold3d import CrossSection, Manifold, Mesh64, OpType
+from matplotlib.figure import Figure
+from PIL import Image
 
 from jld_core import InputError
 from jld_cut import Options, cut
@@ -212,8 +214,21 @@ def measured(folder: Path, seconds: float, names: tuple[str, ...] = tuple(SOLIDS
     return pd.DataFrame(rows)
 
 
-def written(out: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.DataFrame:
-    """Write the page of a table."""
+def parts_of(folder: Path, names: list[str]) -> Figure:
+    """Return the pictures of cut solids, two in a row."""
+    rows = -(-len(names) // 2)
+    figure = figure_of(10.0, 3.6 * rows)
+    for k, name in enumerate(names):
+        with Image.open(folder / name / "parts.png") as picture:
+            image = np.asarray(picture.convert("RGB"))
+        axes = figure.add_axes((0.5 * (k % 2), 1.0 - (k // 2 + 1) / rows, 0.5, 1.0 / rows))
+        axes.imshow(image)
+        axes.set_axis_off()
+    return figure
+
+
+def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.DataFrame:
+    """Write the page of a table, with the pictures in the folders of the solids."""
     whole = table[table["parts"].notna()]
     finite = whole[whole["bracket_lo"].notna() & whole["bracket_hi"].notna()]
     yes = ("watertight", "in_box", "meets", "can_be_laid", "proven")
@@ -254,7 +269,9 @@ def written(out: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.Dat
             *(f"{row['solid']}: {row['problem']}." for _, row in table.iterrows() if row["parts"] != row["parts"]),
         ),
         pictures={
-            "": "λ of the parts on cells that crack (lower end), and of the best layout of planes along the axes."
+            "": "λ of the parts on cells that crack (lower end), and of the best layout of planes along the axes with "
+            "at most as many parts.",
+            "_parts": "The parts of each solid, pulled apart.",
         },
     )
     figure = figure_of(8.0, 4.0)
@@ -262,11 +279,14 @@ def written(out: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.Dat
     place = np.arange(len(finite))
     ax.bar(place - 0.2, finite["bracket_lo"].astype(float), 0.38, color=PAIRED[0][0], label="chosen")
     ax.bar(place + 0.2, finite["grid"].astype(float), 0.38, color=PAIRED[1][0], hatch="//", label="grid")
-    ax.set_xticks(place, [f"{row.solid}\n{row.parts:.0f} | {row.grid_parts:.0f} parts" for row in finite.itertuples()])
+    grids = ["–" if np.isnan(number) else f"{number:.0f}" for number in finite["grid_parts"].astype(float)]
+    names = zip(finite["solid"], finite["parts"], grids, strict=True)
+    ax.set_xticks(place, [f"{name}\n{parts:.0f} | {grid} parts" for name, parts, grid in names])
     ax.set_yscale("log")
     name_axes(ax, "", "λ [–]")
     ax.legend(frameon=False, fontsize=9)
-    write(out, report, table, {"": figure}, table.drop(columns=["verdict", "problem"], errors="ignore"))
+    shown = table.drop(columns=["verdict", "problem"], errors="ignore")
+    write(out, report, table, {"": figure, "_parts": parts_of(folder, list(whole["solid"]))}, shown)
     return table
 
 
@@ -275,7 +295,7 @@ def run(out: Path, coarse: bool = False) -> pd.DataFrame:
     seconds = 6.0 if coarse else 60.0
     with tempfile.TemporaryDirectory() as folder:
         table = measured(Path(folder), seconds, ("bench", "corbel") if coarse else tuple(SOLIDS))
-    return written(out, table, seconds, "a machine whose load was not measured")
+        return written(out, Path(folder), table, seconds, "a machine whose load was not measured")
 
 
 if __name__ == "__main__":

@@ -66,6 +66,8 @@ class Options:
         Unit of the file: mm, cm, m, in or ft.
     seconds : float
         Time for all.
+    alike : int or None
+        Most different shapes of parts; a part and its mirror image are alike.
     keep_whole : tuple of str
         Boxes x0,y0,z0,x1,y1,z1 that no joint meets.
     tenons : bool
@@ -86,6 +88,7 @@ class Options:
     cells: int = 24
     unit: str = "m"
     seconds: float = 60.0
+    alike: int | None = None
     keep_whole: tuple[str, ...] = ()
     tenons: bool = False
     marks: bool = False
@@ -100,6 +103,7 @@ class Options:
             "seconds": self.seconds,
             "mass": self.mass,
             "parts": self.parts,
+            "alike": self.alike,
             "cells": self.cells,
         }
         for name, value in [*positive.items(), *(("fit", side) for side in self.fit)]:
@@ -118,7 +122,9 @@ class Options:
         volume = np.inf if self.mass is None else self.mass / self.matter.density
         limits = Limits(scale * np.sort(np.array(self.fit, dtype=float)), volume, self.cells)
         setting = Setting(self.matter, loads, patches)
-        return Wish(setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, regions)
+        return Wish(
+            setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, regions, self.alike
+        )
 
 
 @dataclass

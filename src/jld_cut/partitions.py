@@ -29,6 +29,7 @@ from jld_core import (
 )
 from jld_core.batch import batch_solver
 from jld_cut.cells import Limits
+from jld_cut.meshes import kind_of
 
 # sets of cells are whole numbers with one bit for each cell
 
@@ -66,13 +67,18 @@ class Boxes:
 
     low: Floats  # (n, k, 3) in k frames
     high: Floats
-    volume: Floats  # (n,)
+    moments: Floats  # (n, 13) of `meshes.moments`
+
+    @property
+    def volume(self) -> Floats:
+        """Volume of each cell (n,)."""
+        return np.asarray(self.moments[:, 0])
 
     @classmethod
-    def of(cls, points: list[Floats], volume: Floats, turned: Floats) -> Boxes:
+    def of(cls, points: list[Floats], moments: Floats, turned: Floats) -> Boxes:
         """Return the boxes of cells with corners (c, 3) each."""
         seen = [np.einsum("kij,cj->cki", turned, corners) for corners in points]
-        return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), volume)
+        return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), moments)
 
     def fit(self, low: Floats, high: Floats, limits: Limits) -> Any:
         """Return whether boxes (s, k, 3) of sets fit the limits in some frame, (s,)."""
@@ -181,6 +187,7 @@ class Asked:
     most: int
     until: float
     last: float
+    alike: int | None = None  # most different shapes of parts
 
 
 class Bounds:
@@ -238,11 +245,19 @@ def search(
     except InputError as error:  # splinters may leave joints that no face bears out
         found.problem = str(error)
         return found
+
+    @cache
+    def kind(one: int) -> tuple[int, ...]:
+        members = [k for k in range(count) if one >> k & 1]
+        return kind_of(boxes.moments[members].sum(axis=0), float(boxes.volume.max()))
+
     for parts in range(1, min(asked.most, count) + 1):
         if parts > fewest + _MORE:
             break
-        first = parts < fewest
-        ways, most, end = covers(sets, count, parts), *((LAYOUTS, asked.last) if first else (_FURTHER, asked.until))
+        first, found_ways = parts < fewest, covers(sets, count, parts)
+        if asked.alike is not None:
+            found_ways = (way for way in found_ways if len({kind(one) for one in way}) <= (asked.alike or 0))
+        ways, most, end = found_ways, *((LAYOUTS, asked.last) if first else (_FURTHER, asked.until))
         one = solved_layouts(ways, count, bounds, most, end)
         found.of[parts] = one
         if len(one.low) and one.low[0] >= require:
