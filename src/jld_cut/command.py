@@ -24,6 +24,7 @@ def cut_(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for parts, tables and pictures.")],
     mass: Annotated[float | None, typer.Option(help="Largest mass of a part, kg.")] = None,
     parts: Annotated[int | None, typer.Option(min=1, help="Most parts.")] = None,
+    alike: Annotated[int | None, typer.Option(min=1, help="Most different shapes of parts.")] = None,
     require: Annotated[float, typer.Option(help="Load factor that the parts must carry.")] = 1.0,
     support: Annotated[
         list[str] | None,
@@ -62,6 +63,7 @@ def cut_(
         tuple(load),
         mass=mass,
         parts=parts,
+        alike=alike,
         require=require,
         support=tuple(support or ()),
         matter=Matter(density, friction_angle, tensile, shear, compressive),

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -31,6 +31,8 @@ from jld_explore.report import csv_of
 from jld_formats import export
 from jld_views import figures, page_of_study
 
+_FIELDS: Final = 45.0  # time from which bounds by fields have a chance, s
+_PAGE: Final = 4.0  # time from which the page of the search is made, s
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
 
@@ -64,6 +66,8 @@ class Options:
         Unit of the file: mm, cm, m, in or ft.
     seconds : float
         Time for all.
+    alike : int or None
+        Most different shapes of parts; a part and its mirror image are alike.
     keep_whole : tuple of str
         Boxes x0,y0,z0,x1,y1,z1 that no joint meets.
     tenons : bool
@@ -84,6 +88,7 @@ class Options:
     cells: int = 24
     unit: str = "m"
     seconds: float = 60.0
+    alike: int | None = None
     keep_whole: tuple[str, ...] = ()
     tenons: bool = False
     marks: bool = False
@@ -98,6 +103,7 @@ class Options:
             "seconds": self.seconds,
             "mass": self.mass,
             "parts": self.parts,
+            "alike": self.alike,
             "cells": self.cells,
         }
         for name, value in [*positive.items(), *(("fit", side) for side in self.fit)]:
@@ -116,7 +122,9 @@ class Options:
         volume = np.inf if self.mass is None else self.mass / self.matter.density
         limits = Limits(scale * np.sort(np.array(self.fit, dtype=float)), volume, self.cells)
         setting = Setting(self.matter, loads, patches)
-        return Wish(setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, regions)
+        return Wish(
+            setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, regions, self.alike
+        )
 
 
 @dataclass
@@ -187,13 +195,13 @@ def cut(
         return share * (options.seconds - (time.perf_counter() - start))
 
     now = time.time()
-    families = search_all(solid, path.stem, wish, now + left(0.4), say)
+    families = search_all(solid, path.stem, wish, now + left(0.45), say)
     chosen = _choose(families, wish, scale * options.clearance, time.time() + left(0.55), say)
     summary = _summary(chosen, families, solid, options)
     _write(chosen, summary, out, options)
     say(summary["verdict"])
     with _fields_beside(chosen, out, left(0.95)) as bracket:
-        _draw(chosen, summary, out, scale, left(0.4))
+        _draw(chosen, summary, out, scale, left(0.8))
         summary["by_fields"] = bracket(left(0.95))
     summary["seconds"] = time.perf_counter() - start
     files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
@@ -214,7 +222,7 @@ def _choose(families: list[Family], wish: Wish, clearance: float, end: float, sa
     numbers = sorted({n for one in families for n, of in one.found.of.items() if len(of.low)})
     carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
     for parts in carrying or numbers[-1:]:
-        for family, block, coarse, bracket in _judged(families, parts, wish, end, made is not None, say):
+        for family, block, coarse, bracket in _judged(families, parts, wish, end, say):
             tried = _chosen(family, block, coarse, bracket, wish, clearance, end)
             made = made or tried
             if not tried.too_large and tried.can_be_laid is not False:
@@ -234,7 +242,7 @@ def _top(family: Family, parts: int) -> float:
 
 
 def _judged(
-    families: list[Family], parts: int, wish: Wish, end: float, late: bool, say: Callable[[str], None]
+    families: list[Family], parts: int, wish: Wish, end: float, say: Callable[[str], None]
 ) -> list[tuple[Family, Ints, float, Bracket]]:
     """Return the layouts of one number of parts that are best on the cells, the strongest on convex cells first."""
     judged: list[tuple[float, float, tuple[Family, Ints, float, Bracket]]] = []
@@ -448,6 +456,8 @@ def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float, seco
     write_page(parts, told, front, cutting, out / "parts.html")
     write_pages(parts, told, front, cutting, out / "parts.pdf")
     left = seconds - (time.perf_counter() - start)
+    if left < _PAGE:
+        return
     done = explored(chosen.family, chosen.block, out / "search", max(1.0, left / 2))
     page_of_study.write_report(done, out, patience=max(1.0, left / 2))
 
@@ -461,7 +471,7 @@ def _shown(value: Any) -> str:
 @contextmanager
 def _fields_beside(chosen: Chosen, out: Path, seconds: float) -> Iterator[Callable[[float], list[float | None] | None]]:
     """Begin bounds of λ by fields in a process that the clock ends; yield what waits for its bracket."""
-    if not chosen.fine.convex or seconds < 5.0:
+    if not chosen.fine.convex or seconds < _FIELDS:
         yield lambda _: None
         return
     order = [sys.executable, "-m", "jld_explore", "solve", str(out / "scene.json"), "--cracks", "fields:0.5", "--json"]

@@ -59,6 +59,23 @@ def pieces_of(solid: Any) -> list[Any]:
     return whole
 
 
+def moments(solid: Any) -> Floats:
+    """Return volume, first (3,) and second moments (9,) of a solid about the origin: those of parts add up."""
+    points, triangles = surface_of(solid)
+    corners = points[triangles]
+    volume, total = np.linalg.det(corners) / 6.0, corners.sum(axis=1)
+    second = np.einsum("k,ki,kj->ij", volume, total, total) + np.einsum("k,kci,kcj->ij", volume, corners, corners)
+    return np.concatenate([[volume.sum()], volume @ total / 4.0, second.ravel() / 20.0])
+
+
+def kind_of(moment: Floats, scale: float) -> tuple[int, ...]:
+    """Return what parts of one shape, turned or mirrored, have in common; scale: a volume."""
+    volume, first, second = moment[0], moment[1:4], moment[4:].reshape(3, 3)
+    spread = np.linalg.eigvalsh(second - np.outer(first, first) / volume)
+    sizes = np.array([volume ** (1 / 3), *np.maximum(spread, 0.0) ** 0.2])
+    return tuple(np.round(sizes / (1e-4 * scale ** (1 / 3))).astype(int).tolist())
+
+
 def read_solid(path: Path, unit: float) -> Any:
     """Read one closed solid, lengths × `unit`; InputError says where it is open or crosses itself."""
     manifold3d()

@@ -18,6 +18,7 @@ from jld_core import (
     Deadline,
     DeadlinePassed,
     Floats,
+    InputError,
     Ints,
     LimitAnalysis,
     build_assembly,
@@ -28,13 +29,14 @@ from jld_core import (
 )
 from jld_core.batch import batch_solver
 from jld_cut.cells import Limits
+from jld_cut.meshes import kind_of
 
 # sets of cells are whole numbers with one bit for each cell
 
 SETS: Final = 60_000  # connected sets above which they are not listed
 LAYOUTS: Final = 20_000  # layouts of one number of parts above which they are not all solved
 _EACH: Final = 1.0  # processor time of a layout that the batch solver does not settle, s
-_FURTHER: Final = 2_000  # the same of more parts than the fewest
+_FURTHER: Final = 600  # the same of more parts than the fewest
 KEPT: Final = 40  # strongest layouts of each number of parts that are kept
 _CHUNK: Final = 256  # layouts solved together
 _MORE: Final = 3  # numbers of parts above the fewest that the front holds
@@ -65,13 +67,18 @@ class Boxes:
 
     low: Floats  # (n, k, 3) in k frames
     high: Floats
-    volume: Floats  # (n,)
+    moments: Floats  # (n, 13) of `meshes.moments`
+
+    @property
+    def volume(self) -> Floats:
+        """Volume of each cell (n,)."""
+        return np.asarray(self.moments[:, 0])
 
     @classmethod
-    def of(cls, points: list[Floats], volume: Floats, turned: Floats) -> Boxes:
+    def of(cls, points: list[Floats], moments: Floats, turned: Floats) -> Boxes:
         """Return the boxes of cells with corners (c, 3) each."""
         seen = [np.einsum("kij,cj->cki", turned, corners) for corners in points]
-        return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), volume)
+        return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), moments)
 
     def fit(self, low: Floats, high: Floats, limits: Limits) -> Any:
         """Return whether boxes (s, k, 3) of sets fit the limits in some frame, (s,)."""
@@ -180,6 +187,7 @@ class Asked:
     most: int
     until: float
     last: float
+    alike: int | None = None  # most different shapes of parts
 
 
 class Bounds:
@@ -232,12 +240,24 @@ def search(
     if not sets:
         found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
         return found
-    bounds = Bounds(document)
+    try:
+        bounds = Bounds(document)
+    except InputError as error:  # splinters may leave joints that no face bears out
+        found.problem = str(error)
+        return found
+
+    @cache
+    def kind(one: int) -> tuple[int, ...]:
+        members = [k for k in range(count) if one >> k & 1]
+        return kind_of(boxes.moments[members].sum(axis=0), float(boxes.volume.max()))
+
     for parts in range(1, min(asked.most, count) + 1):
         if parts > fewest + _MORE:
             break
-        first = parts < fewest
-        ways, most, end = covers(sets, count, parts), *((LAYOUTS, asked.last) if first else (_FURTHER, asked.until))
+        first, found_ways = parts < fewest, covers(sets, count, parts)
+        if asked.alike is not None:
+            found_ways = (way for way in found_ways if len({kind(one) for one in way}) <= (asked.alike or 0))
+        ways, most, end = found_ways, *((LAYOUTS, asked.last) if first else (_FURTHER, asked.until))
         one = solved_layouts(ways, count, bounds, most, end)
         found.of[parts] = one
         if len(one.low) and one.low[0] >= require:

@@ -16,6 +16,8 @@ from jld_cut.meshes import (
     as_single,
     as_written,
     doubled_edges,
+    kind_of,
+    moments,
     obj_text,
     pieces_of,
     solid_of,
@@ -97,21 +99,9 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
 
 
 def different(parts: list[Part]) -> int:
-    """Return how many parts are of different shape, by volume and moments: a part and its mirror image are alike."""
-    found = []
-    for part in parts:
-        points, triangles = surface_of(part.exact)
-        corners = points[triangles]
-        volume = np.linalg.det(corners) / 6.0
-        whole = volume.sum()
-        middle = (volume[:, None] * corners.sum(axis=1)).sum(axis=0) / (4.0 * whole)
-        corners = corners - middle
-        volume = np.linalg.det(corners) / 6.0
-        total = corners.sum(axis=1)
-        second = np.einsum("k,ki,kj->ij", volume, total, total) + np.einsum("k,kci,kcj->ij", volume, corners, corners)
-        found.append([whole ** (1 / 3), *(np.maximum(np.linalg.eigvalsh(second / 20.0), 0.0) ** 0.2)])
-    values = np.array(found)
-    return len(np.unique(np.round(values / (1e-5 * values.max())), axis=0))
+    """Return how many parts are of different shape: a part and its mirror image are alike."""
+    found = np.array([moments(part.exact) for part in parts])
+    return len({kind_of(one, float(found[:, 0].max())) for one in found})
 
 
 def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool:  # noqa: B008

@@ -16,7 +16,7 @@ from jld_core import Bits, Floats, InputError, Ints, Layout, build_assembly, par
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.families import FAMILIES, Body
 from jld_cut.loads import Facet, Region, facet_of, shares
-from jld_cut.meshes import surface_of
+from jld_cut.meshes import moments, surface_of
 from jld_cut.partitions import Asked, Bounds, Boxes, Found, frames, labels_of, search
 from jld_cut.scene import Setting, grounds_of, scene_of
 from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
@@ -66,7 +66,7 @@ class Family:
         """Return the boxes of the cells in all frames in which a part may lie."""
         cells = self.cutting.cells
         corners = [surface_of(cell.hull())[0] for cell in cells]
-        return Boxes.of(corners, np.array([cell.volume() for cell in cells]), frames(self.normals))
+        return Boxes.of(corners, np.array([moments(cell) for cell in cells]), frames(self.normals))
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,7 @@ class Wish:
     families: tuple[str, ...]
     seconds: float
     whole: tuple[Region, ...] = ()  # that no joint meets
+    alike: int | None = None  # most different shapes of parts
 
 
 def body_of(solid: Any, wish: Wish) -> Body:
@@ -187,10 +188,10 @@ def search_all(solid: Any, title: str, wish: Wish, until: float, say: Callable[[
     jobs = 2 if until - start > _BESIDE and (os.cpu_count() or 1) > 1 else 1
     with Pool(jobs) as pool:
         for family in _cut_ways(solid, title, wish, say, start + (0.4 * (until - start) if jobs > 1 else 0.0)):
-            share = (
-                until if jobs > 1 else time.time() + (until - time.time()) / max(1, len(wish.families) - len(families))
-            )
-            asked = Asked(wish.require, wish.most or MOST, share, until + 0.5 * (until - start))
+            # two at a time, each round with its share of the time; what is left is for finer cells
+            rounds = -(-len(wish.families) // jobs)
+            end = start + (until - start) * min(1.0, (len(families) // jobs + 1) / rounds)
+            asked = Asked(wish.require, wish.most or MOST, end, end + 0.4 * (until - start), wish.alike)
             task = family.document, family.boxes(), family.around, wish.limits, family.together, asked
             families.append(family)
             futures.append(pool.submit(search, *task).result if jobs > 1 else partial(search, *task))
