@@ -26,7 +26,7 @@ from jld_explore.drivers.choice import REACH, driver_for
 from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.drivers.optuna import make_sampler
 from jld_explore.evaluation import Records
-from jld_explore.report.reading import history_of
+from jld_explore.report import reading
 from jld_explore.report.tables import _ties
 from jld_formats import export
 from jld_views import figures
@@ -140,7 +140,7 @@ def test_a_damaged_folder_is_named_in_one_line(words: str, searched: Path, tmp_p
 def test_a_damaged_convergence_is_named(text: str, tmp_path: Path) -> None:
     (tmp_path / "convergence.csv").write_bytes(text.encode(errors="surrogateescape"))
     with pytest.raises(InputError, match=r"convergence\.csv: it is damaged"):
-        history_of(tmp_path)
+        reading.history_of(tmp_path)
 
 
 def test_seeds_of_any_size() -> None:

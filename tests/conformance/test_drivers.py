@@ -138,7 +138,7 @@ def talk(driver: Driver, found: Case, budget: int, portion: int | None = None) -
     return asked
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("name", "scene"),
     [pytest.param(*one, marks=pytest.mark.long) if one[0] in LOCAL and one[1] in LARGE else one for one in EVERY],

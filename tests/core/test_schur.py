@@ -90,6 +90,7 @@ def test_point_contacts() -> None:
     assert max(one.bracket[0], two.bracket[0]) <= min(one.bracket[1], two.bracket[1]) + 1e-9
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("courses", "direction", "expected"),
     [(10, (0.0, 1.0, 0.0), 0.2196569), (20, (0.0, 1.0, 0.0), 0.0995768), (20, (1.0, 0.0, 0.0), 0.6344556)],

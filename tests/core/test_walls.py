@@ -158,6 +158,7 @@ def test_a_given_bearing_is_kept_and_a_flat_arch_has_its_wedges_between_skewback
                 assert below[2] == pytest.approx(0.8 - 0.4 * 0.2 / 0.1)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("turn", "start"), [(0.3, 0.0), (2.0, 5.0), (4.4, -3.0)])
 def test_walls_with_openings_are_cut_alike_in_any_position(turn: float, start: float) -> None:
     placed, turned = (scene_of(solid(ROOM, EMPTY, angle), angle) for angle in (0.0, turn))

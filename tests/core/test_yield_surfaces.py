@@ -326,6 +326,7 @@ def test_many_labellings_are_as_each_alone(name: str) -> None:
         assert found.load_factor[k] == pytest.approx(alone.load_factor, rel=2e-6, abs=1e-9, nan_ok=True)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["grooves and locks", "ellipse", "tee"])
 def test_proofs_and_certificates(name: str, tmp_path: Path) -> None:
     document, certificate = SURFACES[name], tmp_path / "proof.jld"

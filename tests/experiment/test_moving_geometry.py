@@ -77,8 +77,7 @@ def in_space(document: dict[str, Any], turn: float | None) -> dict[str, Any]:
     return document if turn is None else solid(document, turn)
 
 
-@pytest.mark.sampled(2)
-@SPACES
+@pytest.mark.parametrize("turn", [None, *(pytest.param(turn, marks=pytest.mark.long) for turn in (0.0, 0.4))])
 def test_a_rocking_block_gets_weaker_as_it_turns(turn: float | None) -> None:
     """About its toe: the centroid at an angle α − θ from the vertical has moved R (sin α − sin(α − θ)), and
     λ = tan(α − θ)."""

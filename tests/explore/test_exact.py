@@ -275,7 +275,7 @@ def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, enumerated: E
     assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("name", "searched"),
     [

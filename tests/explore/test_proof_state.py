@@ -72,7 +72,7 @@ def search(document: dict[str, Any], folder: Path, **options: Any) -> tuple[Expl
     return explore(scene, folder, settings, driver=driver), driver
 
 
-@pytest.mark.parametrize("step_after", [None, 1, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize("step_after", [None, *(pytest.param(one, marks=pytest.mark.long) for one in (1, 20))])
 def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_path: Path) -> None:
     done, _ = search(LOST, tmp_path / "out", step_after=step_after)
     assert done.summary.proven is True
@@ -276,7 +276,7 @@ def test_to_ask_why_a_study_ends_changes_nothing(tmp_path: Path) -> None:
     study.records.close()
 
 
-@pytest.mark.parametrize("lowered", [40, 10**9])
+@pytest.mark.parametrize("lowered", [40, pytest.param(10**9, marks=pytest.mark.long)])
 def test_a_bound_recorded_too_low_is_corrected(lowered: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The largest recomputed bound counts, and the search goes on from it to the end."""
     left, sound = [lowered], Relaxation._refutations

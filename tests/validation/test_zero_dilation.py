@@ -268,6 +268,7 @@ def test_flat_arch_gives_up_all_thrust_it_does_not_need() -> None:
     assert high >= 2093.9
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("size", [(1, 1), (2, 2), (2, 4)])
 def test_where_the_ground_course_slides_there_is_one_value(size: tuple[int, int]) -> None:
     low, high = ends(build_assembly(halved_bond(*size)))
@@ -283,6 +284,7 @@ def test_wedged_block_is_lifted_by_least_where_nothing_is_wedged(push: float) ->
     assert ends(assembly)[0] == pytest.approx(1.0 + friction * push, rel=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.long), 1])
 def test_random_walls_go_no_higher_than_one_start_finds(seed: int) -> None:
     assembly = build_assembly(random_wall(seed))
