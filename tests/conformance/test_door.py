@@ -239,7 +239,7 @@ def test_the_driver_that_proves_is_taken_where_the_proof_is_in_reach() -> None:
 
     assert chosen(["aa", "aa", "##"]) == "enumeration"
     assert chosen(["aaaa", "aaaa", "aaaa", "####"]) == "exact"
-    assert chosen(["aaaaaa"] * 6 + ["######"]) == "genetic"  # more than REACH faces
+    assert chosen(["aaaaaa"] * 6 + ["######"]) == "portfolio"  # more than REACH faces
     assert REACH < 60
     # what has no bounds is not asked for any
     assert chosen(["aaaa", "aaaa", "aaaa", "####"], crush_dry=1e5) in ("genetic", "exact")
