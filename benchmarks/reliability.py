@@ -32,7 +32,7 @@ from jld_practice.reliability import (
     estimate,
     random_structure,
 )
-from jld_practice.reliability.analysis import Reliability
+from jld_practice.reliability.monte_carlo import Reliability
 
 SAMPLES: Final = 100_000
 """Samples of every row."""

@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 from jld_core import build_assembly
 from jld_core.build.loads import Settlement
 from jld_practice.reactions import Settled, settle
-from jld_practice.reactions.force_range import Thrust
-from jld_practice.reactions.thrust_figure import without_live_load
+from jld_practice.reactions.thrust import Thrust
+from jld_practice.reactions.thrust_command import without_live_load
 from jld_views.figures import draw_forces, draw_mechanism
 from studies.families import semicircular_arch
 from studies.report import GREY, PAIRED, Report, axes_at, figure_of, name_axes, without_legend, write

@@ -88,6 +88,27 @@ def every_layout(space: Any) -> Any:
     return np.concatenate([none, *(rows for rows, _ in make_driver("enumeration", space, 0).batches())])
 
 
+def small_blocks(built: Assembly, seed: int, most: int = 4) -> np.ndarray:
+    """Labels of random blocks of at most so many elements, none of them glued to a support."""
+    rng = np.random.default_rng(seed)
+    faces, labels = built.interfaces, np.ones(len(built.interfaces), dtype=bool)
+    size = np.ones(len(built.elements), dtype=int)
+    name = np.arange(len(built.elements))
+    for face in rng.permutation(np.flatnonzero(built.free_faces)):
+        one, two = name[faces.a[face]], name[faces.b[face]]
+        if one != two and size[one] + size[two] <= most:
+            size[one] += size[two]
+            name[name == two] = one
+    labels[built.free_faces] = (name[faces.a] != name[faces.b])[built.free_faces]
+    return labels
+
+
+def canonical(labellings: Any, group: Any) -> Any:
+    """Of the images (k, m) of each labelling under a group (g, m) the one whose letters are last in the alphabet."""
+    best = [max((row[image] for image in group), key=lambda one: (~one).tobytes()) for row in labellings]
+    return np.array(best, dtype=bool).reshape(np.shape(labellings))
+
+
 DOWN = [{"element": "c2r0", "force": [0, -1]}]
 CASES: dict[str, tuple[list[str], Document]] = {
     "wall": (["aaaa", "aaaa", "aaaa", "####"], {}),

@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 
 from jld_explore.__main__ import main as entry
-from jld_explore.cli.command import main
+from jld_explore.cli.command import app, main
 
-__all__ = ["entry", "main"]
+__all__ = ["app", "entry", "main"]
 
 
 @dataclass(frozen=True)

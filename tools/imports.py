@@ -18,9 +18,6 @@ FOLDERS: Final = ("src", "tests", "benchmarks", "studies", "tools")
 MISSION: Final = ("jld_core", "jld_explore")
 """Packages that never import another one of this project; what add-ons import is exported by them."""
 
-SLOW: Final = ("jld_core.views.",)
-"""Modules that load what is slow; names that they define stay imported from them."""
-
 
 def path_of(module: str) -> Path | None:
     """Return the file of a module or package of this project, None if there is none."""
@@ -61,7 +58,7 @@ def home_of(module: str, name: str, here: str) -> str:
         return next((face for face in (module, *faces) if name in exported(face)), module)
     path = path_of(module)
     submodule = path_of(f"{module}.{name}") is not None
-    if path is None or submodule or name.startswith("__") or module.startswith(SLOW):
+    if path is None or submodule or name.startswith("__"):
         return module
     package = ".".join(module.split(".")[:2])
     inside = here == package or here.startswith(f"{package}.")

@@ -16,8 +16,7 @@ from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, load_scene,
 from jld_core.fields import bounds_by_fields
 from jld_core.geometry.outlines import rectangle_torsion_length
 from jld_practice.reactions import reactions_of_supports, resultant_of_joint, thrust_ranges
-from jld_practice.reactions.force_range import ForceFunction
-from jld_practice.reactions.thrust import Resultant
+from jld_practice.reactions.thrust import ForceFunction, Resultant
 
 Interval = tuple[float, float]
 ROOT: Final = Path(__file__).parents[2]

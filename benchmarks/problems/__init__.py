@@ -58,7 +58,9 @@ def pushed(course: int) -> dict[str, Any]:
     return {"live": [{"element": f"p0k{course}", "force": [1, 0.3, 0]}]}
 
 
-FIELDS: Final = {"kind": "fields", "gap": 0.1}
+def fields(gap: float) -> dict[str, Any]:
+    return {"kind": "fields", "gap": gap}
+
 
 PROBLEMS: Final[dict[str, Callable[[], Scene]]] = {
     # one load
@@ -102,8 +104,8 @@ PROBLEMS: Final[dict[str, Callable[[], Scene]]] = {
     "arch-2x8": lambda: polar_grid_arch(2, 8, 0.16, [{"body": [1, 0]}], {"block_cells": [2, 4]}),
     "arch-2-rings": lambda: samples.arch(rings=2, voussoirs=14, thickness=0.24, bond="running", load="quarter"),
     # blocks that crack anywhere
-    "lintel-3x2-fields": changed(wall(3, 2, middle(1), "#.#"), "lintel, cracks by fields", cracks=FIELDS),
-    "wall-3x3-fields": changed(wall(3, 3, block_cells=[2, 4]), "wall, cracks by fields", cracks=FIELDS),
+    "lintel-3x2-fields": changed(wall(3, 2, middle(1), "#.#"), "lintel, cracks by fields", cracks=fields(0.05)),
+    "wall-3x3-fields": changed(wall(3, 3, block_cells=[2, 4]), "wall, cracks by fields", cracks=fields(0.01)),
     # space
     "cubes-2": lambda: cubes(2),
     "cubes-3": lambda: cubes(3, search={"block_cells": [2, 6]}),

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, Ints
-from jld_cut.meshes import manifold3d, open_edges, solid_of, surface_of
+from jld_cut.meshes import manifold3d, open_edges, pieces_of, solid_of, surface_of
 from jld_cut.whole import outer_surface, triangles_of
 
 CORNERS: Final = 8  # most corners of a joint
@@ -82,7 +82,7 @@ class Cutting:
         halves = cell.split_by_plane(tuple(normal), float(offset))
         if min(half.volume() for half in halves) < 1e-9 * self.size**3:
             return [cell]
-        return [one for half in halves for one in half.decompose() if one.volume() > 1e-12 * self.size**3]
+        return [one for half in halves for one in pieces_of(half) if one.volume() > 1e-12 * self.size**3]
 
     def locally(self, point: Floats, normal: Floats) -> bool:
         """Cut the cell at a point, only where the section through the point is connected."""

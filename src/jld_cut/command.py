@@ -24,6 +24,7 @@ def cut_(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for parts, tables and pictures.")],
     mass: Annotated[float | None, typer.Option(help="Largest mass of a part, kg.")] = None,
     parts: Annotated[int | None, typer.Option(min=1, help="Most parts.")] = None,
+    alike: Annotated[int | None, typer.Option(min=1, help="Most different shapes of parts.")] = None,
     require: Annotated[float, typer.Option(help="Load factor that the parts must carry.")] = 1.0,
     support: Annotated[
         list[str] | None,
@@ -38,13 +39,13 @@ def cut_(
     compressive: Annotated[float | None, typer.Option(min=0.0, help="Its compressive strength, Pa.")] = None,
     family: Annotated[list[str] | None, typer.Option(help=f"Ways to cut: {', '.join(FAMILIES)}; default all.")] = None,
     cells: Annotated[int, typer.Option(min=2, max=60, help="Cells that a way to cut aims at.")] = 24,
+    tenons: Annotated[
+        bool, typer.Option("--tenons", help="Tenons at joints that a part is laid straight onto.")
+    ] = False,
+    marks: Annotated[bool, typer.Option("--marks", help="Engrave number and arrow, up as the part stands.")] = False,
     seconds: Annotated[float, typer.Option(help="Time for all, s.")] = 60.0,
     keep_whole: Annotated[
         list[str] | None, typer.Option(help="x0,y0,z0,x1,y1,z1: no joint meets this box; may be given again.")
-    ] = None,
-    tenons: Annotated[bool, typer.Option("--tenons", help="Tenons in joints where they fit.")] = False,
-    mark: Annotated[
-        float | None, typer.Option(help="Depth of number and arrow, file's unit; 0: none; default 0.4 % of the box.")
     ] = None,
     as_json: options.AsJson = False,
 ) -> None:
@@ -62,6 +63,7 @@ def cut_(
         tuple(load),
         mass=mass,
         parts=parts,
+        alike=alike,
         require=require,
         support=tuple(support or ()),
         matter=Matter(density, friction_angle, tensile, shear, compressive),
@@ -72,7 +74,7 @@ def cut_(
         seconds=seconds,
         keep_whole=tuple(keep_whole or ()),
         tenons=tenons,
-        mark=mark,
+        marks=marks,
     )
     summary = cut(solid, wanted, out, None if as_json else streams.say)
     streams.say(json.dumps(summary, indent=1) if as_json else f"written to   {out}")

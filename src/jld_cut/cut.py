@@ -10,27 +10,29 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 import shapely
 
 from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, Layout, ParameterError, files, plugins
-from jld_cut.cells import Joint, Limits
+from jld_cut.cells import Limits
 from jld_cut.families import FAMILIES
 from jld_cut.loads import parse_load, parse_region
-from jld_cut.marks import add_tenons, engrave
+from jld_cut.marks import mark, tenons
 from jld_cut.meshes import read_solid
 from jld_cut.partitions import frames
 from jld_cut.parts import Part, different, lay, parts_of, write_parts
-from jld_cut.picture import figure_of_order, figure_of_parts
+from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
 from jld_cut.scene import Matter, Setting
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, layout_of, search_all
 from jld_explore.report import csv_of
 from jld_formats import export
-from jld_views import page_of_study
+from jld_views import figures, page_of_study
 
+_FIELDS: Final = 45.0  # time from which bounds by fields have a chance, s
+_PAGE: Final = 4.0  # time from which the page of the search is made, s
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
 
@@ -64,13 +66,14 @@ class Options:
         Unit of the file: mm, cm, m, in or ft.
     seconds : float
         Time for all.
+    alike : int or None
+        Most different shapes of parts; a part and its mirror image are alike.
     keep_whole : tuple of str
         Boxes x0,y0,z0,x1,y1,z1 that no joint meets.
     tenons : bool
-        Whether joints have tenons where they fit; λ does not count on them.
-    mark : float or None
-        Depth of the number and the arrow cut into each part, in the unit of the file; 0 for none, None for 0.4 % of
-        the shortest side of the box.
+        Put a tenon on each joint that a part is laid straight onto, where one fits.
+    marks : bool
+        Engrave number and arrow.
     """
 
     fit: tuple[float, float, float]
@@ -85,9 +88,10 @@ class Options:
     cells: int = 24
     unit: str = "m"
     seconds: float = 60.0
+    alike: int | None = None
     keep_whole: tuple[str, ...] = ()
     tenons: bool = False
-    mark: float | None = None
+    marks: bool = False
 
     def wish(self) -> Wish:
         """Return what the search is asked for, in m and kg; ParameterError for what cannot be used."""
@@ -99,6 +103,7 @@ class Options:
             "seconds": self.seconds,
             "mass": self.mass,
             "parts": self.parts,
+            "alike": self.alike,
             "cells": self.cells,
         }
         for name, value in [*positive.items(), *(("fit", side) for side in self.fit)]:
@@ -106,8 +111,6 @@ class Options:
                 raise ParameterError(name, f"{value:g} is too small", "a number above 0")
         if not 0.0 <= self.clearance < min(self.fit):
             raise ParameterError("clearance", f"{self.clearance:g} is no gap of joints", "a small part of a side")
-        if self.mark is not None and not 0.0 <= self.mark < 0.1 * min(self.fit):
-            raise ParameterError("mark", f"{self.mark:g} is no depth of a number", "a small part of a side, or 0")
         if not self.loads:
             raise ParameterError("load", "no load is given", 'a force such as "0,0,-1000", N, or body:X,Y,Z')
         unknown = [name for name in self.families if name not in FAMILIES]
@@ -119,7 +122,9 @@ class Options:
         volume = np.inf if self.mass is None else self.mass / self.matter.density
         limits = Limits(scale * np.sort(np.array(self.fit, dtype=float)), volume, self.cells)
         setting = Setting(self.matter, loads, patches)
-        return Wish(setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, regions)
+        return Wish(
+            setting, limits, self.mass, self.require, self.parts, self.families, self.seconds, regions, self.alike
+        )
 
 
 @dataclass
@@ -190,14 +195,13 @@ def cut(
         return share * (options.seconds - (time.perf_counter() - start))
 
     now = time.time()
-    families = search_all(solid, path.stem, wish, now + left(0.4), say)
+    families = search_all(solid, path.stem, wish, now + left(0.45), say)
     chosen = _choose(families, wish, scale * options.clearance, time.time() + left(0.55), say)
     summary = _summary(chosen, families, solid, options)
-    summary |= _joined_and_marked(chosen, wish, options)
-    _write(chosen, summary, out, scale)
+    _write(chosen, summary, out, options)
     say(summary["verdict"])
     with _fields_beside(chosen, out, left(0.95)) as bracket:
-        _draw(chosen, summary, out, left(0.4))
+        _draw(chosen, summary, out, scale, left(0.8))
         summary["by_fields"] = bracket(left(0.95))
     summary["seconds"] = time.perf_counter() - start
     files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
@@ -218,7 +222,7 @@ def _choose(families: list[Family], wish: Wish, clearance: float, end: float, sa
     numbers = sorted({n for one in families for n, of in one.found.of.items() if len(of.low)})
     carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
     for parts in carrying or numbers[-1:]:
-        for family, block, coarse, bracket in _judged(families, parts, wish, end, made is not None, say):
+        for family, block, coarse, bracket in _judged(families, parts, wish, end, say):
             tried = _chosen(family, block, coarse, bracket, wish, clearance, end)
             made = made or tried
             if not tried.too_large and tried.can_be_laid is not False:
@@ -238,7 +242,7 @@ def _top(family: Family, parts: int) -> float:
 
 
 def _judged(
-    families: list[Family], parts: int, wish: Wish, end: float, late: bool, say: Callable[[str], None]
+    families: list[Family], parts: int, wish: Wish, end: float, say: Callable[[str], None]
 ) -> list[tuple[Family, Ints, float, Bracket]]:
     """Return the layouts of one number of parts that are best on the cells, the strongest on convex cells first."""
     judged: list[tuple[float, float, tuple[Family, Ints, float, Bracket]]] = []
@@ -261,7 +265,7 @@ def _judged(
 
 
 def _low(bracket: Bracket) -> float:
-    return np.inf if bracket[1] is None and bracket[0] is not None else -np.inf if bracket[0] is None else bracket[0]
+    return np.inf if bracket[2] else -np.inf if bracket[0] is None else bracket[0]
 
 
 def _chosen(
@@ -289,7 +293,7 @@ def _order(layout: Layout, seconds: float) -> Any:
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
     """Return the facts of a cut solid."""
-    low, high = chosen.bracket
+    low, high, locked = chosen.bracket
     found, parts = chosen.family.found, len(chosen.parts)
     volumes = [cell.volume() for cell in chosen.family.cutting.cells]
     box = np.array([part.box for part in chosen.parts])
@@ -297,12 +301,13 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "parts": parts,
         "load_factor": low,
         "bracket": [low, high],
-        "locked": low is not None and high is None,
+        "locked": locked,
+        "only_crushing": not locked and chosen.coarse == np.inf and options.matter.compressive is not None,
         "load_factor_of_cells": _finite(chosen.coarse),
         "proven": found.proven(parts),
         "bound": _finite(found.bound(parts)),
         "layouts": sum(one.solved for one in found.of.values()),
-        "uncut": list(chosen.uncut),
+        "uncut": list(chosen.uncut[:2]),
         "require": options.require,
         "meets": chosen.low >= options.require * (1 - 1e-6),
         "fits": not chosen.too_large,
@@ -381,6 +386,12 @@ def verdict(summary: dict[str, Any]) -> str:
     start, end = summary["uncut"]
     whole = "any multiple" if start is not None and end is None else "unknown" if start is None else f"{start:.3g}"
     told = f"{many} {carry}; uncut {whole}"
+    if summary.get("only_crushing"):
+        told += "; only crushing limits it"
+    if low is not None and start is not None and end is not None and low > start * (1 + 1e-3):
+        told += " (a dry joint opens over its whole depth, an uncut section cracks at its elastic limit)"
+    if summary.get("proven"):
+        told += "; no fewer parts of these cells do, and no layout of as many is stronger on them"
     if low is not None and not summary["meets"]:
         told += f"; {summary['require']:g} was asked"
     if summary["too_large"]:
@@ -396,8 +407,9 @@ def verdict(summary: dict[str, Any]) -> str:
     return "; ".join([told, *summary.get("warnings", ())]) + "."
 
 
-def _joined_and_marked(chosen: Chosen, wish: Wish, options: Options) -> dict[str, Any]:
-    """Give parts their steps, tenons and numbers; return how many have them."""
+def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options) -> None:
+    """Write parts, table, order and pictures."""
+    scale = UNITS[options.unit]
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}
     for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):
@@ -407,26 +419,12 @@ def _joined_and_marked(chosen: Chosen, wish: Wish, options: Options) -> dict[str
             if len(elements):
                 part = chosen.parts[place[int(chosen.block[elements[0]])]]
                 part.step, part.direction = number, -np.asarray(step.direction, dtype=float)
-    scale, family = UNITS[options.unit], chosen.family
-    dry = [joint for joint in family.joints if _parts_two(joint, chosen.block)]
-    count = 0
     if options.tenons:
-        turned = frames(family.normals)
         gap = scale * options.clearance
-        count = add_tenons(chosen.parts, chosen.block, dry, gap, lambda part: lay(part, wish.limits.fit, turned))
-    depth = scale * (0.004 * min(options.fit) if options.mark is None else options.mark)
-    planes = [np.array([*joint.normal, joint.normal @ joint.polygon[0]]) for joint in dry]
-    plain = [part.number for part in chosen.parts if not (depth and engrave(part, planes, depth))]
-    return {"tenons": count, "not_marked": plain}
-
-
-def _parts_two(joint: Joint, block: Ints) -> bool:
-    """Whether a joint lies between two parts, or a part and a support."""
-    return joint.b >= len(block) or joint.a >= len(block) or bool(block[joint.a] != block[joint.b])
-
-
-def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> None:
-    """Write parts, table, order and pictures."""
+        fit = scale * np.sort(np.array(options.fit))
+        summary["tenons"] = tenons(chosen.parts, chosen.block, chosen.family.joints, gap, fit, scale)
+    if options.marks:
+        summary["marked"] = [part.number for part in chosen.parts if mark(part, scale)]
     write_parts(out, chosen.parts, scale)
     summary["watertight"] = all(part.watertight for part in chosen.parts)
     summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]
@@ -441,19 +439,39 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float) -> 
     files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")
 
 
-def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, seconds: float) -> None:
-    """Write the pictures, and the page, whose slider pulls the parts apart."""
-    figure_of_parts(chosen.parts, summary["verdict"], out / "parts.png")
-    if chosen.can_be_laid:
-        figure_of_order(chosen.parts, out / "order.png")
-    done = explored(chosen.family, chosen.block, out / "search", max(1.0, seconds))
-    page_of_study.write_report(done, out, patience=max(1.0, seconds))
+def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float, seconds: float) -> None:
+    """Write the pictures, the pages, and the page of the search, whose slider pulls the parts apart."""
+    parts, told, start = chosen.parts, summary["verdict"], time.perf_counter()
+    figures.save_figure(figure_of_parts(parts, told), out / "parts.png")
+    steps = steps_of(parts)
+    if steps:
+        figures.save_figure(figure_of_order(parts, steps), out / "order.png")
+    keys = ("parts", "load_factor", "load_factor_of_cells", "family", "proven")
+    front = (
+        ["parts", "λ", "λ of the cells", "cut by", "all known"],
+        [[_shown(row[key]) for key in keys] for row in summary["front"]],
+    )
+    table = table_of(parts, scale)[["part", "mass", "volume", "size_x", "size_y", "size_z", "step"]]
+    cutting = list(table.columns), [[f"{value:.5g}" for value in row] for row in table.to_numpy(dtype=float)]
+    write_page(parts, told, front, cutting, out / "parts.html")
+    write_pages(parts, told, front, cutting, out / "parts.pdf")
+    left = seconds - (time.perf_counter() - start)
+    if left < _PAGE:
+        return
+    done = explored(chosen.family, chosen.block, out / "search", max(1.0, left / 2))
+    page_of_study.write_report(done, out, patience=max(1.0, left / 2))
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 @contextmanager
 def _fields_beside(chosen: Chosen, out: Path, seconds: float) -> Iterator[Callable[[float], list[float | None] | None]]:
     """Begin bounds of λ by fields in a process that the clock ends; yield what waits for its bracket."""
-    if not chosen.fine.convex or seconds < 5.0:
+    if not chosen.fine.convex or seconds < _FIELDS:
         yield lambda _: None
         return
     order = [sys.executable, "-m", "jld_explore", "solve", str(out / "scene.json"), "--cracks", "fields:0.5", "--json"]

@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from jld_core import Bools, Floats, InputError, Ints, error_context
+from jld_cut.whole import groups
 from jld_formats import ImportOptions, Notes, Solids, formats
 
 ENDINGS: Final = ("stl", "obj", "3mf")
@@ -44,6 +45,37 @@ def surface_of(solid: Any) -> tuple[Floats, Ints]:
     return points, np.array(mesh.tri_verts, dtype=np.int64)
 
 
+def pieces_of(solid: Any) -> list[Any]:
+    """Return the connected pieces of a manifold, each with its closed cavities."""
+    found = solid.decompose()
+    whole = [one for one in found if one.volume() > 0.0]
+    for void in (one for one in found if one.volume() < 0.0):
+        points, triangles = surface_of(void)
+        body = solid_of(points, triangles[:, ::-1])
+        for k, one in enumerate(whole):
+            if (one ^ body).volume() > 0.5 * body.volume():
+                whole[k] = one - body
+                break
+    return whole
+
+
+def moments(solid: Any) -> Floats:
+    """Return volume, first (3,) and second moments (9,) of a solid about the origin: those of parts add up."""
+    points, triangles = surface_of(solid)
+    corners = points[triangles]
+    volume, total = np.linalg.det(corners) / 6.0, corners.sum(axis=1)
+    second = np.einsum("k,ki,kj->ij", volume, total, total) + np.einsum("k,kci,kcj->ij", volume, corners, corners)
+    return np.concatenate([[volume.sum()], volume @ total / 4.0, second.ravel() / 20.0])
+
+
+def kind_of(moment: Floats, scale: float) -> tuple[int, ...]:
+    """Return what parts of one shape, turned or mirrored, have in common; scale: a volume."""
+    volume, first, second = moment[0], moment[1:4], moment[4:].reshape(3, 3)
+    spread = np.linalg.eigvalsh(second - np.outer(first, first) / volume)
+    sizes = np.array([volume ** (1 / 3), *np.maximum(spread, 0.0) ** 0.2])
+    return tuple(np.round(sizes / (1e-4 * scale ** (1 / 3))).astype(int).tolist())
+
+
 def read_solid(path: Path, unit: float) -> Any:
     """Read one closed solid, lengths × `unit`; InputError says where it is open or crosses itself."""
     manifold3d()
@@ -59,14 +91,26 @@ def read_solid(path: Path, unit: float) -> Any:
         hollow = [not outwards and len(solids) > 1 for _, outwards in solids]
         whole = manifold3d().Manifold()
         for (solid, _), empty in sorted(zip(solids, hollow, strict=True), key=lambda one: one[1]):
-            whole = whole - solid if empty else whole + solid
-        if len(whole.decompose()) > 1:
-            raise InputError("", f"it holds {len(whole.decompose())} solids that do not touch", "one solid")
+            for piece in pieces_of(solid):  # bodies that touch share corners
+                whole = whole - piece if empty else whole + piece
+        if (number := len(pieces_of(whole))) > 1:
+            raise InputError("", f"it holds {number} solids that do not touch", "one solid")
     return whole
 
 
 def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
     """Read the surfaces of an STL or OBJ file, as points and triangles."""
+    try:
+        data = path.read_bytes() if kind == "stl" else b""
+    except OSError as error:
+        raise InputError("", f"it cannot be read ({error.strerror})", "a file") from None
+    if len(data) > 84 and len(data) == 84 + _RECORD.itemsize * int.from_bytes(data[80:84], "little"):
+        # corners that nearly meet, as a modeller leaves, are no other solid: only what shares no corner is
+        points, triangles = as_read(data)
+        if np.isfinite(points).all():
+            points, triangles = merged(points, triangles, 1e-7 * float(np.ptp(points, axis=0).max()))
+            name = groups(triangles[:, [0, 1, 1, 2]].reshape(-1, 2), len(points))[triangles[:, 0]]
+            return [(points, triangles[name == one]) for one in np.unique(name)]
     read = formats.readers()[kind].read
     assert read is not None
     found = read(path, ImportOptions(), Notes())

@@ -11,14 +11,32 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Floats, Ints, build_assembly, one_thread, parse_scene, solve_many
+from jld_core import (
+    Assembly,
+    Bits,
+    Bools,
+    Deadline,
+    DeadlinePassed,
+    Floats,
+    InputError,
+    Ints,
+    LimitAnalysis,
+    build_assembly,
+    checkpoint,
+    one_thread,
+    parse_scene,
+    solve_many,
+)
+from jld_core.batch import batch_solver
 from jld_cut.cells import Limits
+from jld_cut.meshes import kind_of
 
 # sets of cells are whole numbers with one bit for each cell
 
 SETS: Final = 60_000  # connected sets above which they are not listed
 LAYOUTS: Final = 20_000  # layouts of one number of parts above which they are not all solved
-_FURTHER: Final = 2_000  # the same of more parts than the fewest
+_EACH: Final = 1.0  # processor time of a layout that the batch solver does not settle, s
+_FURTHER: Final = 600  # the same of more parts than the fewest
 KEPT: Final = 40  # strongest layouts of each number of parts that are kept
 _CHUNK: Final = 256  # layouts solved together
 _MORE: Final = 3  # numbers of parts above the fewest that the front holds
@@ -49,13 +67,18 @@ class Boxes:
 
     low: Floats  # (n, k, 3) in k frames
     high: Floats
-    volume: Floats  # (n,)
+    moments: Floats  # (n, 13) of `meshes.moments`
+
+    @property
+    def volume(self) -> Floats:
+        """Volume of each cell (n,)."""
+        return np.asarray(self.moments[:, 0])
 
     @classmethod
-    def of(cls, points: list[Floats], volume: Floats, turned: Floats) -> Boxes:
+    def of(cls, points: list[Floats], moments: Floats, turned: Floats) -> Boxes:
         """Return the boxes of cells with corners (c, 3) each."""
         seen = [np.einsum("kij,cj->cki", turned, corners) for corners in points]
-        return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), volume)
+        return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), moments)
 
     def fit(self, low: Floats, high: Floats, limits: Limits) -> Any:
         """Return whether boxes (s, k, 3) of sets fit the limits in some frame, (s,)."""
@@ -109,14 +132,19 @@ def covers(sets: list[int], count: int, parts: int) -> Iterator[list[int]]:
             number, left = number + 1, left & ~reach[e]
         return number
 
+    known, largest = set(sets), max(one.bit_count() for one in sets)
+
     def rest(left: int, parts: int) -> Iterator[list[int]]:
-        if not left or not parts or fewest(left) > parts:
-            if not left and not parts:
-                yield []
+        checkpoint()
+        if parts == 1:
+            if left in known:
+                yield [left]
+            return
+        if left.bit_count() > parts * largest or fewest(left) > parts:
             return
         e = next(e for e in order if left >> e & 1)
         for one in holding[e]:
-            if not one & ~left:
+            if not one & ~left and one != left:
                 yield from ([one, *more] for more in rest(left & ~one, parts - 1))
 
     yield from rest((1 << count) - 1, parts)
@@ -131,6 +159,7 @@ class Layouts:
     blocks: Ints  # (k, n) part of each cell
     low: Floats  # (k,) infinite where no load makes the layout collapse
     high: float  # no layout of the complete list carries more
+    open: int = 0  # layouts without an upper bound that are not known to be locked
 
 
 @dataclass
@@ -142,8 +171,8 @@ class Found:
     problem: str = ""
 
     def proven(self, parts: int) -> bool:
-        """Return whether all layouts of at most so many parts were solved."""
-        return all(n in self.of and self.of[n].complete for n in range(1, parts + 1))
+        """Return whether all layouts of at most so many parts were solved, with proven bounds."""
+        return all(n in self.of and self.of[n].complete and not self.of[n].open for n in range(1, parts + 1))
 
     def bound(self, parts: int) -> float:
         """Return what no layout of at most so many parts exceeds; infinite where that is not known."""
@@ -158,6 +187,40 @@ class Asked:
     most: int
     until: float
     last: float
+    alike: int | None = None  # most different shapes of parts
+
+
+class Bounds:
+    """Bounds on λ of layouts by the parts of the first n elements; without crushing unless `crush`."""
+
+    def __init__(self, document: dict[str, Any], *, crush: bool = False) -> None:
+        kinds = {k: dict(v) if isinstance(v, dict) else v for k, v in document["materials"].items()}
+        for kind in () if crush else ("dry", "inner"):
+            kinds[kind].pop("compressive_strength", None)
+        self.assembly = build_assembly(parse_scene(document | {"materials": kinds}))
+        self.analysis = LimitAnalysis(self.assembly)
+
+    def __call__(self, blocks: Ints) -> tuple[Floats, Floats, Bools]:
+        """Return lower and upper bounds (k,) for parts (k, n), and where no load makes a layout collapse."""
+        labels, batch = labels_of(self.assembly, blocks), self.analysis.batch
+        if batch is None:
+            found = solve_many(self.assembly, labels, seconds=_EACH)
+            status = np.array([str(one) for one in found.status])
+            low, high, falls, locked = found.low, found.high, status == "unstable", status == "locked"
+        else:
+            raw, scale = batch.solve(labels), self.analysis.template.scaling.load
+            low, high = scale * raw.low, scale * raw.high
+            falls, locked = raw.verdict == batch_solver.FALLS, raw.verdict == batch_solver.LOCKED
+        low = np.where(np.isfinite(low) & ~falls & (low >= 0.0), low, -np.inf)
+        return low, np.where(falls, -np.inf, np.where(np.isfinite(high) & ~locked, high, np.inf)), locked
+
+
+def labels_of(assembly: Assembly, blocks: Ints) -> Bits:
+    """Return labels (k, m), True = dry, for parts (k, n) of the first n elements."""
+    part = np.full((len(blocks), len(assembly.elements)), -1)
+    part[:, : blocks.shape[1]] = blocks
+    faces = assembly.interfaces
+    return np.asarray(part[:, faces.a] != part[:, faces.b])
 
 
 @one_thread()
@@ -177,20 +240,25 @@ def search(
     if not sets:
         found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
         return found
-    assembly = build_assembly(parse_scene(document))
-    faces, cells = assembly.interfaces, np.full(len(assembly.elements), -1)
+    try:
+        bounds = Bounds(document)
+    except InputError as error:  # splinters may leave joints that no face bears out
+        found.problem = str(error)
+        return found
 
-    def labels(rows: Ints) -> Any:
-        part = np.tile(cells, (len(rows), 1))
-        part[:, :count] = rows
-        return part[:, faces.a] != part[:, faces.b]
+    @cache
+    def kind(one: int) -> tuple[int, ...]:
+        members = [k for k in range(count) if one >> k & 1]
+        return kind_of(boxes.moments[members].sum(axis=0), float(boxes.volume.max()))
 
     for parts in range(1, min(asked.most, count) + 1):
         if parts > fewest + _MORE:
             break
-        first = parts < fewest
-        ways, most, end = covers(sets, count, parts), *((LAYOUTS, asked.last) if first else (_FURTHER, asked.until))
-        one = solved_layouts(ways, count, lambda rows: solve_many(assembly, labels(rows)), most, end)
+        first, found_ways = parts < fewest, covers(sets, count, parts)
+        if asked.alike is not None:
+            found_ways = (way for way in found_ways if len({kind(one) for one in way}) <= (asked.alike or 0))
+        ways, most, end = found_ways, *((LAYOUTS, asked.last) if first else (_FURTHER, asked.until))
+        one = solved_layouts(ways, count, bounds, most, end)
         found.of[parts] = one
         if len(one.low) and one.low[0] >= require:
             fewest = min(fewest, parts)
@@ -201,26 +269,34 @@ def search(
 
 
 def solved_layouts(
-    choices: Iterator[list[int]], count: int, solve: Callable[[Ints], Any], number: int, until: float
+    choices: Iterator[list[int]],
+    count: int,
+    solve: Callable[[Ints], tuple[Floats, Floats, Bools]],
+    number: int,
+    until: float,
 ) -> Layouts:
     """Return the strongest of at most so many layouts (sets of cells for each part), solved until the time ends."""
     bits = 1 << np.arange(count, dtype=object)
-    blocks, low, high, solved = np.zeros((0, count), dtype=np.int64), np.zeros(0), -np.inf, 0
+    blocks, low, high, solved, unknown = np.zeros((0, count), dtype=np.int64), np.zeros(0), -np.inf, 0, 0
     size = 8
-    while rows := list(islice(choices, size)):
+    while True:
+        try:
+            with Deadline(max(0.1, until - time.time())).enforced():
+                rows = list(islice(choices, size))
+        except DeadlinePassed:
+            return Layouts(False, solved, blocks, low, np.inf)
+        if not rows:
+            return Layouts(True, solved, blocks, low, high, unknown)
         if solved + len(rows) > number or (solved and time.time() > until):
             return Layouts(False, solved, blocks, low, np.inf)
         began = time.perf_counter()
         part = np.array([sum(k * ((one & bits) > 0).astype(int) for k, one in enumerate(row)) for row in rows])
-        result = solve(part.astype(np.int64))
-        locked = np.array([str(status) == "locked" for status in result.status])
-        falls = np.array([str(status) == "unstable" for status in result.status])
-        least = np.where(locked, np.inf, np.where(np.isfinite(result.low), result.low, -np.inf))
-        most = np.where(falls, -np.inf, np.where(np.isfinite(result.high), result.high, np.inf))
+        least, most, locked = solve(part.astype(np.int64))
+        least = np.where(locked, np.inf, least)
         high, solved = max(high, float(most.max())), solved + len(rows)
-        stands = np.isfinite(least) | locked
+        unknown += int((np.isposinf(most) & ~locked).sum())
+        stands = least >= 0.0
         blocks, low = np.concatenate([blocks, part[stands]]), np.concatenate([low, least[stands]])
         best = np.argsort(-low, kind="stable")[:KEPT]
         blocks, low = blocks[best].astype(np.int64), low[best]
         size = int(np.clip(len(rows) / (time.perf_counter() - began), 8, _CHUNK))  # a second each
-    return Layouts(True, solved, blocks, low, high)

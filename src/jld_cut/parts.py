@@ -16,7 +16,10 @@ from jld_cut.meshes import (
     as_single,
     as_written,
     doubled_edges,
+    kind_of,
+    moments,
     obj_text,
+    pieces_of,
     solid_of,
     stl_bytes,
     surface_of,
@@ -41,9 +44,9 @@ class Part:
     box: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) sides of its smallest box, ascending
     bed: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) rotation that lays it on the bed
     open: int = 0  # edges of its file that other than two faces meet at
-    tenons: Any = None  # what stands out of it into others
     step: int = 0
     direction: Floats = field(default_factory=lambda: np.zeros(3))
+    marked: bool = False  # number and arrow are engraved
     error: float = 0.0  # of the volume in its file, or of what was cut, whichever is more
 
     @property
@@ -83,7 +86,7 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
         solids[b] -= exact[a].translate(tuple(move))
     found = []
     for k, (group, whole, solid) in enumerate(zip(members, exact, solids, strict=True)):
-        pieces = [one for one in solid.decompose() if one.volume() > _SPLINTER * whole.volume()]
+        pieces = [one for one in pieces_of(solid) if one.volume() > _SPLINTER * whole.volume()]
         if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
             raise InputError("clearance", problem, "a smaller clearance")
@@ -96,21 +99,9 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
 
 
 def different(parts: list[Part]) -> int:
-    """Return how many parts are of different shape, by volume and moments: a part and its mirror image are alike."""
-    found = []
-    for part in parts:
-        points, triangles = surface_of(part.exact)
-        corners = points[triangles]
-        volume = np.linalg.det(corners) / 6.0
-        whole = volume.sum()
-        middle = (volume[:, None] * corners.sum(axis=1)).sum(axis=0) / (4.0 * whole)
-        corners = corners - middle
-        volume = np.linalg.det(corners) / 6.0
-        total = corners.sum(axis=1)
-        second = np.einsum("k,ki,kj->ij", volume, total, total) + np.einsum("k,kci,kcj->ij", volume, corners, corners)
-        found.append([whole ** (1 / 3), *(np.maximum(np.linalg.eigvalsh(second / 20.0), 0.0) ** 0.2)])
-    values = np.array(found)
-    return len(np.unique(np.round(values / (1e-5 * values.max())), axis=0))
+    """Return how many parts are of different shape: a part and its mirror image are alike."""
+    found = np.array([moments(part.exact) for part in parts])
+    return len({kind_of(one, float(found[:, 0].max())) for one in found})
 
 
 def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool:  # noqa: B008
@@ -118,7 +109,7 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
 
     turned: (k, 3, 3) rotations that are tried beside those that lay it on a face.
     """
-    points, triangles = surface_of(part.exact if part.tenons is None else part.exact + part.tenons)
+    points, triangles = surface_of(part.exact)
     corners = points[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)

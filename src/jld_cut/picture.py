@@ -1,19 +1,22 @@
-"""Pictures of parts: pulled apart, and step by step."""
+"""Pictures and pages of parts: pulled apart, and step by step."""
 
 from __future__ import annotations
 
+import json
+from importlib import resources
 from pathlib import Path
-from typing import Any
+from textwrap import wrap
+from typing import Any, Final
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from jld_core import Floats
+from jld_core import Floats, files
 from jld_cut.meshes import surface_of
 from jld_cut.parts import Part
-from jld_views import figures
 
 
 def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
@@ -50,26 +53,28 @@ def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
     points = np.concatenate(all_points)
     low, high = points.min(axis=0), points.max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(np.maximum(high - low, 1e-9), zoom=0.9)
+    sides = np.maximum(high - low, 1e-9)
+    # the longest diagonal has one length in any picture: what stands upright is drawn smaller
+    tall = sides[2] * np.cos(np.radians(22)) + np.linalg.norm(sides[:2]) * np.sin(np.radians(22))
+    axes.set_box_aspect(sides, zoom=0.9 * min(1.0, 0.66 * np.linalg.norm(sides) / tall))
     axes.view_init(22, -62)
     axes.set_axis_off()
 
 
-def figure_of_parts(parts: list[Part], title: str, path: Path) -> None:
-    """Write a picture of parts pulled apart."""
+def figure_of_parts(parts: list[Part], title: str) -> Figure:
+    """Return a picture of parts pulled apart."""
     middles = np.array([np.array(part.exact.bounding_box()).reshape(2, 3).mean(axis=0) for part in parts])
     moves = 0.45 * (middles - middles.mean(axis=0))
     moves[:, 2] -= moves[:, 2].min()
     figure = Figure(figsize=(9, 6.5))
     # wider than the figure: axes in space clip to their own box
     _draw(figure.add_axes((-0.25, -0.2, 1.5, 1.4), projection="3d"), parts, moves, numbers=True)
-    figure.suptitle(title, fontsize=10, y=0.97)
-    figures.save_figure(figure, path)
+    figure.suptitle("\n".join(wrap(title, 100)), fontsize=10, y=0.97)
+    return figure
 
 
-def figure_of_order(parts: list[Part], path: Path) -> None:
-    """Write a picture for each step of the order in which parts are laid, the new one drawn back."""
-    steps = sorted({part.step for part in parts if part.step})
+def figure_of_order(parts: list[Part], steps: list[int]) -> Figure:
+    """Return a picture of each of some steps of the order in which parts are laid, the new one drawn back."""
     columns = min(4, max(1, len(steps)))
     rows = -(-len(steps) // columns)
     figure = Figure(figsize=(3.2 * columns, 3.0 * rows))
@@ -80,5 +85,59 @@ def figure_of_order(parts: list[Part], path: Path) -> None:
         axes = figure.add_subplot(rows, columns, k + 1, projection="3d")
         _draw(axes, laid, moves, numbers=True)
         named = ", ".join(str(part.number) for part in laid if part.step == step)
-        axes.set_title(f"{k + 1}. lay part {named}", fontsize=9)
-    figures.save_figure(figure, path)
+        axes.set_title(f"{step}. lay part {named}", fontsize=9)
+    return figure
+
+
+def steps_of(parts: list[Part]) -> list[int]:
+    """Return the numbers of the steps in which parts are laid."""
+    return sorted({part.step for part in parts if part.step})
+
+
+Table = tuple[list[str], list[list[str]]]  # heads and rows
+
+
+def write_page(parts: list[Part], verdict: str, front: Table, cutting: Table, path: Path) -> None:
+    """Write a page with the parts as they stand: a slider that pulls them apart, the order of assembly, and tables."""
+    colours = (255 * colormaps["tab20"](np.array([part.number - 1 for part in parts]) % 20)[:, :3]).astype(int)
+    boxes = np.array([np.array(part.exact.bounding_box()).reshape(2, 3) for part in parts])
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    size = float((high - low).max())
+    shown = []
+    for part, box, colour in zip(parts, boxes, colours, strict=True):
+        points, triangles = surface_of(part.solid)
+        one = {
+            "number": part.number,
+            "step": part.step,
+            "direction": part.direction.tolist(),
+            "colour": colour.tolist(),
+        }
+        one |= {"middle": box.mean(axis=0).tolist(), "faces": triangles.tolist()}
+        shown.append(one | {"points": [[float(f"{v:.6g}") for v in point] for point in points.tolist()]})
+    data = {"verdict": verdict, "size": size, "middle": ((low + high) / 2).tolist(), "parts": shown}
+    text = json.dumps(data | {"front": front, "list": cutting}).replace("</", "<\\/")
+    page = resources.files("jld_cut").joinpath("assets", "parts.html").read_text(encoding="utf-8")
+    files.write_text(path, page.replace("/*DATA*/", text, 1))
+
+
+_ROWS: Final = 28  # of a table on a printed page
+_STEPS: Final = 8  # on a printed page
+
+
+def write_pages(parts: list[Part], verdict: str, front: Table, cutting: Table, path: Path) -> None:
+    """Write pages to print: the parts, λ against their number, the cutting list and the steps of assembly."""
+    with PdfPages(path, metadata={"CreationDate": None}) as pdf:
+        pdf.savefig(figure_of_parts(parts, verdict))
+        for title, (head, rows) in (("λ against the number of parts", front), ("Cutting list", cutting)):
+            for start in range(0, max(1, len(rows)), _ROWS):
+                figure = Figure(figsize=(11.7, 8.3))
+                axes = figure.add_axes((0.04, 0.04, 0.92, 0.86))
+                axes.set_axis_off()
+                axes.set_title(title, loc="left")
+                table = axes.table(cellText=rows[start : start + _ROWS], colLabels=head, loc="upper center")
+                table.auto_set_font_size(False)
+                table.set_fontsize(8)
+                pdf.savefig(figure)
+        steps = steps_of(parts)
+        for start in range(0, len(steps), _STEPS):
+            pdf.savefig(figure_of_order(parts, steps[start : start + _STEPS]))

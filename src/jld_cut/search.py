@@ -12,17 +12,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Assembly, Bits, Floats, InputError, Ints, Layout, build_assembly, parse_scene, solve_many
+from jld_core import Bits, Floats, InputError, Ints, Layout, build_assembly, parse_scene
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.families import FAMILIES, Body
 from jld_cut.loads import Facet, Region, facet_of, shares
-from jld_cut.meshes import surface_of
-from jld_cut.partitions import Asked, Boxes, Found, frames, search
+from jld_cut.meshes import moments, surface_of
+from jld_cut.partitions import Asked, Bounds, Boxes, Found, frames, labels_of, search
 from jld_cut.scene import Setting, grounds_of, scene_of
 from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.evaluation import Pool
 
-Bracket = tuple[float | None, float | None]
+Bracket = tuple[float | None, float | None, bool]  # bounds on λ, and whether no load makes a layout collapse
 
 BEST: Final = 10  # layouts of one number of parts that are judged on convex cells
 PIECES: Final = 150  # most convex cells
@@ -66,7 +66,7 @@ class Family:
         """Return the boxes of the cells in all frames in which a part may lie."""
         cells = self.cutting.cells
         corners = [surface_of(cell.hull())[0] for cell in cells]
-        return Boxes.of(corners, np.array([cell.volume() for cell in cells]), frames(self.normals))
+        return Boxes.of(corners, np.array([moments(cell) for cell in cells]), frames(self.normals))
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,7 @@ class Wish:
     families: tuple[str, ...]
     seconds: float
     whole: tuple[Region, ...] = ()  # that no joint meets
+    alike: int | None = None  # most different shapes of parts
 
 
 def body_of(solid: Any, wish: Wish) -> Body:
@@ -133,21 +134,14 @@ class Truth:
         self.document = scene_of(family.document["name"], fine, joints, setting, _CONVEX, fine.planes)
         self.coarse = ""  # why the cells of the search stand for convex ones
         try:
-            self.assembly = build_assembly(parse_scene(self.document))
+            self._bounds = Bounds(self.document, crush=True)
         except InputError as error:  # splinters of bisector planes may leave joints that no face bears out
             self.coarse = str(error)
             self.of, self.convex = np.arange(len(cutting.cells)), False
             self.document = family.document
-            self.assembly = build_assembly(parse_scene(self.document))
+            self._bounds = Bounds(self.document, crush=True)
         self.cells = len(self.of)
         self.known: dict[bytes, Bracket] = {}
-
-    def labels(self, block: Ints) -> Any:
-        """Return labels (m,) of the pieces' faces, True = dry, for parts (n,) of the cells."""
-        elements, faces = self.assembly.elements, self.assembly.interfaces
-        part = np.full(len(elements), -1)
-        part[: self.cells] = block[self.of]
-        return part[faces.a] != part[faces.b]
 
     def scene(self, block: Ints) -> dict[str, Any]:
         """Return the scene of the convex cells with the parts (n,) of the cells as blocks."""
@@ -159,9 +153,8 @@ class Truth:
         """Return the bracket of a layout by the parts (n,) of the cells."""
         key = block.tobytes()
         if key not in self.known:
-            found = solve_many(self.assembly, self.labels(block)[None])
-            high = None if str(found.status[0]) == "locked" else _end(found.high[0])
-            self.known[key] = _end(found.low[0]), high
+            low, high, locked = (one[0] for one in self._bounds(block[self.of][None]))
+            self.known[key] = _end(low), _end(high), bool(locked)
         return self.known[key]
 
 
@@ -195,10 +188,10 @@ def search_all(solid: Any, title: str, wish: Wish, until: float, say: Callable[[
     jobs = 2 if until - start > _BESIDE and (os.cpu_count() or 1) > 1 else 1
     with Pool(jobs) as pool:
         for family in _cut_ways(solid, title, wish, say, start + (0.4 * (until - start) if jobs > 1 else 0.0)):
-            share = (
-                until if jobs > 1 else time.time() + (until - time.time()) / max(1, len(wish.families) - len(families))
-            )
-            asked = Asked(wish.require, wish.most or MOST, share, until + 0.5 * (until - start))
+            # two at a time, each round with its share of the time; what is left is for finer cells
+            rounds = -(-len(wish.families) // jobs)
+            end = start + (until - start) * min(1.0, (len(families) // jobs + 1) / rounds)
+            asked = Asked(wish.require, wish.most or MOST, end, end + 0.4 * (until - start), wish.alike)
             task = family.document, family.boxes(), family.around, wish.limits, family.together, asked
             families.append(family)
             futures.append(pool.submit(search, *task).result if jobs > 1 else partial(search, *task))
@@ -249,15 +242,7 @@ def layout_of(family: Family, block: Ints) -> Layout:
     """Return the layout of the parts (n,) of the cells of a family."""
     scene = parse_scene(family.document)
     assembly = build_assembly(scene)
-    return Layout(scene, assembly, _labels(assembly, block[None])[0])
-
-
-def _labels(assembly: Assembly, blocks: Ints) -> Bits:
-    """Return labels (k, m), True = dry, for parts (k, n) of the cells."""
-    part = np.full((len(blocks), len(assembly.elements)), -1)
-    part[:, : blocks.shape[1]] = blocks
-    faces = assembly.interfaces
-    return np.asarray(part[:, faces.a] != part[:, faces.b])
+    return Layout(scene, assembly, labels_of(assembly, block[None])[0])
 
 
 def explored(family: Family, block: Ints, out: Path, seconds: float) -> Exploration:
@@ -265,6 +250,6 @@ def explored(family: Family, block: Ints, out: Path, seconds: float) -> Explorat
     scene = parse_scene(family.document | {"search": {"front": {"count": "blocks", "sense": "min"}}})
     assembly = build_assembly(scene)
     rows = np.concatenate([block[None], *(one.blocks[:BEST] for one in family.found.of.values() if len(one.low))])
-    labels, first = np.unique(_labels(assembly, rows), axis=0, return_index=True)
+    labels, first = np.unique(labels_of(assembly, rows), axis=0, return_index=True)
     driver = Listed(search_space(scene, assembly), labels[np.argsort(first)])
     return explore(scene, out, ExploreSettings(check_fields=0, pictures=False), driver=driver, seconds=seconds)

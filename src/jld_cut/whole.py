@@ -29,7 +29,7 @@ def outer_surface(points: Floats, triangles: Ints, tolerance: float) -> tuple[Fl
     return points[used], place.reshape(-1, 3)
 
 
-def _groups(pairs: Ints, count: int) -> Ints:
+def groups(pairs: Ints, count: int) -> Ints:
     """Return the name of the group (count,) that pairs (p, 2) connect."""
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])
@@ -37,7 +37,7 @@ def _groups(pairs: Ints, count: int) -> Ints:
 
 def _sound(points: Floats, triangles: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Return a surface whose near corners are one, without triangles lower than the tolerance."""
-    group = _groups(cKDTree(points).query_pairs(tolerance, output_type="ndarray"), len(points))
+    group = groups(cKDTree(points).query_pairs(tolerance, output_type="ndarray"), len(points))
     _, first = np.unique(group, return_index=True)
     points, triangles = points[first], group[triangles]
     a, b, c = triangles.T
@@ -63,7 +63,7 @@ def _without_shared(points: Floats, triangles: Ints, tolerance: float) -> tuple[
     tree = cKDTree(planes)
     back = cKDTree(-planes).sparse_distance_matrix(tree, _SAME, output_type="coo_matrix")
     like = tree.query_pairs(_SAME, output_type="ndarray")
-    group = _groups(np.concatenate([like, np.column_stack([back.row, back.col])]), len(triangles))
+    group = groups(np.concatenate([like, np.column_stack([back.row, back.col])]), len(triangles))
     kept = np.ones(len(triangles), dtype=bool)
     made = [np.zeros((0, 3, 3))]
     for name in np.unique(group[back.row]).tolist():

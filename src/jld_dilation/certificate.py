@@ -26,9 +26,8 @@ from scipy.linalg import lapack
 
 from jld_core import Bools, Floats, LimitAnalysis, Status, checkpoint
 from jld_core.limit import Proof, number, relative_width
-from jld_dilation.interior_point import ProductProgram, minimise_product_program
+from jld_dilation.interior_point import NormalEquations, ProductProgram, minimise_product_program
 from jld_dilation.modes import BoundedModes, Modes, Region
-from jld_dilation.normal_equations import NormalEquations
 from jld_dilation.product_space import LocalProductSpace, PrimalDualPair, lone_faces, velocities_of
 from jld_dilation.rlt_relaxation import (
     Multipliers,

@@ -8,14 +8,319 @@ corrector with more correctors (Gondzio 1996). Equations are regularised as by p
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import blas, lapack
 
 from jld_core import Bools, Floats, Ints
-from jld_dilation.normal_equations import NormalEquations
 from jld_dilation.product_space import Point, ProductSpace
+
+Solve = Callable[[Point, float, int], Point]
+"""Function from right-hand side, relative residual and maximum number of corrections to a solution."""
+
+_MORE: Final = 10.0  # factor by which the shift grows, permanently, where a factorisation fails
+
+_TRIES: Final = 8  # maximum number of factorisations with growing shift
+
+_FLAT: Final = 1e-30  # relative curvature that counts as zero
+
+_AWAY: Final = 1e3  # ratio of the residual to the least residual so far at which corrections have diverged
+
+
+class NormalEquations:
+    """Normal equations Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d (b_λ·u)(b_λ·u)ᵀ + shift of an interior-point step over (Z, T)."""
+
+    def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
+        """Prepare elimination order and tables of a space.
+
+        used: (r, forms) weights that may be positive; slides of lone faces have their own slacks and 1 only. groups:
+        (w,) group in which each velocity is eliminated.
+        """
+        self.space = space
+        slides = np.concatenate([4 * space.lone + 2, 4 * space.lone + 3])
+        modes = np.flatnonzero(used.any(axis=0))
+        self._modes = modes[~np.isin(modes, slides)]
+        self._of = [np.flatnonzero(used[:, mode]) for mode in self._modes]
+        # The two slides of a lone face act as one, along s.
+        forms = np.vstack([space.rates[self._modes], space.rates[4 * space.lone + 3]])
+        self._tree = _EliminationTree(forms, groups, space.of, np.array([basis.shape[1] for basis in space.bases]))
+        self._facts = [space.facts @ basis for basis in space.bases]
+        self._shift = 0.0
+
+    def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
+        """Factor for weights (r, forms) ≥ 0, and return the solver; plain: no conjugate directions.
+
+        The solver takes (Z, T), residual to reach and most corrections, and returns the point of least residual. Raises
+        LinAlgError.
+        """
+        once = self._once(weights, live, shift)
+        space = self.space
+
+        def applied(x: Point) -> Point:
+            """Return the product of the unshifted matrix with a point (Z, T), see `ProductSpace`."""
+            z, t = space.adjoint(weights * space.values(x))
+            return z + live * float((space.unit * x[0]).sum()) * space.unit, t
+
+        def solve(rhs: Point, exact: float, most: int) -> Point:
+            x = direction = old = (np.zeros_like(rhs[0]), np.zeros_like(rhs[1]))
+            rest, goal = rhs, exact * length(rhs)
+            product = 1.0
+            best, least = x, length(rhs)
+            for turn in range(most + 1):
+                near = once(rest)
+                after = _dot(near, rest)
+                share = (after - _dot(near, old)) / product if turn and not plain else 0.0
+                direction = (near[0] + share * direction[0], near[1] + share * direction[1])
+                pushed = applied(direction)
+                bent = _dot(direction, pushed)
+                if not plain and not (after > 0.0 and bent > _FLAT * _dot(direction, direction)):
+                    break  # The residual is rounding.
+                step = 1.0 if plain else _dot(direction, rest) / bent
+                x = (x[0] + step * direction[0], x[1] + step * direction[1])
+                old, product = rest, after
+                rest = (rest[0] - step * pushed[0], rest[1] - step * pushed[1])
+                left = length(rest)
+                if left < least or turn == 0:
+                    best, least = x, left
+                if left <= goal or not left < _AWAY * least:
+                    break
+            return best
+
+        return solve
+
+    def _once(self, weights: Floats, live: float, shift: float) -> Callable[[Point], Point]:
+        """Factor the shifted matrix, and return a function that solves without refinement."""
+        space, shift = self.space, max(shift, self._shift)
+        # T couples to Z only through the slip of its own lone face, so its (f, 4, 4) diagonal blocks `both` are
+        # eliminated first; `half` is what the two slides add to Z after that.
+        slides = space.ones * (4 * space.lone)
+        first, second = (weights[space.rows, slides + slide].T[:, :, None] for slide in (2, 3))
+        across = np.swapaxes(space.own, 1, 2)
+        stays, slips = across @ (first * space.own), across @ (second * space.own)
+        both = stays + slips + shift * np.eye(4)
+        back = np.linalg.inv(both) if len(both) else both
+        half = slips @ back @ (stays + shift * np.eye(4))  # Equals slips − slips back slips, without cancellation.
+        tables = self._tables(weights, 0.5 * (half + np.swapaxes(half, 1, 2)))
+        for _ in range(_TRIES):
+            held = self._tree.factor(tables, shift)
+            if held is not None:
+                break
+            shift = self._shift = _MORE * shift
+        else:
+            raise np.linalg.LinAlgError("normal equations of products are not positive definite")
+        solved = held
+        # The live work is a matrix of rank one: Sherman and Morrison.
+        forms = space.rates[4 * space.lone + 3]
+        unit = space.unit
+        along = solved(unit)
+        price = live / (1.0 + live * float((unit * along).sum()))
+
+        def solve(rhs: Point) -> Point:
+            """Solve the shifted equations once, without refinement, for a right-hand side (Z, T)."""
+            t = np.einsum("fab,fb->fa", back, rhs[1])
+            pulled = np.zeros((space.facts.shape[1], len(space.of)))
+            for places, part, form in zip(space.at, np.einsum("fab,fb->fa", slips, t), forms, strict=True):
+                pulled[places] += np.outer(part, form)
+            z = solved(rhs[0] - space.gather(pulled))
+            z = z - price * float((unit * z).sum()) * along
+            own = np.einsum("fpw,fw->fp", space.expand(z)[space.at], forms)
+            return z, t - np.einsum("fab,fb->fa", back, np.einsum("fab,fb->fa", slips, own))
+
+        return solve
+
+    def _tables(self, weights: Floats, lone: Floats) -> dict[tuple[int, int], Floats]:
+        """Compute the blocks Cᵀ diag(d_l) C of each form, (forms, k, k′), for two coupled bases."""
+        space, out = self.space, {}
+        for (one, other), forms in self._tree.couplings.items():
+            table = np.empty((len(forms), space.bases[one].shape[1], space.bases[other].shape[1]))
+            for n, form in enumerate(forms):
+                if form < len(self._modes):
+                    rows = self._of[form]
+                    by = weights[rows, self._modes[form]][:, None]
+                    table[n] = self._facts[one][rows].T @ (by * self._facts[other][rows])
+                else:
+                    places = space.at[form - len(self._modes)]
+                    table[n] = space.bases[one][places].T @ lone[form - len(self._modes)] @ space.bases[other][places]
+            out[one, other] = table
+        return out
+
+
+def length(point: Point) -> float:
+    """Return the Euclidean norm of a point (Z, T), see `ProductSpace`, taken as one vector."""
+    return float(np.hypot(np.linalg.norm(point[0]), np.linalg.norm(point[1])))
+
+
+def _dot(one: Point, other: Point) -> float:
+    """Return the scalar product of two points (Z, T), see `ProductSpace`."""
+    return float((one[0] * other[0]).sum() + (one[1] * other[1]).sum())
+
+
+class _EliminationTree:
+    """Elimination tree of matrix blocks, for a multifrontal Cholesky factor; a form couples its columns."""
+
+    def __init__(self, forms: Floats, groups: Ints, of: Ints, sizes: Ints) -> None:
+        """Compute elimination order and fronts from forms (modes, w), groups (w,) and bases `of` (w,)."""
+        touches = np.zeros((len(forms), int(groups.max(initial=-1)) + 1))
+        np.maximum.at(touches.T, groups, (forms != 0.0).T.astype(float))
+        order, later = _minimum_degree_order((touches.T @ touches) > 0.0)
+        place = np.empty(len(order), dtype=np.int64)
+        place[order] = np.arange(len(order))
+        # Groups and their later neighbours, by place in the order. Chains without additional fill are merged.
+        reach = [sorted(int(place[k]) for k in later[int(j)]) for j in order]
+        nodes: list[tuple[list[int], list[int]]] = []
+        of_group = []
+        for j in range(len(order)):
+            last = nodes[-1] if nodes else None
+            if last is not None and last[1] and last[1][0] == j and len(last[1]) == len(reach[j]) + 1:
+                last[0].append(j)
+                nodes[-1] = (last[0], reach[j])
+            else:
+                nodes.append(([j], reach[j]))
+            of_group.append(len(nodes) - 1)
+        self._parent = [of_group[rest[0]] if rest else -1 for _, rest in nodes]
+        columns_of = [np.flatnonzero(groups == j) for j in order]
+        order = self._order = np.concatenate([*columns_of, np.zeros(0, dtype=np.int64)]).astype(np.int64)
+        ends = np.cumsum([0] + [len(columns) for columns in columns_of])
+        self._nodes = [tuple([k for j in part for k in range(ends[j], ends[j + 1])] for part in node) for node in nodes]
+        self._of, self._sizes = of[order], sizes[of[order]]
+        self._starts = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
+        self._ends = [_FrontPositions(columns, rest, self._sizes, self._starts) for columns, rest in self._nodes]
+        self.couplings, self._parts = self._couplings(forms[:, order])
+
+    def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
+        """List the forms that couple each pair of bases, and the blocks of each front."""
+        found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
+        wanted: dict[tuple[int, int], dict[int, int]] = {}
+        for columns, rest in self._nodes:
+            rows = columns + rest
+            here: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
+            for a, j in enumerate(columns):
+                for b in range(a, len(rows)):
+                    both = np.flatnonzero((forms[:, j] != 0.0) & (forms[:, rows[b]] != 0.0))
+                    if len(both):
+                        key = int(self._of[rows[b]]), int(self._of[j])
+                        number = wanted.setdefault(key, {})
+                        shares = {
+                            number.setdefault(int(form), len(number)): forms[form, j] * forms[form, rows[b]]
+                            for form in both
+                        }
+                        here.setdefault(key, {})[b, a] = shares
+            found.append(here)
+        parts = []
+        for here in found:
+            part: list[_Part] = []
+            for key, blocks in here.items():
+                row = [n for n, shares in enumerate(blocks.values()) for _ in shares]
+                form = [k for shares in blocks.values() for k in shares]
+                share = [value for shares in blocks.values() for value in shares.values()]
+                part.append(
+                    (key, list(blocks), sp.csr_array((share, (row, form)), shape=(len(blocks), len(wanted[key]))))
+                )
+            parts.append(part)
+        return {key: list(number) for key, number in wanted.items()}, parts
+
+    def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
+        """Factor tables (forms, k, k′) + shift, and return the solver of (k, w); None if not positive definite."""
+        flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
+        updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
+        out = []
+        for node, ((columns, rest), ends) in enumerate(zip(self._nodes, self._ends, strict=True)):
+            first, at = ends.first, ends.at
+            front = np.zeros((at[-1], at[-1]), order="F")
+            for key, pairs, shares in self._parts[node]:
+                blocks = (shares @ flat[key]).reshape(len(pairs), *tables[key].shape[1:])
+                for (b, a), block in zip(pairs, blocks, strict=True):
+                    front[at[b] : at[b + 1], at[a] : at[a + 1]] = block
+            front[np.arange(first), np.arange(first)] += shift
+            places = {row: n for n, row in enumerate(columns + rest)}
+            for where, update, its in updates[node]:
+                _extend_add(front, update, [places[row] for row in where], at, its)
+            updates[node] = []
+            lower, failed = lapack.dpotrf(front[:first, :first], lower=1)
+            if failed:
+                return None
+            below = np.zeros((0, first))
+            if rest:
+                below = blas.dtrsm(1.0, lower, front[first:, :first], side=1, lower=1, trans_a=1)
+                update = blas.dsyrk(-1.0, below, beta=1.0, c=front[first:, first:], lower=1)
+                updates[self._parent[node]].append((rest, update, at[len(columns) :] - first))
+            out.append((lower, below))
+        return lambda rhs: self._solve(out, rhs)
+
+    def _solve(self, held: list[tuple[Floats, Floats]], rhs: Floats) -> Floats:
+        """Solve for a right-hand side (k, w) by forward and backward substitution."""
+        rows = np.arange(len(rhs))
+        used = rows[None, :] < self._sizes[:, None]
+        x = rhs.T[self._order][used]
+        for ends, (lower, below) in zip(self._ends, held, strict=True):
+            part = x[ends.own] = blas.dtrsv(lower, x[ends.own], lower=1)
+            if len(below):
+                x[ends.rest] -= below @ part
+        for ends, (lower, below) in zip(reversed(self._ends), reversed(held), strict=True):
+            part = x[ends.own]
+            if len(below):
+                part = part - below.T @ x[ends.rest]
+            x[ends.own] = blas.dtrsv(lower, part, lower=1, trans=1)
+        placed = np.zeros(used.shape)
+        placed[used] = x
+        out = np.empty_like(rhs)
+        out[:, self._order] = placed.T
+        return out
+
+
+# Pair of bases, (row, column) of the matrix blocks of a front, and the tables each is the sum of, (blocks, forms)
+_Part = tuple[tuple[int, int], list[tuple[int, int]], Any]
+
+
+class _FrontPositions:
+    """Index arrays of one front: own, rest: positions eliminated here, and of others; first: their number."""
+
+    def __init__(self, columns: list[int], rest: list[int], sizes: Ints, starts: Ints) -> None:
+        self.at = np.concatenate([[0], np.cumsum(sizes[columns + rest])]).astype(np.int64)
+        self.first = int(self.at[len(columns)])
+        self.own = np.concatenate([np.arange(starts[j], starts[j + 1]) for j in columns])
+        self.rest = np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(starts[j], starts[j + 1]) for j in rest)])
+
+
+def _extend_add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
+    """Add an update matrix to a front, in the lower half of both (extend-add), by rows `at`, `its` of blocks."""
+    # Runs of rows that are contiguous in both are added at once.
+    runs: list[tuple[int, int, int]] = []
+    for n, place in enumerate(places):
+        if runs and runs[-1][1] + runs[-1][2] == place:
+            runs[-1] = (runs[-1][0], runs[-1][1], runs[-1][2] + 1)
+        else:
+            runs.append((n, place, 1))
+    for k, (n, place, long) in enumerate(runs):
+        for n2, place2, long2 in runs[: k + 1]:
+            front[at[place] : at[place + long], at[place2] : at[place2 + long2]] += update[
+                its[n] : its[n + long], its[n2] : its[n2 + long2]
+            ]
+
+
+def _minimum_degree_order(meets: Bools) -> tuple[Ints, list[list[int]]]:
+    """Return a minimum-degree order of a graph (w, w), and the neighbours eliminated later."""
+    width = len(meets)
+    left = [set(np.flatnonzero(meets[j]).tolist()) - {j} for j in range(width)]
+    remaining = list(range(width))
+    order: list[int] = []
+    later: Any = [[] for _ in range(width)]
+    while remaining:
+        # Among columns of equal degree prefer neighbours of the last one, so that columns of one element stay together.
+        last = left[order[-1]] if order else set()
+        j = min(remaining, key=lambda k: (len(left[k]), k not in last, k))
+        remaining.remove(j)
+        order.append(j)
+        later[j] = sorted(left[j])
+        for k in left[j]:
+            left[k] |= left[j]
+            left[k] -= {k, j}
+    return np.array(order, dtype=np.int64), later
+
 
 _STEPS: Final = 120  # maximum number of steps
 

@@ -165,7 +165,7 @@ _OWN: Final = (
         keeps=(*OUTLINES, "elements.support"),
         labels=PLANAR,
     ),
-    Format("csv", "", by("jld_formats.read_csv", "read_csv"), ("csv",)),
+    Format("csv", "", by("jld_formats.read_mesh", "read_csv"), ("csv",)),
     Format(
         "3dec",
         ".dat",
@@ -192,7 +192,7 @@ _OWN: Final = (
         ".json",
         by("jld_formats.read_dem", "read_compas"),
         ("json",),
-        write=of_text("jld_formats.write_compas", "compas_text"),
+        write=of_text("jld_formats.write_dem", "compas_text"),
         cells=(2, 3),
         members=False,
         keeps=OF_BLOCKS,

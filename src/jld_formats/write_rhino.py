@@ -18,7 +18,7 @@ from jld_formats.facts import block_facts, facts_of, scene_of
 from jld_formats.libraries import library
 from jld_formats.read_mesh import solids_of
 from jld_formats.read_rhino import FACTS, UNITS
-from jld_formats.write_compas import weights_of
+from jld_formats.write_dem import weights_of
 from jld_views import quantities
 
 # Red, green and blue of the layers other than those of shapes

@@ -35,8 +35,7 @@ from jld_core import export_lazily
 
 if TYPE_CHECKING:
     from jld_geometry.box_bound import box_claim, check_proof, prove_box, write_box_certificate
-    from jld_geometry.box_structure import BoxStructure
-    from jld_geometry.boxes import check_boxes, verify_box
+    from jld_geometry.boxes import BoxStructure, check_boxes, verify_box
     from jld_geometry.convex_cells import EqualShapes, equal_corners, vertex_mesh
     from jld_geometry.field_search import FieldMesh, FieldSearch, move_by_fields
     from jld_geometry.joint_shapes import Incline, Key, Sine, shape_joints, shaped_scene
@@ -77,8 +76,7 @@ export_lazily(
     __name__,
     {
         "box_bound": ["box_claim", "check_proof", "prove_box", "write_box_certificate"],
-        "box_structure": ["BoxStructure"],
-        "boxes": ["check_boxes", "verify_box"],
+        "boxes": ["BoxStructure", "check_boxes", "verify_box"],
         "convex_cells": ["EqualShapes", "equal_corners", "vertex_mesh"],
         "field_search": ["FieldMesh", "FieldSearch", "move_by_fields"],
         "joint_shapes": ["Incline", "Key", "Sine", "shape_joints", "shaped_scene"],

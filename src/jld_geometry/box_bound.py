@@ -34,8 +34,7 @@ from jld_core.mechanics import scaling_of
 from jld_core.models import solve_rigid
 from jld_core.scene import move as scene_move
 from jld_core.solvers import highs_of
-from jld_geometry.box_certificate import BoxClaim, Leaf, Node, Split, write
-from jld_geometry.boxes import check_boxes
+from jld_geometry.boxes import BoxClaim, Leaf, Node, Split, check_boxes, write
 from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.limits import loads_that_move
 from jld_geometry.moved_scene import MovedScene

@@ -74,7 +74,7 @@ def _between(points: Floats, corners: Floats, middle: Floats, near: float) -> Fl
             off = float(np.linalg.norm(corners[i] + part * edge - points[k]))
             if off < best:
                 best, found[k] = off, (1.0 - part) * middle[i] + part * middle[j]
-    return found
+    return np.asarray(found)
 
 
 # --- blocks one after the other ----------------------------------------------------------------------------

@@ -12,8 +12,7 @@ from jld_core import ParameterError, error_context
 from jld_explore.cli import ending, layout, streams
 from jld_explore.cli import options as cli_options
 from jld_practice.reliability import ReliabilityOptions, SampleBounds, analyse, compare, structure_of
-from jld_practice.reliability.analysis import SAMPLES, Reliability
-from jld_practice.reliability.monte_carlo import CONFIDENCE, Comparison
+from jld_practice.reliability.monte_carlo import CONFIDENCE, SAMPLES, Comparison, Reliability
 
 _SHOWN = 12  # number of variables of the printed table, those of largest importance first
 

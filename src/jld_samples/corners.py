@@ -5,7 +5,7 @@ from __future__ import annotations
 import shapely
 
 from jld_core import ParameterError, Scene, parameters
-from jld_core.refinement import bonds
+from jld_masonry import bonds
 from jld_samples.stone import Stone, box, cap, check, count, scene_of
 
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import Floats, ParameterError, Scene, parameters, parse_scene
-from jld_core.refinement import bonds
+from jld_masonry import bonds
 from jld_samples.stone import Stone, cap, check, choose, count, materials, scene_of, steps
 
 _RINGS: Final = ("stack", "running")  # names of the bonds of an arch

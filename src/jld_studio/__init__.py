@@ -19,8 +19,7 @@ from jld_core import export_lazily
 
 if TYPE_CHECKING:
     from jld_studio.api import Api
-    from jld_studio.evaluation import evaluate
-    from jld_studio.jobs import Jobs
+    from jld_studio.jobs import Jobs, evaluate
     from jld_studio.notebook import NotebookPage, make_page
     from jld_studio.server import build_app, open_studio
     from jld_studio.session import StudioSession, collapse_loads
@@ -41,8 +40,7 @@ export_lazily(
     __name__,
     {
         "api": ["Api"],
-        "evaluation": ["evaluate"],
-        "jobs": ["Jobs"],
+        "jobs": ["Jobs", "evaluate"],
         "notebook": ["NotebookPage", "make_page"],
         "server": ["build_app", "open_studio"],
         "session": ["StudioSession", "collapse_loads"],

@@ -6,6 +6,7 @@ A search therefore continues after its browser tab is closed.
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import signal
 import subprocess
@@ -19,7 +20,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Final, Literal, get_args
 
-from jld_core import InputError, files
+from jld_core import InputError, build_assembly, files, load_scene, one_thread, parse_scene, solve
+from jld_core import assembly as structures
+from jld_explore import ExploreSettings, Interrupted, Progress, explore
+from jld_explore.evaluation import raise_deferred
+from jld_explore.space import LETTERS, from_string, to_string
 
 Kind = Literal["improve", "prove", "explore", "design", "study"]
 """Purpose of a search; "study" is a study begun outside the studio, "design" is `jld design` of a file."""
@@ -224,7 +229,7 @@ class Jobs:
             command = ["jld_explore", name, str(job.folder / "outline" / outline), "-o", str(job.results), *options]
         else:
             orders = json.dumps({**job.orders, "resume": resume})
-            command = ["jld_studio.worker", str(job.scene_file), str(job.results), orders]
+            command = ["jld_studio.jobs", str(job.scene_file), str(job.results), orders]
         # Use a file for stderr: a pipe that is not read fills up and blocks the worker.
         words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 – the listener closes it
         try:
@@ -305,3 +310,81 @@ def orders_for(kind: Kind, labelling: str, seconds: float) -> dict[str, Any]:
     if kind == "prove":
         return {"driver": "exact", "seconds": seconds}
     return {"seconds": seconds}
+
+
+EVERY: Final = 0.2
+"""Smallest time between two progress reports, s."""
+
+
+class _Teller:
+    """Progress reporter that writes at most one line every `EVERY` seconds."""
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+
+    def __call__(self, progress: Progress) -> None:
+        """Write progress unless the last report is too recent."""
+        now = time.monotonic()
+        if now - self._last < EVERY:
+            return
+        self._last = now
+        self.tell(progress)
+
+    def tell(self, progress: Progress) -> None:
+        """Write progress as one line of JSON."""
+        best, bound = (None if not math.isfinite(v) else v for v in (progress.best, progress.bound))
+        told: dict[str, Any] = {"done": progress.done, "total": progress.total, "best": best, "bound": bound}
+        told["labelling"] = progress.labelling
+        sys.stdout.write(json.dumps({**told, "seconds": progress.seconds}) + "\n")
+        sys.stdout.flush()
+
+
+def main(scene: str, folder: str, orders: str) -> int:
+    """Search a scene into a folder, with progress as JSON lines on stdout."""
+
+    def stop(number: int, frame: object) -> None:
+        raise_deferred(Interrupted())
+
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        explore(load_scene(scene), Path(folder), ExploreSettings(**json.loads(orders)), report=_Teller())
+    except InputError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    except Interrupted:
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
+
+
+KEYS = ("scene", "labelling")
+"""Entries of a request."""
+
+
+@one_thread()
+def evaluate(asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Solve a scene as another program states it, and return JSON data."""
+    start = time.perf_counter()
+    unknown = sorted(set(asked) - set(KEYS))
+    if unknown:
+        raise InputError(unknown[0], "the request has no such entry", " or ".join(KEYS))
+    if not isinstance(asked.get("scene"), dict):
+        raise InputError("scene", "it is no JSON object", "a scene document")
+    assembly = build_assembly(parse_scene(asked["scene"], ""))
+    labels = assembly.labels
+    letters = asked.get("labelling")
+    if letters is not None:
+        count = assembly.faces
+        if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
+            raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
+        labels = structures.with_members(assembly, from_string(letters))
+    result = solve(assembly, labels)
+    found, elements = result.to_json(), result.assembly.elements
+    found["labelling"] = to_string(labels[: assembly.faces])
+    found["centroids"] = dict(zip(elements.ids, elements.centroid.tolist(), strict=True))
+    found["seconds"] = {**found["seconds"], "answer": time.perf_counter() - start}
+    return found

@@ -24,7 +24,7 @@ from jld_core import InputError, ParameterError, Scene, SolverError, load_scene,
 from jld_explore import read_folder
 from jld_formats import ImportOptions, formats
 from jld_studio.api import Api
-from jld_studio.evaluation import evaluate
+from jld_studio.jobs import evaluate
 from jld_studio.opening import read_file, require_followed, stated, understood
 from jld_studio.page_start import first_data
 from jld_studio.session import StudioSession

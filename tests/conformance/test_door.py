@@ -19,16 +19,17 @@ import pytest
 from cases import grid_document
 from command import Command, call, environment
 from jld_core import InputError, Layout, SolveOptions, build_assembly, files, load_scene, parse_scene, solve
-from jld_core.views import facts_of_result, figures
+from jld_core.views import facts_of_result
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.drivers.choice import REACH, driver_for
 from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.drivers.optuna import make_sampler
 from jld_explore.evaluation import Records
-from jld_explore.report.reading import history_of
+from jld_explore.report import reading
 from jld_explore.report.tables import _ties
 from jld_formats import export
+from jld_views import figures
 
 ODD = ["wall, $5 a block {, $9 a cut", "$\\frac{$", "\x00bell\x07 and \x1f, \ufffe", "汉字 🧱", "a\nb\tc", "%$_^{}\\"]
 
@@ -139,7 +140,7 @@ def test_a_damaged_folder_is_named_in_one_line(words: str, searched: Path, tmp_p
 def test_a_damaged_convergence_is_named(text: str, tmp_path: Path) -> None:
     (tmp_path / "convergence.csv").write_bytes(text.encode(errors="surrogateescape"))
     with pytest.raises(InputError, match=r"convergence\.csv: it is damaged"):
-        history_of(tmp_path)
+        reading.history_of(tmp_path)
 
 
 def test_seeds_of_any_size() -> None:

@@ -1016,6 +1016,7 @@ def test_every_key_of_a_search_has_a_row() -> None:
     assert sorted(f"search.{key}" for key in SEARCHES) == sorted(key for key in keys() if key.startswith("search."))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("key", SEARCHES)
 def test_a_search_obeys_its_keys(key: str, tmp_path: Path) -> None:
     scene, *values = SEARCHES[key]

@@ -178,7 +178,8 @@ def workers_of(run: subprocess.Popen[str]) -> list[psutil.Process]:
     return workers
 
 
-@pytest.mark.parametrize("moments", [(64,), pytest.param((64, 480), marks=pytest.mark.long)], ids=["once", "twice"])
+@pytest.mark.long  # one killed worker costs nothing in tests/explore/test_workers.py
+@pytest.mark.parametrize("moments", [(64,), (64, 480)], ids=["once", "twice"])
 def test_workers_killed(moments: tuple[int, ...], scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
     """kill -9 of one worker, once or twice: the run goes on to the end by itself, and loses nothing."""
     folder = tmp_path / "out"

@@ -16,10 +16,9 @@ from tools.scene_form import json_schema, parts
 from tools.scene_format import files
 from tools.scene_meanings import MEANINGS
 
-from command import ROOT
+from command import ROOT, app
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.program import ConicProgram, Template
-from jld_explore.cli.command import app
 from jld_formats import FORMATS
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())

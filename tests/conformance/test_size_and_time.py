@@ -16,7 +16,7 @@ from benchmarks.scenes import brick_wall, cubes, vault
 from cases import grid_document
 from command import Command
 from jld_core import Scene, build_assembly, parse_scene, samples
-from jld_core.geometry.planar_contacts import certain_contacts
+from jld_core.geometry import planar_contacts
 from jld_core.models import cost_estimate, costs
 from jld_core.threads import memory_limit
 from jld_explore import ExploreSettings, explore
@@ -27,6 +27,7 @@ from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 SCENE = grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 3])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_a_search_with_hardly_any_time_has_a_result(driver: str, tmp_path: Path) -> None:
     settings = ExploreSettings(driver=driver, seconds=0.0, jobs=1, pictures=False)
@@ -101,7 +102,7 @@ def test_contacts_that_are_certain_are_no_more_than_there_are(make: Callable[[],
     elements = scene.elements or []
     vertices = [np.array(element.vertices) @ turn.T for element in elements]
     faces = [tuple(tuple(loop) for loop in element.faces or ()) for element in elements]
-    found = certain_contacts(vertices, faces, np.array([element.support for element in elements]))
+    found = planar_contacts.certain_contacts(vertices, faces, np.array([element.support for element in elements]))
     there = len(build_assembly(scene).interfaces)
     assert 0 < found <= there
     assert found == there or (turned and make is not vault)

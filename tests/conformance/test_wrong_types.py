@@ -96,7 +96,7 @@ def arguments() -> Iterator[tuple[str, str]]:
                 yield name, one.name
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.long) for part in (1, 2))])
 @pytest.mark.parametrize(("name", "argument"), list(arguments()))

@@ -4,24 +4,20 @@ refusals."""
 from __future__ import annotations
 
 import itertools
-import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 import cases
 from cases import CASES, SPATIAL, grid_assembly
 from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis
 from jld_core.batch import batch_solver, build, library
-from jld_core.batch import library as settings
-from jld_core.batch.library import LARGE, LARGE_TRIES, NARROW, TRIES, samples
-from jld_core.batch.rows import Graph, Joining, factor_pattern, fits, number_of_products
+from jld_core.batch.library import LARGE_TRIES, TRIES
+from jld_core.batch.rows import fits
 from jld_core.limit.case_relaxation import Relaxation
 from proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
 
@@ -249,15 +245,7 @@ def test_many_cells_need_one_pass(kernel: str) -> None:
     Passes that begin where it ended need few iterations for the others, and a factor that breaks down ends nothing.
     """
     analysis = LimitAnalysis(grid_assembly(["a" * 22] * 22 + ["#" * 22], tension=2e6, shear=2e6, friction=0.75))
-    faces = analysis.assembly.interfaces
-    assert len(faces) >= LARGE
-    inner = np.flatnonzero(analysis.assembly.free_faces)
-    cells = (~analysis.assembly.elements.support).astype(np.int64)
-    dice = np.random.default_rng(0)
-    orders = np.array([dice.permutation(len(inner)) for _ in range(64)])
-    joined = Joining(faces.a[inner], faces.b[inner], cells, 1, 4, 0, kernel).parts(orders, np.full(64, len(inner)))
-    asked = np.ones((64, len(faces)), dtype=bool)
-    asked[:, inner] = joined[0][:, faces.a[inner]] != joined[0][:, faces.b[inner]]
+    asked = np.array([cases.small_blocks(analysis.assembly, seed) for seed in range(64)])
     made = lanes_of(analysis, kernel, tries=LARGE_TRIES[:5], sampled_start=False)
     found = made.solve(asked, vectors=True)
     once = (found.verdict == batch_solver.PROVEN) & (found.tries == 1)
@@ -272,7 +260,7 @@ def test_half_the_lanes_give_the_same_bounds(kernel: str, name: str, monkeypatch
     made = lanes_of(analysis, kernel)
     asked = labellings(analysis.assembly, 21)
     plain = made.solve(asked)
-    monkeypatch.setattr(settings, "NARROW", 0)
+    monkeypatch.setattr("jld_core.batch.library.NARROW", 0)
     found = answers(made, asked)
     np.testing.assert_array_equal(found[2], plain.verdict)
     np.testing.assert_allclose(found[0], plain.low, rtol=1e-6)
@@ -311,39 +299,6 @@ def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
     crushable = LimitAnalysis(grid_assembly(*[CASES["crushable wall"][0]], crush_dry=1e4))
     assert fits(crushable.template)
     assert not fits(crushable.template, crushable.template.yield_set.hull())
-
-
-@pytest.mark.parametrize(("dimension", "few"), [(2, NARROW), (3, LARGE)])
-def test_large_assemblies_start_from_few_samples(dimension: int, few: int) -> None:
-    assert samples(dimension, few) < samples(dimension, few - 1)
-
-
-def test_pattern_holds_the_fill() -> None:
-    dice = np.random.default_rng(5)
-    places = np.array([[x, y] for y in range(5) for x in range(6)], dtype=float)
-    near = [(i, j) for i in range(30) for j in range(i) if abs(places[i] - places[j]).sum() == 1.0]
-    a, b = np.array(near).T
-    pattern = factor_pattern(a, b, places)
-    assert factor_pattern(a, b, places) is pattern  # as load cases ask for it
-    assert number_of_products(a, b, places) == pattern.products
-    matrix = np.zeros((30, 30))
-    matrix[a, b] = matrix[b, a] = dice.random(len(a))
-    matrix += np.diag(abs(matrix).sum(axis=1) + 1.0)
-    factor = np.linalg.cholesky(matrix[np.ix_(pattern.order, pattern.order)])
-    held = np.eye(30, dtype=bool)
-    for column in range(30):
-        held[pattern.row[pattern.column_start[column] : pattern.column_start[column + 1]], column] = True
-    np.testing.assert_array_equal(factor != 0.0, held)
-    columns = np.repeat(np.arange(30), np.diff(pattern.column_start))
-    entries = matrix[pattern.order[pattern.row], pattern.order[columns]]
-    np.testing.assert_array_equal(pattern.entered, entries != 0.0)
-    for block in range(len(pattern.row)):
-        column = int(np.searchsorted(pattern.column_start, block, side="right")) - 1
-        lost = {
-            tuple(pair) for pair in pattern.pair[pattern.pair_start[block] : pattern.pair_start[block + 1]].tolist()
-        }
-        rows = [k for k in range(column) if held[column, k] and held[pattern.row[block], k]]
-        assert len(lost) == len(rows)
 
 
 def test_switch(monkeypatch: pytest.MonkeyPatch, kernel: str) -> None:
@@ -392,21 +347,6 @@ def test_relaxations_in_lanes_have_the_bounds_of_the_conic_solver(
         assert refuted.bound <= 1.1 * other.bound
 
 
-def test_blocks_are_the_components_of_the_graph(kernels: dict[str, str]) -> None:
-    """Named by their smallest element, by scipy's components as another route."""
-    dice = np.random.default_rng(3)
-    a, b = dice.integers(0, 12, size=(2, 20))
-    always = np.array([[2, 9], [9, 4]])
-    labels = dice.random((50, 20)) < dice.random((50, 1))
-    for path in kernels.values():
-        found = Graph(12, a, b, always, path).blocks(labels)
-        for row, names in zip(labels, found, strict=True):
-            ends = np.concatenate([always, np.column_stack([a, b])[~row]])
-            matrix = coo_array((np.ones(len(ends)), ends.T), shape=(12, 12))
-            kind = connected_components(matrix, directed=False)[1]
-            assert names.tolist() == [int(np.flatnonzero(kind == own)[0]) for own in kind]
-
-
 def joined(pairs: list[tuple[int, int]], sizes: list[int], most: float, small: int = 0) -> list[set[int]]:
     """Parts as sets, joined in the order of pairs; where a least size is given, only what falls short of it."""
     parts = [{k} for k in range(len(sizes))]
@@ -417,27 +357,6 @@ def joined(pairs: list[tuple[int, int]], sizes: list[int], most: float, small: i
             one |= two
             parts.remove(two)
     return parts
-
-
-@pytest.mark.parametrize("most", [4.0, math.inf])
-def test_parts_are_joined_in_order(kernels: dict[str, str], most: float) -> None:
-    """One pass, which leaves no part that it could mend: pairs that are asked for, then what is too small."""
-    dice = np.random.default_rng(5)
-    pairs, sizes = [(k, k + 1) for k in range(8)] + [(0, 4), (2, 7)], [1, 1, 2, 1, 1, 1, 3, 1, 1]
-    order = np.argsort(dice.random((40, len(pairs))), axis=1)
-    wanted = dice.integers(0, len(pairs), size=40)
-    ends = np.array(pairs).T
-    for path in kernels.values():
-        found = Joining(ends[0], ends[1], np.array(sizes), 2, most, 0, path).parts(order, wanted)
-        for row, count, names in zip(order, wanted, found[0], strict=True):
-            parts = joined([pairs[k] for k in row[:count]], sizes, most)
-            assert {frozenset(np.flatnonzero(names == name).tolist()) for name in names} == set(map(frozenset, parts))
-        mended = Joining(ends[0], ends[1], np.array(sizes), 2, most, 2, path).parts(order, wanted)
-        assert mended[1].any()
-        assert not found[1].all()
-        cells = [np.bincount(names, weights=sizes) for names in mended[0]]
-        assert all(((own > 0.0) & (own < 2)).any() != good for own, good in zip(cells, mended[1], strict=True))
-        assert all(own.max() <= most for own in cells)
 
 
 def test_undecided_joints_that_crush_are_bounded_by_rows_that_enclose_their_hull(

@@ -22,7 +22,7 @@ from cases import split_in_triangles as split
 from cases import wall_in_space as wall
 from jld_core import Assembly, InputError, build_assembly, parse_scene
 from jld_core.geometry import outlines as polygons
-from jld_core.geometry.planar_contacts import check_polygons, find_planar_contacts
+from jld_core.geometry import planar_contacts
 
 Document = dict[str, Any]
 Points = list[list[float]]
@@ -208,15 +208,15 @@ def test_gap_at_the_tolerance(gap: float, touches: bool) -> None:
     """Just below 1e-7 of the shorter edge two elements touch, just above they do not."""
     left = np.array(box(0, 0, 1, 1))
     right = np.array(box(1 + gap, 0, 4, 1))
-    assert len(find_planar_contacts([left, right])) == int(touches)
+    assert len(planar_contacts.find_planar_contacts([left, right])) == int(touches)
 
 
 @pytest.mark.parametrize(("shared", "touches"), [(0.9e-7, False), (1.1e-7, True)])
 def test_contact_as_short_as_the_tolerance(shared: float, touches: bool) -> None:
     """A contact shorter than 1e-7 of the shorter edge is a corner that touches."""
-    assert len(find_planar_contacts([np.array(box(0, 0, 1, 1)), np.array(box(1 - shared, 1, 2 - shared, 2))])) == int(
-        touches
-    )
+    assert len(
+        planar_contacts.find_planar_contacts([np.array(box(0, 0, 1, 1)), np.array(box(1 - shared, 1, 2 - shared, 2))])
+    ) == int(touches)
 
 
 @pytest.mark.parametrize(("depth", "refused"), [(0.9e-7, False), (1.2e-7, True)])
@@ -225,10 +225,10 @@ def test_sliver_of_overlap(depth: float, refused: bool) -> None:
     shapes = [np.array(box(0, 0, 1, 1)), np.array(box(1 - depth, 0, 3, 1))]
     if refused:
         with pytest.raises(InputError, match="'a' and 'b': they overlap"):
-            check_polygons(["a", "b"], shapes)
+            planar_contacts.check_polygons(["a", "b"], shapes)
     else:
-        check_polygons(["a", "b"], shapes)
-        (contact,) = find_planar_contacts(shapes)
+        planar_contacts.check_polygons(["a", "b"], shapes)
+        (contact,) = planar_contacts.find_planar_contacts(shapes)
         np.testing.assert_allclose(contact.normal, [1, 0], atol=1e-12)
 
 

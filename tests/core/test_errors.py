@@ -87,7 +87,7 @@ def test_an_unknown_option_names_the_help_of_its_command(jld: Command, arguments
 
 
 def test_o_and_out_are_one_option_of_every_command() -> None:
-    from jld_explore.cli.command import app
+    from command import app
 
     group = get_command(app)
     context = Context(group)

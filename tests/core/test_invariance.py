@@ -64,6 +64,7 @@ def misfits(document: dict[str, Any]) -> list[str]:
     return [text for text in found if text.startswith("interfaces[") or "nearly touch" in text]
 
 
+@pytest.mark.long
 def test_random_assemblies_have_the_contacts_of_their_grid() -> None:
     """A share of `python -m benchmarks.claims geometry`, which tests 3 000."""
     found = run_claim("geometry", 100_000, 25, 600.0)

@@ -10,7 +10,7 @@ import pytest
 from cases import box, prism
 from cases import scene_in_space as scene
 from jld_core import build_assembly, parse_scene, solve
-from jld_core.geometry.polyhedra import distance_from_face
+from jld_core.geometry import polyhedra
 from jld_core.refinement import crack_cells
 
 Document = dict[str, Any]
@@ -107,7 +107,7 @@ def distance(name: str, point: np.ndarray) -> float:
     built = build_assembly(
         parse_scene(scene([prism("p", outline, 0.0, 1.0), box("slab", [-1, -1, -1], [4, 4, 0], support=True)]))
     )
-    return distance_from_face(built.interfaces, 0, point)
+    return polyhedra.distance_from_face(built.interfaces, 0, point)
 
 
 @pytest.mark.parametrize(

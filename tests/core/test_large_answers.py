@@ -102,6 +102,7 @@ def test_large_crushable_walls_have_narrow_brackets() -> None:
     assert proof.high - proof.low <= 1e-6 * proof.high
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("edge", "status"), [(32, Status.LOCKED), (26, Status.COLLAPSE)])
 def test_walls_that_supports_confine_are_settled_by_sparse_algebra(
     edge: int, status: Status, monkeypatch: pytest.MonkeyPatch

@@ -21,9 +21,8 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.limit import face_jumps
+from jld_core.limit import face_jumps, mechanism
 from jld_core.limit.facial_reduction import FacialReduction, SelfStress
-from jld_core.limit.mechanism import Movement, face_motions
 from proofs import flow_rule, work_balance
 
 
@@ -45,19 +44,19 @@ LIFT: list[dict[str, Any]] = [{"element": "cube", "force": [0, 0, 1]}]
 @pytest.mark.parametrize(
     ("result", "kind"),
     [
-        (lambda: on_ground(0.3, PUSH), Movement.SLIDE),
-        (lambda: on_ground(2.0, PUSH), Movement.HINGE),
-        (lambda: on_ground(0.3, TWIST), Movement.TWIST),
-        (lambda: on_ground(0.3, LIFT), Movement.OPEN),
-        (lambda: on_ground(0.3, PUSH, tensile_strength=50.0, shear_strength=0.2), Movement.CRACK_SHEAR),
-        (lambda: on_ground(0.3, LIFT, tensile_strength=0.5, shear_strength=9.0), Movement.CRACK_TENSION),
-        (lambda: on_ground(0.3, PUSH, tensile_strength=0.5, shear_strength=9.0), Movement.CRACK_TENSION),
-        (lambda: on_ground(0.3, TWIST, tensile_strength=50.0, shear_strength=0.2), Movement.CRACK_SHEAR),
+        (lambda: on_ground(0.3, PUSH), mechanism.Movement.SLIDE),
+        (lambda: on_ground(2.0, PUSH), mechanism.Movement.HINGE),
+        (lambda: on_ground(0.3, TWIST), mechanism.Movement.TWIST),
+        (lambda: on_ground(0.3, LIFT), mechanism.Movement.OPEN),
+        (lambda: on_ground(0.3, PUSH, tensile_strength=50.0, shear_strength=0.2), mechanism.Movement.CRACK_SHEAR),
+        (lambda: on_ground(0.3, LIFT, tensile_strength=0.5, shear_strength=9.0), mechanism.Movement.CRACK_TENSION),
+        (lambda: on_ground(0.3, PUSH, tensile_strength=0.5, shear_strength=9.0), mechanism.Movement.CRACK_TENSION),
+        (lambda: on_ground(0.3, TWIST, tensile_strength=50.0, shear_strength=0.2), mechanism.Movement.CRACK_SHEAR),
     ],
 )
-def test_names(result: Any, kind: Movement) -> None:
+def test_names(result: Any, kind: mechanism.Movement) -> None:
     found = result()
-    (motion,) = face_motions(found)
+    (motion,) = mechanism.face_motions(found)
     assert motion.kind is kind
     assert motion.size > 0.0
     assert work_balance(found).error <= 1e-7
@@ -68,7 +67,7 @@ def test_names(result: Any, kind: Movement) -> None:
 
 def test_place_of_a_hinge_and_closed_faces() -> None:
     rocking = on_ground(2.0, PUSH)
-    assert face_motions(rocking)[0].place == pytest.approx([1.0, 0.5, 0.0])
+    assert mechanism.face_motions(rocking)[0].place == pytest.approx([1.0, 0.5, 0.0])
     sliding_top = {
         "elements": [
             {"id": "top", "polygon": [[0, 1], [2, 1], [2, 2], [0, 2]], "weight": 1.0},
@@ -81,10 +80,11 @@ def test_place_of_a_hinge_and_closed_faces() -> None:
     result = solve(build_assembly(parse_scene(sliding_top)))
     faces, ids = result.assembly.interfaces, result.assembly.elements.ids
     kinds = {
-        frozenset((ids[a], ids[b])): k.kind for a, b, k in zip(faces.a, faces.b, face_motions(result), strict=True)
+        frozenset((ids[a], ids[b])): k.kind
+        for a, b, k in zip(faces.a, faces.b, mechanism.face_motions(result), strict=True)
     }
-    assert kinds[frozenset(("top", "low"))] is Movement.SLIDE
-    assert kinds[frozenset(("low", "ground"))] is Movement.CLOSED
+    assert kinds[frozenset(("top", "low"))] is mechanism.Movement.SLIDE
+    assert kinds[frozenset(("low", "ground"))] is mechanism.Movement.CLOSED
     assert result.mechanism is not None
     assert face_jumps(result.assembly, result.mechanism).shape == (2, 3)
 
@@ -113,9 +113,14 @@ def test_walls_balance_and_flow(name: str, friction: str) -> None:
     assert rule.margin.min() >= -1e-12
     assert rule.gap.min() >= -1e-9
     assert rule.gap.sum() == pytest.approx(result.bracket[1] - result.bracket[0], abs=1e-9)
-    kinds = {motion.kind for motion in face_motions(result)}
-    assert kinds <= {Movement.CLOSED, Movement.HINGE, Movement.SLIDE, Movement.OPEN}
-    assert Movement.CLOSED in kinds
+    kinds = {motion.kind for motion in mechanism.face_motions(result)}
+    assert kinds <= {
+        mechanism.Movement.CLOSED,
+        mechanism.Movement.HINGE,
+        mechanism.Movement.SLIDE,
+        mechanism.Movement.OPEN,
+    }
+    assert mechanism.Movement.CLOSED in kinds
 
 
 @pytest.mark.parametrize("name", ["spatial_cubes", "spatial_shelf"])
@@ -130,7 +135,7 @@ def test_mechanisms_of_spatial_scenes_balance_and_obey_the_flow_rule(name: str) 
 def test_results_without_mechanism_are_refused() -> None:
     rows, options = CASES["overhang"]
     result = solve(grid_assembly(rows, **options))
-    for function in (face_motions, flow_rule, work_balance):
+    for function in (mechanism.face_motions, flow_rule, work_balance):
         with pytest.raises(ValueError, match="no mechanism"):
             function(result)
     assert np.isnan(result.load_factor)

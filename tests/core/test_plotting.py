@@ -644,7 +644,7 @@ def test_jld_plot_writes_the_requested_format(tmp_path: Path, monkeypatch: pytes
 
 def test_the_rules_of_drawing_are_those_of_the_pictures() -> None:
     """One place: what a page is told is what matplotlib draws with."""
-    from jld_views import annotations, structure
+    from jld_views import annotations
 
     found = look.rules()
     wall = load_scene(WALL)

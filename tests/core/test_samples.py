@@ -15,8 +15,9 @@ import shapely
 from cases import ROUTE, dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, Status, build_assembly, load_scene, parse_scene, samples, solve
-from jld_core.refinement import bonds, refine
-from jld_core.refinement import voussoirs as voussoirs_of_refinement
+from jld_core.refinement import refine
+from jld_masonry import bonds
+from jld_masonry import voussoirs as voussoirs_of_refinement
 
 
 @pytest.mark.parametrize("kind", samples.KINDS)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from studies.families import running_bond
 
-from cases import CASES, ELL, IRREGULAR, OBLONG, TRIANGLE, dry_and_inner, grid_assembly, rotation, stools
+from cases import CASES, ELL, IRREGULAR, OBLONG, TRIANGLE, dry_and_inner, grid_assembly, rotation, small_blocks, stools
 from cases import assembly_in_space as assembly
 from cases import wall_in_space as wall
 from jld_core import Assembly, LimitAnalysis, SolverError, Status, blocks_of, build_assembly, parse_scene, solve
@@ -90,6 +90,7 @@ def test_point_contacts() -> None:
     assert max(one.bracket[0], two.bracket[0]) <= min(one.bracket[1], two.bracket[1]) + 1e-9
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("courses", "direction", "expected"),
     [(10, (0.0, 1.0, 0.0), 0.2196569), (20, (0.0, 1.0, 0.0), 0.0995768), (20, (1.0, 0.0, 0.0), 0.6344556)],
@@ -279,21 +280,6 @@ def cubes(edge: int) -> Assembly:
         "loads": {"live": [{"body": [1, 0, 0]}]},
     }
     return build_assembly(parse_scene(document))
-
-
-def small_blocks(built: Assembly, seed: int, most: int = 4) -> np.ndarray:
-    """Labels of random blocks of at most so many elements, none of them glued to a support."""
-    rng = np.random.default_rng(seed)
-    faces, labels = built.interfaces, np.ones(len(built.interfaces), dtype=bool)
-    size = np.ones(len(built.elements), dtype=int)
-    name = np.arange(len(built.elements))
-    for face in rng.permutation(np.flatnonzero(built.free_faces)):
-        one, two = name[faces.a[face]], name[faces.b[face]]
-        if one != two and size[one] + size[two] <= most:
-            size[one] += size[two]
-            name[name == two] = one
-    labels[built.free_faces] = (name[faces.a] != name[faces.b])[built.free_faces]
-    return labels
 
 
 BUILT = {

@@ -10,8 +10,7 @@ import pytest
 import shapely
 
 from jld_core import Assembly, InputError, build_assembly, parse_scene, samples, solve
-from jld_core.geometry import area_vector, facets_of, merge_points, solids
-from jld_core.geometry.snapping import _FAR, _FLAT, _RANK, snap_paths, snap_polygons, snap_solids, straight
+from jld_core.geometry import area_vector, facets_of, merge_points, snapping, solids
 
 Polygon = list[list[float]]
 
@@ -35,7 +34,7 @@ def test_noise_on_a_wall_is_taken_out_again() -> None:
     rng = np.random.default_rng(3)
     elements = scene.elements or []
     noisy = [np.array(e.polygon) + rng.uniform(-1e-3, 1e-3, (len(e.polygon or []), 2)) / np.sqrt(2) for e in elements]
-    found = snap_polygons(noisy, 4e-3)
+    found = snapping.snap_polygons(noisy, 4e-3)
     assert found.collapsed == ()
     assert 0.0 < found.largest <= 8e-3
     document = scene.model_dump(mode="json", exclude_defaults=True)
@@ -59,12 +58,12 @@ def test_noise_on_a_wall_is_taken_out_again() -> None:
 def test_gaps_and_overlaps_close(gap: float) -> None:
     """One stone across two: its corners go onto their long edge, which stays straight."""
     outlines = [square(0.0, 0.0, 3.0), square(0.5, 1.0 + gap), square(1.5 + abs(gap) / 2, 1.0 + gap, 1.2)]
-    found = snap_polygons(outlines, 0.005)
+    found = snapping.snap_polygons(outlines, 0.005)
     assert gaps_and_overlaps(found.paths) == pytest.approx((0.0, 0.0), abs=1e-12)
     assert found.largest <= 0.005
     assert np.array_equal(found.paths[0], outlines[0])
-    assert len(snap_polygons(outlines, 0.005, keep_nodes=True).paths[0]) == 7
-    still = snap_polygons(outlines, 0.001)
+    assert len(snapping.snap_polygons(outlines, 0.005, keep_nodes=True).paths[0]) == 7
+    still = snapping.snap_polygons(outlines, 0.001)
     assert still.largest == pytest.approx(0.0, abs=1e-12)
 
 
@@ -72,7 +71,7 @@ def test_gaps_and_overlaps_close(gap: float) -> None:
 def test_joints_that_cross_close_both_ways(gap: float) -> None:
     """Where four stones meet, corners across are further apart than the tolerance, and meet all the same."""
     outlines = [square(i * (0.3 + gap), j * (0.1 + gap), 0.3, 0.1) for j in range(3) for i in range(3)]
-    found = snap_polygons(outlines, 0.002)
+    found = snapping.snap_polygons(outlines, 0.002)
     assert gaps_and_overlaps(found.paths) == pytest.approx((0.0, 0.0), abs=1e-12)
     assert len(np.unique(np.concatenate(found.paths).round(12), axis=0)) == 16
     assert found.largest <= 0.002 * np.sqrt(2.0)
@@ -84,7 +83,7 @@ def test_shared_nodes_make_a_coverage() -> None:
     rng = np.random.default_rng(0)
     outlines = [np.array(e.polygon) + rng.uniform(-1e-4, 1e-4, (4, 2)) for e in scene.elements or []]
     assert not shapely.coverage_is_valid([shapely.Polygon(o) for o in outlines])
-    kept = snap_polygons(outlines, 1e-3, keep_nodes=True)
+    kept = snapping.snap_polygons(outlines, 1e-3, keep_nodes=True)
     assert shapely.coverage_is_valid([shapely.Polygon(o) for o in kept.paths])
 
 
@@ -98,17 +97,17 @@ def test_there_are_no_chains() -> None:
 
 
 def test_elements_thinner_than_the_tolerance_are_reported() -> None:
-    found = snap_polygons([square(0, 0), square(3, 0, 1.0, 1e-4)], 1e-3)
+    found = snapping.snap_polygons([square(0, 0), square(3, 0, 1.0, 1e-4)], 1e-3)
     assert found.collapsed == (1,)
 
 
 def test_nothing_moves_without_a_tolerance() -> None:
     outlines = [square(0, 0), square(1 + 1e-12, 0)]
-    found = snap_polygons(outlines, 0.0)
+    found = snapping.snap_polygons(outlines, 0.0)
     assert found.largest == 0.0
     assert all(np.array_equal(a, b) for a, b in zip(found.paths, outlines, strict=True))
     with pytest.raises(InputError, match="tolerance"):
-        snap_paths(outlines, [True, True], float("nan"))
+        snapping.snap_paths(outlines, [True, True], float("nan"))
 
 
 def test_a_million_equal_corners_take_no_square_of_their_number() -> None:
@@ -119,7 +118,7 @@ def test_a_million_equal_corners_take_no_square_of_their_number() -> None:
 
 def test_straight_corners_go() -> None:
     ring = np.array([[0.0, 0.0], [0.3, 0.0], [1.0, 0.0], [1.0, 1.0], [0.4, 1.0 + 1e-3], [0.0, 1.0]])
-    assert straight(ring).tolist() == ring[[0, 2, 3, 4, 5]].tolist()
+    assert snapping.straight(ring).tolist() == ring[[0, 2, 3, 4, 5]].tolist()
 
 
 def cube(x: float, y: float, z: float) -> tuple[np.ndarray, tuple[tuple[int, ...], ...]]:
@@ -137,7 +136,7 @@ def test_faces_of_solids_come_to_lie_in_planes() -> None:
     noisy = [v + rng.uniform(-1e-3, 1e-3, v.shape) for v, _ in solid]
     faces = [f for _, f in solid]
     assert len(facets_of(*solids(["a", "b", "c"], noisy, list(faces))[:2])) > 3 * 6
-    found = snap_solids(noisy, faces, 4e-3)
+    found = snapping.snap_solids(noisy, faces, 4e-3)
     assert 0.0 < found.largest < 1e-2
     vertices, mended, volume, _ = solids(["a", "b", "c"], found.vertices, list(faces))
     assert len(facets_of(vertices, mended)) == 3 * 6
@@ -147,7 +146,7 @@ def test_faces_of_solids_come_to_lie_in_planes() -> None:
 def test_snapping_closes_a_gap_between_solids() -> None:
     """Two cubes 2 mm apart and their corners elsewhere: without snapping they do not touch."""
     lower, upper = cube(0, 0, 0), cube(0.3, 0.2, 1.002)
-    found = snap_solids([lower[0], upper[0]], [lower[1], upper[1]], 0.003)
+    found = snapping.snap_solids([lower[0], upper[0]], [lower[1], upper[1]], 0.003)
     assert found.vertices[1][:4, 2] == pytest.approx([1.0] * 4, abs=0.0021)
     assert found.vertices[1][:4, 2].min() == pytest.approx(found.vertices[0][4:, 2].max(), abs=1e-12)
 
@@ -192,7 +191,7 @@ def snapped(vertices: list[np.ndarray], faces: list[tuple[tuple[int, ...], ...]]
     def joined(a: int, b: int) -> bool:
         large, small = (a, b) if area[a] >= area[b] else (b, a)
         cosine = normal[a] @ normal[b]
-        facing = (cosine if solid[a] == solid[b] else abs(cosine)) > _FLAT
+        facing = (cosine if solid[a] == solid[b] else abs(cosine)) > snapping._FLAT
         return bool(facing and np.all((low[a] <= high[b]) & (low[b] <= high[a]))) and (
             level(large, large) and level(small, large)
         )
@@ -215,10 +214,10 @@ def snapped(vertices: list[np.ndarray], faces: list[tuple[tuple[int, ...], ...]]
     for k, at in enumerate(place):
         planes = sorted({plane[f] for f, loop in enumerate(loops) if k in loop and level(f, f)})
         if planes:
-            step = np.linalg.pinv(normal[planes], rcond=_RANK) @ np.einsum(
+            step = np.linalg.pinv(normal[planes], rcond=snapping._RANK) @ np.einsum(
                 "ij,ij->i", middle[planes] - at, normal[planes]
             )
-            moved[k] = at + step if np.linalg.norm(step) <= _FAR * tolerance else at
+            moved[k] = at + step if np.linalg.norm(step) <= snapping._FAR * tolerance else at
     return moved[node]
 
 
@@ -249,7 +248,7 @@ def test_solids_snap_as_one_face_after_the_other() -> None:
             corners = np.array(list(itertools.product(ends[0][i : i + 2], ends[1], ends[2])))
             vertices.append(corners @ turn.T + noise * rng.uniform(-1.0, 1.0, (8, 3)))
             faces.append(TRIANGLES if seed % 3 == 0 else FACES)
-        found = snap_solids(vertices, faces, 0.01)
+        found = snapping.snap_solids(vertices, faces, 0.01)
         np.testing.assert_allclose(np.concatenate(found.vertices), snapped(vertices, faces, 0.01), atol=1e-12, rtol=0.0)
         moved += found.moved
     assert moved > 500

@@ -62,7 +62,7 @@ def crushed() -> Assembly:
     return spatial(materials={"dry": dry, "inner": inner})
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", [*CASES, "in space", "crushed in space"])
 def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assembly = assemblies()[name]

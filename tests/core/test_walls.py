@@ -13,8 +13,9 @@ import shapely
 
 from cases import dry_and_inner, solid_of
 from jld_core import InputError, Scene, build_assembly, parse_scene, samples, solve
-from jld_core.refinement import bonds, refine
+from jld_core.refinement import refine
 from jld_formats import ImportOptions, import_file
+from jld_masonry import bonds
 from jld_samples import box
 
 _Box = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -157,6 +158,7 @@ def test_a_given_bearing_is_kept_and_a_flat_arch_has_its_wedges_between_skewback
                 assert below[2] == pytest.approx(0.8 - 0.4 * 0.2 / 0.1)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("turn", "start"), [(0.3, 0.0), (2.0, 5.0), (4.4, -3.0)])
 def test_walls_with_openings_are_cut_alike_in_any_position(turn: float, start: float) -> None:
     placed, turned = (scene_of(solid(ROOM, EMPTY, angle), angle) for angle in (0.0, turn))

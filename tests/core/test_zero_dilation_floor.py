@@ -133,6 +133,7 @@ def test_certificate_of_a_false_bound_is_refused() -> None:
     assert check.bound(replace(relaxed.multipliers, products=relaxed.multipliers.products + noise)) <= 0.65 / scale
 
 
+@pytest.mark.long
 def test_blocks_agree_with_the_library() -> None:
     """Blocks along the graph of velocities beside HiGHS row by row, with products with b_λ·u as well: what slack costs
     differs by that. On a wall of two courses nothing is farther than 9 faces; neighbours alone prove no more."""

@@ -46,13 +46,12 @@ def test_a_pillar_in_two_parts_tips_as_in_closed_form(tmp_path: Path, load: str,
 
     With less friction a base of two faces carries less of an oblique load: each face's friction also bears torsion.
     """
-    options = Options((1.3,) * 3, (load,), require=0.1, families=("grid",), cells=4, seconds=3.0)
-    options = replace(options, matter=Matter(friction_angle=angle, tensile=1e6), tenons=True)
+    options = Options((1.2,) * 3, (load,), require=0.1, families=("grid",), cells=4, seconds=3.0)
+    options = replace(options, matter=Matter(friction_angle=angle, tensile=1e6))
     found = cut(written(box(1.0, 1.0, 2.0), tmp_path / "pillar.stl"), options, tmp_path / "out")
     assert found["parts"] == 2
     assert found["fits"]
     assert found["can_be_laid"]
-    assert found["tenons"] == 1
     assert found["load_factor"] == pytest.approx(factor, rel=1e-4)
 
 
@@ -120,7 +119,6 @@ def test_a_bench_is_cut_to_whole_files(tmp_path: Path) -> None:
     assert found["file_error"] < 1e-6
     assert table["mass"].max() <= 200.0 * (1 + 1e-9)
     assert table["volume"].sum() == pytest.approx(found["volume"], rel=1e-9)
-    assert found["not_marked"] == []
     assert (table["volume_with_clearance"] < table["volume"]).all()
     meshes = [trimesh.load_mesh(out / name) for name in table["file"]]
     assert all(mesh.is_watertight for mesh in meshes)
@@ -251,7 +249,6 @@ def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any,
         ({"clearance": -1.0}, "clearance"),
         ({"require": float("nan")}, "require"),
         ({"keep_whole": ("0,0,0",)}, "keep_whole"),
-        ({"mark": 1.0}, "mark"),
     ],
 )
 def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: str) -> None:

@@ -108,6 +108,7 @@ def test_every_tessellation_carries_the_same_loads_and_keeps_the_limit(opening: 
         assert moment.sum() == pytest.approx(-1e4 * 0.6, rel=0.02)
 
 
+@pytest.mark.usefixtures("without_pictures", "without_field_check")
 def test_shapes_are_counted_as_the_moulds_of_the_report(tmp_path: Path) -> None:
     """Voussoirs of a jack arch are all different unless turned over; half as many moulds are enough for them."""
     drawing = tmp_path / "jack.csv"

@@ -65,7 +65,7 @@ def test_wide_gaps_say_how_wide_and_what_closes_them(gap: float, tmp_path: Path)
         read(tolerance=tolerance)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("drawn", ["outline", "lines"])
 @pytest.mark.parametrize("rings", [1, 2])
 @pytest.mark.parametrize(("embrace", "skew"), [(40, 0.0), (60, 0.1), (90, -0.05), (120, 0.0), (150, 0.1), (180, 0.0)])
@@ -186,7 +186,7 @@ for library in ("ezdxf", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):
 SHELF = shelf()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("file", SHELF, ids=[file.name for file in SHELF])
 def test_file(file: File, tmp_path: Path) -> None:
     path = tmp_path / file.name

@@ -222,7 +222,7 @@ TURNED = ("force", "at", "moment", "body", "gravity")
 """Vectors of the plane that become vectors of space."""
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("cells", [False, True])
 @pytest.mark.parametrize("kind", READ_BACK)
 @pytest.mark.parametrize("name", SCENES)

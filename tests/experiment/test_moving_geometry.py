@@ -77,7 +77,7 @@ def in_space(document: dict[str, Any], turn: float | None) -> dict[str, Any]:
     return document if turn is None else solid(document, turn)
 
 
-@SPACES
+@pytest.mark.parametrize("turn", [None, *(pytest.param(turn, marks=pytest.mark.long) for turn in (0.0, 0.4))])
 def test_a_rocking_block_gets_weaker_as_it_turns(turn: float | None) -> None:
     """About its toe: the centroid at an angle α − θ from the vertical has moved R (sin α − sin(α − θ)), and
     λ = tan(α − θ)."""
@@ -90,6 +90,7 @@ def test_a_rocking_block_gets_weaker_as_it_turns(turn: float | None) -> None:
     assert found.load_factor[-1] < 0.6 * wide / high
 
 
+@pytest.mark.sampled(2)
 @SPACES
 def test_a_corner_that_meets_another_block_presses(turn: float | None) -> None:
     """A sliding block carries μ until it reaches a step 0.02 away that is not its neighbour at rest; then it is held.
@@ -103,6 +104,7 @@ def test_a_corner_that_meets_another_block_presses(turn: float | None) -> None:
     assert found.load_factor[-1] > 3.0 * 0.3
 
 
+@pytest.mark.sampled(2)
 @SPACES
 def test_a_block_that_slid_off_its_face_is_no_longer_carried(turn: float | None) -> None:
     """A block on a base as long as itself tips once its middle has slid past the end: λ falls from μ."""

@@ -368,6 +368,7 @@ def turned(document: dict[str, Any], rotation: Rotation) -> dict[str, Any]:
     return changed
 
 
+@pytest.mark.long
 def test_invariance_to_a_turn_in_space() -> None:
     document = prism(6, {"force": [0.3, 0.1, 0.0], "moment": [0.0, 0.0, 0.6]})
     base = run_experiment(build_assembly(parse_scene(document)), joints=Joints(inner="plastic"))

@@ -22,7 +22,6 @@ from jld_explore import ExploreSettings, SearchSpace, explore, read_folder, sear
 from jld_explore.report import words
 from jld_explore.space import cut, feasible, from_string, labelling, reasons_against
 from jld_explore.space.counts import counts
-from jld_explore.space.labelling import blocks_of, connectivity, omitted, slits
 from jld_explore.space.limits import block_sizes
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
@@ -96,7 +95,7 @@ def test_touching_supports_are_one_block() -> None:
     # in pictures and files as in counts
     for one in (space, apart):
         for row in batch(one, *texts[:2]):
-            block, other = blocks_of(one.graph, row), assembly_blocks(one.assembly, row)
+            block, other = labelling.blocks_of(one.graph, row), assembly_blocks(one.assembly, row)
             assert np.array_equal(block[:, None] == block, other[:, None] == other)
 
 
@@ -317,35 +316,35 @@ def test_text_holds_only_its_letters() -> None:
 )
 def test_blocks_and_slits_of_all_labellings(rows: list[str], touching: list[tuple[str, str]]) -> None:
     assembly = grid_assembly(rows)
-    graph = connectivity(assembly)
+    graph = labelling.connectivity(assembly)
     index = assembly.elements.index
     pairs = [(index[a], index[b]) for a, b in touching]
     assert [tuple(pair) for pair in graph.touching.tolist()] == sorted(pairs)
     m = len(assembly.interfaces)
     labels = np.array(np.unravel_index(np.arange(2**m), (2,) * m)).T.astype(bool)
     expected = np.array([plain_blocks(assembly, row, pairs) for row in labels])
-    assert np.array_equal(blocks_of(graph, labels), expected)
-    assert np.array_equal(blocks_of(graph, labels[5]), expected[5])
+    assert np.array_equal(labelling.blocks_of(graph, labels), expected)
+    assert np.array_equal(labelling.blocks_of(graph, labels[5]), expected[5])
     inside = expected[:, graph.a] == expected[:, graph.b]
-    assert np.array_equal(slits(graph, labels), labels & inside)
-    assert np.array_equal(slits(graph, labels[5]), (labels & inside)[5])
+    assert np.array_equal(labelling.slits(graph, labels), labels & inside)
+    assert np.array_equal(labelling.slits(graph, labels[5]), (labels & inside)[5])
 
 
 def test_blocks_of_long_chains_and_no_rows() -> None:
     assembly = grid_assembly(["#" + "a" * 40, "." * 40 + "a", "#" + "a" * 40])
-    graph = connectivity(assembly)
+    graph = labelling.connectivity(assembly)
     m = len(assembly.interfaces)
-    assert not blocks_of(graph, np.zeros(m, dtype=bool)).any()
-    assert blocks_of(graph, np.ones((0, m), dtype=bool)).shape == (0, len(assembly.elements))
-    assert np.array_equal(blocks_of(graph, np.ones(m, dtype=bool)), np.arange(len(assembly.elements)))
+    assert not labelling.blocks_of(graph, np.zeros(m, dtype=bool)).any()
+    assert labelling.blocks_of(graph, np.ones((0, m), dtype=bool)).shape == (0, len(assembly.elements))
+    assert np.array_equal(labelling.blocks_of(graph, np.ones(m, dtype=bool)), np.arange(len(assembly.elements)))
 
 
 def test_blocks_do_not_depend_on_the_batch(monkeypatch: pytest.MonkeyPatch) -> None:
-    graph = connectivity(grid_assembly(["abc", "def", "###"]))
+    graph = labelling.connectivity(grid_assembly(["abc", "def", "###"]))
     labels = np.random.default_rng(1).random((50, len(graph.a))) < 0.5
-    whole = blocks_of(graph, labels)
+    whole = labelling.blocks_of(graph, labels)
     monkeypatch.setattr(labelling, "_ENTRIES", 60)
-    assert np.array_equal(blocks_of(graph, labels), whole)
+    assert np.array_equal(labelling.blocks_of(graph, labels), whole)
 
 
 def test_supports_in_space_touch_through_faces_only() -> None:
@@ -362,7 +361,7 @@ def test_supports_in_space_touch_through_faces_only() -> None:
     del document["grid"]
     document["elements"] = [box(name, corner, name != "a") for name, corner in corners.items()]
     assembly = build_assembly(parse_scene(json.loads(json.dumps(document))))
-    assert connectivity(assembly).touching.tolist() == [[1, 2]]
+    assert labelling.connectivity(assembly).touching.tolist() == [[1, 2]]
 
 
 @given(st.integers(1, 90), st.integers(0, 2**32 - 1))
@@ -385,7 +384,7 @@ def test_canonical_is_the_smallest_image(faces: int, seed: int) -> None:
 def test_sizes_count_free_elements_only() -> None:
     assembly = grid_assembly(["ab", "cd", "##"])
     labels = np.zeros((1, len(assembly.interfaces)), dtype=bool)
-    sizes = block_sizes(assembly, blocks_of(connectivity(assembly), labels))
+    sizes = block_sizes(assembly, labelling.blocks_of(labelling.connectivity(assembly), labels))
     weight = 1400 * 9.81 * 0.1**3
     assert sizes["block_cells"][0].tolist() == [4, 0, 0, 0, 0, 0]
     assert sizes["block_weight"][0, 0] == pytest.approx(4 * weight)
@@ -450,7 +449,7 @@ def test_all_layouts_of_all_structures(every: Any) -> None:
 
 
 def _rows(every: Any, text: str) -> list[int]:
-    found: list[int] = np.flatnonzero(omitted(every.assembly, text)).tolist()
+    found: list[int] = np.flatnonzero(labelling.omitted(every.assembly, text)).tolist()
     return found
 
 

@@ -24,7 +24,7 @@ from jld_explore.space.counts import BlockShapes, counts, values_until
 from jld_explore.space.limits import MEASURES, SHAPED
 from jld_practice import making_of, stones_of
 from jld_samples import vault
-from jld_views.pictures import front_picture
+from jld_views import pictures
 
 SOURCES = Path(__file__).parents[2] / "src"
 ROWS = ["aaa", "aaa", "###"]
@@ -114,13 +114,14 @@ def test_a_proof_under_a_limit_that_is_no_sum_is_by_enumeration(count: Count) ->
     assert feasible(space, rows).all()
 
 
+@pytest.mark.sampled(2)
 def test_a_count_of_ones_own_is_a_column_a_front_and_an_axis(count: Count, tmp_path: Path) -> None:
     done = explore(scene_of(front={"count": count.name, "sense": "min"}), tmp_path / "study")
     assert count.name in done.results.columns
     assert (done.front[count.name].diff().dropna() != 0).all()
     best = done.results.groupby(count.name)["load_factor"].max()
     assert done.front["load_factor"].max() == best.max()
-    picture = front_picture(done)
+    picture = pictures.front_picture(done)
     assert isinstance(picture, Figure)
     assert picture.axes[0].get_xlabel() == "lying dry faces"
     said = [text.get_text() for text in picture.texts]

@@ -26,7 +26,7 @@ from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 from pydantic import Field
 
-from cases import dry_and_inner, every_layout, grid_document
+from cases import canonical, dry_and_inner, every_layout, grid_document
 from command import Command
 from jld_core import InputError, Scene, Status, build_assembly, load_scene, parse_scene
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
@@ -34,7 +34,6 @@ from jld_explore.drivers import DRIVERS, DriverOptions
 from jld_explore.drivers.enumeration import Tally, size_up_to
 from jld_explore.evaluation.protocol import FAILED
 from jld_explore.space import feasible, to_string
-from jld_explore.space.labelling import canonical
 
 ROOT = Path(__file__).parents[2]
 DOWN = [{"body": [0, -1]}]

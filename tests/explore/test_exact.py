@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import DOWN, box, every_layout, grid_document
+from cases import DOWN, box, canonical, every_layout, grid_document
 from cases import scene_in_space as scene
 from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space
@@ -25,7 +25,6 @@ from jld_explore.drivers.exact.context import ProofContext, possible_blocks
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Records
 from jld_explore.space import count_named, feasible, values_of
-from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import Range
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
@@ -276,7 +275,7 @@ def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, enumerated: E
     assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("name", "searched"),
     [

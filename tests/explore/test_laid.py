@@ -39,6 +39,7 @@ def scene_of(rows: list[str], *, assemble: str | None = None, friction: float = 
     return parse_scene(document)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("rows", [NECK, HOOKS, LID])
 def test_a_lock_refutes_other_labellings_and_never_a_possible_one(rows: list[str]) -> None:
     scene = scene_of(rows, **WIDE)
@@ -94,6 +95,7 @@ def test_exact_is_brute_force(rows: list[str], assemble: Any, search: dict[str, 
     assert found.summary.best_labelling in kept
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("driver", ["random", "genetic", "hillclimb"])
 def test_every_driver_keeps_the_assembly_constraint(driver: str, tmp_path: Path) -> None:
     scene = scene_of(LID, assemble="translation", **WIDE)

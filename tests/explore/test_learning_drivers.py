@@ -13,7 +13,7 @@ from benchmarks.claims import run as run_claim
 from cases import grid_document
 from command import SCENES
 from jld_core import LimitAnalysis, Status, build_assembly, load_scene, parse_scene
-from jld_core.limit.mechanism import Movements
+from jld_core.limit import mechanism
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS, Genetic
 from jld_explore.drivers.genetic import crowding_of, fronts_of
@@ -109,7 +109,7 @@ def test_a_tower_moves_at_its_foot_alone(kernel: str, monkeypatch: pytest.Monkey
     """Rocking about the foot: λ = 1/4 there, 1/3 at the joint above (width over height of what rocks), all dry."""
     monkeypatch.setenv("JLD_KERNEL", kernel)
     assembly = build_assembly(parse_scene(grid_document(["a", "a", "a", "a", "#"])))
-    moving = Movements(LimitAnalysis(assembly)).of(np.ones((3, len(assembly.interfaces)), dtype=bool))
+    moving = mechanism.Movements(LimitAnalysis(assembly)).of(np.ones((3, len(assembly.interfaces)), dtype=bool))
     feet = assembly.elements.support[assembly.interfaces.a] | assembly.elements.support[assembly.interfaces.b]
     assert moving.shape == (3, 4)
     assert moving[:, feet] == pytest.approx(1.0)

@@ -96,6 +96,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Exploration:
     return explore(table(), tmp_path_factory.mktemp("plain") / "out", ExploreSettings(pictures=False, check_fields=0))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize(
     "model",
@@ -344,6 +345,7 @@ def test_evaluator_stops_at_the_associative_bound() -> None:
     assert evaluator.evaluate(labels, pruning_threshold=0.99 * full.associative).settled == "solve"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("driver", ["enumeration", "genetic"])
 def test_best_and_front_are_those_of_all_solves(driver: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 3]))

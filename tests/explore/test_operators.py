@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import box, every_layout, grid_document
+from cases import box, canonical, every_layout, grid_document
 from cases import scene_in_space as spatial_scene
-from jld_core import InputError, Scene, build_assembly, parse_scene
+from jld_core import InputError, Scene, blocks_of, build_assembly, parse_scene
 from jld_core.scene import cracks
 from jld_explore import ExploreSettings, SearchSpace, explore, read_folder, search_space
 from jld_explore.drivers import BufferedRandom, Register, make_driver, operators
@@ -22,7 +22,6 @@ from jld_explore.report import words
 from jld_explore.report.tables import on_front
 from jld_explore.space import feasible, keys
 from jld_explore.space.counts import counts
-from jld_explore.space.labelling import blocks_of, canonical
 
 DOWN = [{"body": [0, -1]}]
 
@@ -131,7 +130,7 @@ def test_keys_are_written_and_read_back(seed: int, search: dict[str, Any]) -> No
 
 
 def names(space: SearchSpace, labels: np.ndarray) -> list[int]:
-    return blocks_of(space.graph, labels)[space.assembly.elements.free].tolist()
+    return blocks_of(space.assembly, labels)[space.assembly.elements.free].tolist()
 
 
 def test_effects_of_each_operator() -> None:

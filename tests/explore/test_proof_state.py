@@ -23,7 +23,7 @@ from benchmarks.claims import searches
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cases import dry_and_inner, grid_document
-from jld_core import Scene, build_assembly, parse_scene
+from jld_core import Scene, blocks_of, build_assembly, parse_scene
 from jld_core.batch import batch_solver, chosen
 from jld_core.limit.case_relaxation import Relaxation, relaxation_of
 from jld_explore import Driver, Exploration, ExploreSettings, Progress, StopReason, explore, search_space
@@ -35,7 +35,6 @@ from jld_explore.evaluation import Records
 from jld_explore.report import words
 from jld_explore.search.study import Study
 from jld_explore.space.counts import BlockShapes
-from jld_explore.space.labelling import blocks_of
 from jld_explore.verification import verify
 
 QUIET = ExploreSettings(pictures=False, small=0)
@@ -73,7 +72,7 @@ def search(document: dict[str, Any], folder: Path, **options: Any) -> tuple[Expl
     return explore(scene, folder, settings, driver=driver), driver
 
 
-@pytest.mark.parametrize("step_after", [None, 1, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.parametrize("step_after", [None, *(pytest.param(one, marks=pytest.mark.long) for one in (1, 20))])
 def test_no_layout_is_lost_when_the_target_changes(step_after: int | None, tmp_path: Path) -> None:
     done, _ = search(LOST, tmp_path / "out", step_after=step_after)
     assert done.summary.proven is True
@@ -95,10 +94,9 @@ def test_mirrored_blocks_have_one_shape_in_every_order(tmp_path: Path) -> None:
     done, _ = search(FLIPPED, tmp_path / "exact")
     assert every.summary.best == pytest.approx(done.summary.best, rel=1e-9)
     assembly = build_assembly(scene)
-    space = search_space(scene, assembly)
     text = every.results["labelling"]
     rows = np.array([[letter == "d" for letter in labels] for labels in text])
-    blocks = blocks_of(space.graph, rows)
+    blocks = np.array([blocks_of(assembly, row) for row in rows])
     counts = [
         BlockShapes(assembly, flip=True).different(blocks[order])[np.argsort(order)].tolist()
         for order in (np.arange(len(rows)), np.arange(len(rows))[::-1])
@@ -278,7 +276,7 @@ def test_to_ask_why_a_study_ends_changes_nothing(tmp_path: Path) -> None:
     study.records.close()
 
 
-@pytest.mark.parametrize("lowered", [40, 10**9])
+@pytest.mark.parametrize("lowered", [40, pytest.param(10**9, marks=pytest.mark.long)])
 def test_a_bound_recorded_too_low_is_corrected(lowered: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The largest recomputed bound counts, and the search goes on from it to the end."""
     left, sound = [lowered], Relaxation._refutations

@@ -241,7 +241,7 @@ def test_a_kill_loses_nothing_that_was_finished(tmp_path: Path) -> None:
     """Every labelling that was told to be finished is on record as it was told."""
     rng, rows = np.random.default_rng(2), labellings(2048)
     told = 0
-    for wait in rng.integers(1, 120, 2).tolist():
+    for wait in rng.integers(1, 120, int(os.environ.get("JLD_KILLS", "1"))).tolist():
         code = WRITER.format(paths=[str(Path(__file__).parent), str(Path(__file__).parents[1])])
         started = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
         with ended(started) as run:

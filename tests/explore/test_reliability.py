@@ -419,7 +419,7 @@ def test_intervals_hold_the_probability_of_series_systems(seed: int) -> None:
     assert low <= -math.expm1(float(norm.logcdf(sides).sum())) <= high
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("required", [0.5, 1.25, 3.0])
 @pytest.mark.parametrize("cov", [1e-5, 1e-3, 0.5])
 def test_values_that_hardly_matter_give_an_answer(required: float, cov: float) -> None:

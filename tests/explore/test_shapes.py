@@ -11,11 +11,10 @@ import pytest
 
 from cases import assembly_in_space as spatial_assembly
 from cases import box, grid_document
-from jld_core import build_assembly, parse_scene
+from jld_core import blocks_of, build_assembly, parse_scene
 from jld_core.geometry import outlines
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.space.counts import BlockShapes
-from jld_explore.space.labelling import blocks_of, connectivity
 
 
 def labelled(rows: list[str], **keys: Any) -> tuple[Any, np.ndarray]:
@@ -25,7 +24,7 @@ def labelled(rows: list[str], **keys: Any) -> tuple[Any, np.ndarray]:
 
 def shapes_of(rows: list[str], **moulds: bool) -> int:
     assembly, labels = labelled(rows)
-    blocks = blocks_of(connectivity(assembly), labels[None])
+    blocks = blocks_of(assembly, labels)[None]
     return int(BlockShapes(assembly, **moulds).different(blocks)[0])
 
 
@@ -55,7 +54,7 @@ def test_blocks_cut_otherwise_have_one_shape() -> None:
     inner = {"tensile_strength": 1e5, "shear_strength": 1e5}
     scene = {"elements": elements, "materials": {**material, "inner": inner}, "loads": {"live": [{"body": [1, 0]}]}}
     assembly = build_assembly(parse_scene(scene))
-    blocks = blocks_of(connectivity(assembly), assembly.labels[None])
+    blocks = blocks_of(assembly, assembly.labels)[None]
     assert BlockShapes(assembly).different(blocks).tolist() == [1]
 
 
@@ -144,7 +143,7 @@ def test_shapes_do_not_depend_on_order_or_place(name: str) -> None:
         }
         assembly = build_assembly(parse_scene(scene))
         shapes = BlockShapes(assembly, rotate="rotate" in moulds, flip="flip" in moulds)
-        blocks = blocks_of(connectivity(assembly), assembly.labels[None])
+        blocks = blocks_of(assembly, assembly.labels)[None]
         # a layout that lacks the stone in the middle is counted by the same shapes
         free = assembly.elements.free
         ends = [[int(k)] for k in free if assembly.elements.ids[k] in ("p0", f"p{len(steps) - 1}")]
@@ -173,7 +172,7 @@ def test_solids() -> None:
             for names in zip(ids[assembly.interfaces.a], ids[assembly.interfaces.b], strict=True)
         ]
         labels[both] = False
-    blocks = blocks_of(connectivity(assembly), labels[None])
+    blocks = blocks_of(assembly, labels)[None]
     assert BlockShapes(assembly).different(blocks).tolist() == [3]
     turned = BlockShapes(assembly, rotate=True)
     assert turned.different(blocks).tolist() == [2]
@@ -199,14 +198,14 @@ def brute(name: str) -> Iterator[bytes]:
     scene = parse_scene(_document(rows, LIMITS[name]))
     assembly = build_assembly(scene)
     free = np.flatnonzero(assembly.free_faces)
-    graph = connectivity(assembly)
+    faces = assembly.interfaces
     place = {e: (round(c[0] / 0.4 - 0.5), round(c[1] / 0.2 - 0.5)) for e, c in enumerate(assembly.elements.centroid)}
     mass = 2000 * 0.4 * 0.2 * 0.2
     for number in range(2 ** len(free)):
         labels = np.ones(len(assembly.interfaces), dtype=bool)
         labels[free] = [bool(number >> k & 1) for k in range(len(free))]
-        names = blocks_of(graph, labels)
-        if np.any(labels[free] & (names[graph.a[free]] == names[graph.b[free]])):
+        names = blocks_of(assembly, labels)
+        if np.any(labels[free] & (names[faces.a[free]] == names[faces.b[free]])):
             continue
         groups = [
             [place[e] for e in np.flatnonzero(names == n) if not assembly.elements.support[e]]
@@ -260,6 +259,7 @@ def _inward(cells: list[tuple[int, int]]) -> int:
     return sum(sum((x - i, y - j) in there for i in (0, 1) for j in (0, 1)) == 3 for x, y in corners)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("name", LIMITS)
 def test_enumeration_and_the_exact_driver_keep_the_limits(name: str, tmp_path: Path) -> None:

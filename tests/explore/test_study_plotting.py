@@ -18,14 +18,7 @@ from tools.gallery import ENTRIES, PAGE, files_of, page_text, write_entry
 from command import ROOT, Command
 from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, load_scene, solve
 from jld_views import figures
-from jld_views.pictures import (
-    labels_of,
-    plot_best,
-    plot_convergence,
-    plot_distribution,
-    plot_dry_frequency,
-    plot_pareto,
-)
+from jld_views import pictures as pictures_of_views
 
 SCENE = Path(__file__).parents[2] / "scenes" / "flat_beam_arch.json"
 
@@ -88,7 +81,7 @@ def numbers(figure: Figure) -> list[str]:
 @pytest.mark.parametrize(("count", "sense"), [("dry_faces", "max"), ("dry_length", "max"), ("blocks", "min")])
 def test_front_and_all_rows_are_on_the_axes(assembly: Assembly, results: pd.DataFrame, count: str, sense: str) -> None:
     front = front_of(results, count, sense)
-    figure = plot_pareto(results, front, assembly, count=count, sense=sense)
+    figure = pictures_of_views.plot_pareto(results, front, assembly, count=count, sense=sense)
     ax = figure.axes[0]
     dots, steps, marks = ax.lines
     known = results[results["status"] == "collapse"]
@@ -105,7 +98,7 @@ def test_front_and_all_rows_are_on_the_axes(assembly: Assembly, results: pd.Data
 def test_circles_and_thumbnails_carry_the_same_numbers_and_keep_apart(
     assembly: Assembly, results: pd.DataFrame, tmp_path: Path
 ) -> None:
-    figure = plot_pareto(results, front_of(results, "dry_faces", "max"), assembly, layouts=4)
+    figure = pictures_of_views.plot_pareto(results, front_of(results, "dry_faces", "max"), assembly, layouts=4)
     figures.save_figure(figure, tmp_path / "pareto.png")
     circles = figure.axes[0].texts
     assert [text.get_text() for text in circles] == numbers(figure)
@@ -118,7 +111,7 @@ def test_circles_and_thumbnails_carry_the_same_numbers_and_keep_apart(
 
 def test_units_stand_on_the_axes(assembly: Assembly, results: pd.DataFrame) -> None:
     front = front_of(results, "dry_length", "max")
-    ax = plot_pareto(results, front, assembly, count="dry_length").axes[0]
+    ax = pictures_of_views.plot_pareto(results, front, assembly, count="dry_length").axes[0]
     assert ax.get_xlabel() == "dry length [m]"
     assert "λ" in ax.get_ylabel()
 
@@ -126,42 +119,42 @@ def test_units_stand_on_the_axes(assembly: Assembly, results: pd.DataFrame) -> N
 def test_many_rows_are_stored_as_an_image(assembly: Assembly, results: pd.DataFrame) -> None:
     known = results[results["status"] == "collapse"]
     many = pd.concat([known] * (5001 // len(known) + 1), ignore_index=True)
-    figure = plot_pareto(many, front_of(results, "dry_faces", "max"), assembly)
+    figure = pictures_of_views.plot_pareto(many, front_of(results, "dry_faces", "max"), assembly)
     assert figure.axes[0].lines[0].get_rasterized()
 
 
 def test_tables_without_collapse_or_front(assembly: Assembly, results: pd.DataFrame, tmp_path: Path) -> None:
     nothing = results[results["status"] == "unstable"]
     for number, table in enumerate((nothing, results.iloc[:0])):
-        figure = plot_pareto(table, table.iloc[:0], assembly)
+        figure = pictures_of_views.plot_pareto(table, table.iloc[:0], assembly)
         assert len(figure.axes) == 1
         assert "no labelling" in figure.axes[0].texts[0].get_text()
         figures.save_figure(figure, tmp_path / f"{number}.png")
-        assert "no labelling" in plot_distribution(table).axes[0].texts[0].get_text()
-        assert "no labelling" in plot_dry_frequency(table, assembly).axes[0].texts[0].get_text()
-    figure = plot_pareto(results, results.iloc[:0], assembly)
+        assert "no labelling" in pictures_of_views.plot_distribution(table).axes[0].texts[0].get_text()
+        assert "no labelling" in pictures_of_views.plot_dry_frequency(table, assembly).axes[0].texts[0].get_text()
+    figure = pictures_of_views.plot_pareto(results, results.iloc[:0], assembly)
     assert len(figure.axes) == 1
     figures.save_figure(figure, tmp_path / "no_front.png")
 
 
 def test_one_row_is_a_front(assembly: Assembly, results: pd.DataFrame, tmp_path: Path) -> None:
     one = results.head(1)
-    figure = plot_pareto(one, one, assembly)
+    figure = pictures_of_views.plot_pareto(one, one, assembly)
     figures.save_figure(figure, tmp_path / "one.png")
     assert numbers(figure) == ["1"]
 
 
 def test_wrong_arguments_are_refused(assembly: Assembly, results: pd.DataFrame) -> None:
     with pytest.raises(ValueError, match="no such front"):
-        plot_pareto(results, results, assembly, count="weight")
+        pictures_of_views.plot_pareto(results, results, assembly, count="weight")
     with pytest.raises(ValueError, match="24 letters"):
-        labels_of("0101", assembly)
+        pictures_of_views.labels_of("0101", assembly)
     with pytest.raises(ValueError, match="24 letters"):
-        labels_of(101, assembly)
+        pictures_of_views.labels_of(101, assembly)
 
 
 def test_distribution_has_a_box_for_each_number_of_dry_faces(results: pd.DataFrame) -> None:
-    ax = plot_distribution(results).axes[0]
+    ax = pictures_of_views.plot_distribution(results).axes[0]
     known = results[results["status"] == "collapse"]
     kinds, tally = np.unique(known["dry_faces"].to_numpy(dtype=int), return_counts=True)
     held = {round(text.get_position()[0]): int(text.get_text()) for text in ax.texts}
@@ -169,15 +162,15 @@ def test_distribution_has_a_box_for_each_number_of_dry_faces(results: pd.DataFra
 
 
 def test_dry_frequency_counts_the_best_rows(assembly: Assembly, results: pd.DataFrame) -> None:
-    figure = plot_dry_frequency(results, assembly, top=1)
-    best = labels_of(results["labelling"].iloc[0], assembly)
+    figure = pictures_of_views.plot_dry_frequency(results, assembly, top=1)
+    best = pictures_of_views.labels_of(results["labelling"].iloc[0], assembly)
     lines = {item.get_label(): item for item in figure.axes[0].collections}
     assert len(lines["dry"].get_segments()) == int(best.sum())
     assert len(lines["inner"].get_segments()) == int((~best).sum())
     assert "the labelling" in figure.texts[0].get_text()
-    wide = plot_dry_frequency(results, assembly, top=20)
+    wide = pictures_of_views.plot_dry_frequency(results, assembly, top=20)
     known = results[results["status"] == "collapse"].head(20)
-    share = np.mean([labels_of(text, assembly) for text in known["labelling"]], axis=0)
+    share = np.mean([pictures_of_views.labels_of(text, assembly) for text in known["labelling"]], axis=0)
     shown = {item.get_label(): item for item in wide.axes[0].collections}["dry"]
     widths = np.asarray(shown.get_linewidth())
     between = assembly.free_faces[share > 0.0]
@@ -189,18 +182,18 @@ def test_convergence_shows_the_best_so_far_over_solves_and_seconds() -> None:
     blank = float("nan")
     first = pd.DataFrame({"solves": [1, 2, 3, 4], "seconds": [0.1, 0.2, 0.3, 0.4], "best": [blank, 2.0, 1.0, 5.0]})
     none = pd.DataFrame({"solves": [1], "seconds": [0.1], "best": [blank]})
-    figure = plot_convergence({"random": first, "nothing": none})
+    figure = pictures_of_views.plot_convergence({"random": first, "nothing": none})
     solves, seconds = figure.axes
     assert len(solves.lines) == len(seconds.lines) == 1
     assert np.asarray(solves.lines[0].get_xydata()).tolist() == [[2.0, 2.0], [3.0, 2.0], [4.0, 5.0]]
     assert np.asarray(seconds.lines[0].get_xdata()).tolist() == [0.2, 0.3, 0.4]
     assert seconds.get_xlabel() == "time [s]"
-    assert "no finite" in plot_convergence({"nothing": none}).axes[0].texts[0].get_text()
-    assert plot_convergence({}).axes
+    assert "no finite" in pictures_of_views.plot_convergence({"nothing": none}).axes[0].texts[0].get_text()
+    assert pictures_of_views.plot_convergence({}).axes
 
 
 def test_the_picture_of_the_best_layout_has_all_parts(assembly: Assembly) -> None:
-    figure = plot_best(LimitAnalysis(assembly).solve())
+    figure = pictures_of_views.plot_best(LimitAnalysis(assembly).solve())
     assert len(figure.axes) == 3
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +18,7 @@ from jld_core import Assembly, Deadline, InputError, Status, build_assembly, par
 from jld_explore import Evaluation, ExploreSettings, Progress, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.workers import Workers, WorkerSpec, batch_size, evaluate_batch
+from jld_explore.evaluation.workers import Workers, WorkerSpec, batch_size
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
 """What joblib says of the tasks of a pool that was given up, which is what is tested."""
@@ -46,16 +44,6 @@ def values(evaluations: list[Evaluation]) -> list[tuple[str, str]]:
     return [(str(e.status), repr(e.load_factor)) for e in evaluations]
 
 
-def test_one_job_and_two_agree() -> None:
-    assembly, _, rows = wall()
-    recipe = WorkerSpec.of(assembly, EvaluatorSettings())
-    pool = Workers(recipe, 2, rows.shape[1])
-    try:
-        assert values(everything(pool, rows)) == values(everything(Workers(recipe, 1, rows.shape[1]), rows))
-    finally:
-        pool.close()
-
-
 def test_threads_give_the_same_result_as_one() -> None:
     assembly, _, rows = wall()
     recipe = WorkerSpec.of(assembly, EvaluatorSettings(use_batch_solver=False))
@@ -63,35 +51,6 @@ def test_threads_give_the_same_result_as_one() -> None:
     try:
         for some in (rows, rows[:1], rows[:3]):
             assert values(everything(pool, some)) == values(everything(Workers(recipe, 1, rows.shape[1]), some))
-    finally:
-        pool.close()
-
-
-@pytest.mark.parametrize(("share", "threads"), [(0.0, 1), (1e9, 2)])
-def test_a_busy_first_thread_leaves_the_tasks_one_core(
-    share: float, threads: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where the first thread's time exceeds a share of that of the tasks, these run one at a time; results stay."""
-    monkeypatch.setattr("jld_explore.evaluation.workers._BUSY_SHARE", share)
-    assembly, _, rows = wall()
-    recipe = WorkerSpec.of(assembly, EvaluatorSettings(use_batch_solver=False))
-    seen: set[int] = set()
-    batch, together = evaluate_batch, threading.Barrier(2)
-
-    def watched(*task: Any) -> Any:
-        seen.add(threading.get_ident())
-        with suppress(threading.BrokenBarrierError):
-            together.wait(0.5 if threads == 1 else 20.0)
-        return batch(*task)
-
-    pool = Workers(recipe, 2, rows.shape[1], batch=True, ahead=1)
-    try:
-        known = values(everything(pool, rows))
-        monkeypatch.setattr("jld_explore.evaluation.workers.evaluate_batch", watched)
-        runs = [pool.run(rows[:4]), pool.run(rows[4:8])]
-        found = [values([one for _, part in run for one in part]) for run in runs]
-        assert found[0] + found[1] == known[:8]
-        assert len(seen) == threads
     finally:
         pool.close()
 

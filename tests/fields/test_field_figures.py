@@ -14,7 +14,7 @@ from command import Command
 from jld_core import Assembly, Floats, build_assembly, parse_scene
 from jld_core.fields import bounds, bounds_by_fields
 from jld_core.fields import mesh as field_mesh
-from jld_views.field_figures import averaged, draw_cracks, draw_stresses, figure_of_fields, principal, trajectories
+from jld_views import field_figures
 
 PUSHED = [{"element": "c1r0", "force": [0, -1], "at": [0.15, 0.3]}]
 
@@ -41,15 +41,18 @@ def radial(points: Floats, pole: Floats) -> Floats:
 def test_trajectories_of_a_radial_field_are_rays(assembly: Assembly, mesh: field_mesh.Mesh) -> None:
     """Compression runs along straight lines through the pole, to the width of the grid; there is no tension."""
     pole = np.array([0.15, 0.45])
-    grid = averaged(assembly, bounds.Stresses(mesh, radial(mesh.corners, pole)))
-    found = trajectories(grid, "compression", 0.02)
+    grid = field_figures.averaged(assembly, bounds.Stresses(mesh, radial(mesh.corners, pole)))
+    found = field_figures.trajectories(grid, "compression", 0.02)
     assert len(found) > 8
     for one in found:
         first, last = one.points[0], one.points[-1]
         along = (last - first) / np.hypot(*(last - first))
         off = (one.points - pole) @ np.array([-along[1], along[0]])
         assert abs(off).max() < grid.spacing
-    assert not trajectories(grid, "tension", 0.02) or principal(grid.at(mesh.points), "tension")[0].max() < 0.1
+    assert (
+        not field_figures.trajectories(grid, "tension", 0.02)
+        or field_figures.principal(grid.at(mesh.points), "tension")[0].max() < 0.1
+    )
 
 
 def test_bending_is_drawn_with_both_signs(assembly: Assembly, mesh: field_mesh.Mesh) -> None:
@@ -57,9 +60,9 @@ def test_bending_is_drawn_with_both_signs(assembly: Assembly, mesh: field_mesh.M
     middle = mesh.corners[..., 1].mean()
     stress = np.zeros((len(mesh), 3, 3))
     stress[..., 0] = middle - mesh.corners[..., 1]
-    grid = averaged(assembly, bounds.Stresses(mesh, stress))
+    grid = field_figures.averaged(assembly, bounds.Stresses(mesh, stress))
     for kind, sign in (("compression", 1.0), ("tension", -1.0)):
-        found = trajectories(grid, kind, 0.02)  # type: ignore[arg-type]
+        found = field_figures.trajectories(grid, kind, 0.02)  # type: ignore[arg-type]
         assert len(found) >= 3
         for one in found:
             assert np.ptp(one.points[:, 1]) < 1e-3 * np.ptp(one.points[:, 0])
@@ -69,8 +72,8 @@ def test_bending_is_drawn_with_both_signs(assembly: Assembly, mesh: field_mesh.M
 
 def test_trajectories_keep_their_distance(assembly: Assembly, mesh: field_mesh.Mesh) -> None:
     """Points of different lines are at least half the distance apart."""
-    grid = averaged(assembly, bounds.Stresses(mesh, radial(mesh.corners, np.array([0.15, 0.45]))))
-    found = [one.points for one in trajectories(grid, "compression", 0.03)]
+    grid = field_figures.averaged(assembly, bounds.Stresses(mesh, radial(mesh.corners, np.array([0.15, 0.45]))))
+    found = [one.points for one in field_figures.trajectories(grid, "compression", 0.03)]
     for k, one in enumerate(found):
         for other in found[k + 1 :]:
             gap = np.hypot(*(one[:, None] - other[None]).transpose(2, 0, 1))
@@ -86,7 +89,7 @@ def test_cracks_are_where_velocity_jumps(assembly: Assembly) -> None:
     labels = np.zeros(len(assembly.interfaces), dtype=bool)
     faces = [k for k in range(len(labels)) if "c2r0" in assembly.pair(k)]
     labels[faces[0]] = True
-    drawn = draw_cracks(
+    drawn = field_figures.draw_cracks(
         Figure().add_subplot(), assembly, labels, bounds.Velocities(coarse, velocity, np.zeros(len(coarse)))
     )
     joints, cracks = (drawn[name][0].get_segments() for name in ("joints", "cracks"))  # type: ignore[attr-defined]
@@ -99,8 +102,8 @@ def test_cracks_are_where_velocity_jumps(assembly: Assembly) -> None:
 
 def test_a_missing_field_is_reported(assembly: Assembly) -> None:
     ax, other = Figure().subplots(1, 2)
-    draw_stresses(ax, assembly, assembly.labels, None)
-    draw_cracks(other, assembly, assembly.labels, None)
+    field_figures.draw_stresses(ax, assembly, assembly.labels, None)
+    field_figures.draw_cracks(other, assembly, assembly.labels, None)
     assert "no stress field" in ax.get_title()
     assert "no velocity field" in other.get_title()
 
@@ -108,7 +111,7 @@ def test_a_missing_field_is_reported(assembly: Assembly) -> None:
 def test_a_figure_names_bounds_units_and_signs(assembly: Assembly) -> None:
     """Both bounds in the title, the unit of stress and both signs in words in the legend."""
     found = bounds_by_fields(assembly, gap=0.5)
-    figure = figure_of_fields(assembly, assembly.labels, found)
+    figure = field_figures.figure_of_fields(assembly, assembly.labels, found)
     text = figure.get_suptitle()
     assert f"{found.lower:.4g}" in text
     assert f"{found.upper:.4g}" in text

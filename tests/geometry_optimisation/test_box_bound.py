@@ -20,8 +20,7 @@ from command import Command
 from jld_core import InputError, build_assembly, parse_scene
 from jld_geometry import BoxStructure, box_claim, check_boxes, check_proof, prove_box, verify_box, write_box_certificate
 from jld_geometry.box_bound import _Search
-from jld_geometry.box_certificate import Leaf, Split, read
-from jld_geometry.box_structure import is_at_least_zero
+from jld_geometry.boxes import Leaf, Split, is_at_least_zero, read
 
 PATHS = [{"at": [s * x, HEIGHT], "direction": [s, 0]} for x in (1.2, 0.2) for s in (1, -1)]
 """Paths of the tops of springings, then of the key's joints."""

@@ -359,7 +359,7 @@ BESIDE = {
 }
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 2])
 @pytest.mark.parametrize("name", BESIDE)
 def test_shapes_beside_wider_elements_make_valid_scenes(name: str, turn: float) -> None:

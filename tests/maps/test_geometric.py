@@ -38,7 +38,7 @@ def factor_of(jld: Command, path: Path) -> tuple[float, float]:
     ("scene", "thickness", "published", "within"),
     [
         (lambda: semicircular_arch([45.0], 0.12, 0.7), 0.12, COUPLET, 5e-4),
-        (lambda: semicircular_arch([58.8], 0.12, 0.7), 0.12, HEYMAN, 5e-5),
+        pytest.param(lambda: semicircular_arch([58.8], 0.12, 0.7), 0.12, HEYMAN, 5e-5, marks=pytest.mark.long),
         (lambda: semicircular_arch([54.4963], 0.12, 0.4), 0.12, ROTATION, 5e-7),
         (lambda: semicircular_arch([28.6362, 60.5134], 0.25, 0.309216), 0.25, SLIDING, 1e-6),
         (lambda: ring_arch(36, 0.1, 0.7, fine=4), 0.1, MILANKOVITCH, 5e-5),
@@ -55,7 +55,7 @@ def test_least_thickness_of_semicircular_arches(
 
 def rings_as_one(rings: int) -> jc.Scene:
     """An arch of concentric rings whose blocks above one another are one block."""
-    return jc.samples.arch(rings=rings, voussoirs=8, thickness=0.16, load="quarter")
+    return jc.samples.arch(rings=rings, voussoirs=6, thickness=0.16, load="quarter")
 
 
 def test_rings_bonded_to_one_are_one_ring(jld: Command, tmp_path: Path) -> None:
@@ -70,15 +70,15 @@ def test_rings_bonded_to_one_are_one_ring(jld: Command, tmp_path: Path) -> None:
 
 
 def test_a_wall_is_scaled_whole_as_grid_elements_and_solids(jld: Command, tmp_path: Path) -> None:
-    """3 × 4 cells, 0.3 by 0.4, lean by 1/10: as one block the width is 7.5 times what it has to be.
+    """2 × 3 cells, 0.2 by 0.3, lean by 1/10: as one block the width is 20/3 times what it has to be.
 
     Dry, blocks of a grid, of elements with stated faces, and of solids have one factor.
     """
     lean = {"density": 1.0, "gravity": [1.0, -10.0]}
-    whole = grid_document(["aaa"] * 4 + ["###"], tension=1e5, shear=1e5)
+    whole = grid_document(["aa"] * 3 + ["##"], tension=1e5, shear=1e5)
     whole["materials"] |= lean
-    assert factor_of(jld, written(jc.parse_scene(whole), tmp_path)) == (pytest.approx(7.5, rel=1e-5),) * 2
-    dry = grid_document(["aab", "bcc", "aab", "###"], tension=1e5, shear=1e5)
+    assert factor_of(jld, written(jc.parse_scene(whole), tmp_path)) == (pytest.approx(20.0 / 3.0, rel=1e-5),) * 2
+    dry = grid_document(["ab", "cc", "ab", "##"], tension=1e5, shear=1e5)
     dry["materials"] |= lean
     assembly = jc.build_assembly(dry)
     elements, faces = assembly.elements, assembly.interfaces
@@ -128,8 +128,6 @@ def box_scene(slope: float) -> dict[str, Any]:
 def test_a_block_in_space_is_scaled_across_its_thin_side(jld: Command, tmp_path: Path) -> None:
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(box_scene(0.2)), "utf-8")
-    low, high = json.loads(jld("solve", path, "--geometric", "--json").out)["geometric"]["factor"]
-    assert (low, high) == (pytest.approx(1.0 / 0.4, rel=3e-6),) * 2
     assert "geometric safety         2.5" in jld("solve", path, "--geometric").out
 
 

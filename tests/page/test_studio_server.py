@@ -25,7 +25,7 @@ from command import running
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_explore import ExploreSettings, explore
-from jld_explore.report import page_data
+from jld_views import page_data
 
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 

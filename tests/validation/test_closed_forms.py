@@ -15,7 +15,7 @@ from studies.families import semicircular_arch
 
 from cases import all_inner, box, dry_and_inner, grid_assembly
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Scene, Status, build_assembly, parse_scene, solve
-from jld_core.limit.mechanism import Movement, face_motions
+from jld_core.limit import mechanism
 
 
 def column(width: float, height: float, count: int, friction: float, live: list[dict[str, Any]]) -> LimitAnalysisResult:
@@ -299,18 +299,18 @@ def test_map_of_two_cubes(tension: float) -> None:
     """
     for friction, shear in itertools.product((0.1, 0.3, 0.45, 0.7), (0.05, 0.2, 0.4, 0.8)):
         borders = {
-            ("base", Movement.SLIDE): friction,
-            ("base", Movement.HINGE): 0.5,
-            ("inner", Movement.CRACK_SHEAR): shear,
-            ("inner", Movement.CRACK_TENSION): (1.0 + tension) / 3.0,
+            ("base", mechanism.Movement.SLIDE): friction,
+            ("base", mechanism.Movement.HINGE): 0.5,
+            ("inner", mechanism.Movement.CRACK_SHEAR): shear,
+            ("inner", mechanism.Movement.CRACK_TENSION): (1.0 + tension) / 3.0,
         }
         governing = min(borders, key=lambda kind: borders[kind])
         result = planar_stack(friction, tension, shear)
         assert result.load_factor == pytest.approx(borders[governing], rel=1e-8)
         moving = {
             ("base" if dry else "inner", motion.kind)
-            for dry, motion in zip(result.labels, face_motions(result), strict=True)
-            if motion.kind is not Movement.CLOSED
+            for dry, motion in zip(result.labels, mechanism.face_motions(result), strict=True)
+            if motion.kind is not mechanism.Movement.CLOSED
         }
         ties = [kind for kind, value in borders.items() if value < borders[governing] + 1e-9]
         assert moving == {governing} if len(ties) == 1 else moving <= set(ties)

@@ -122,6 +122,7 @@ def test_all_segmentations_of_three_by_three_cells(step: int, number: int) -> No
     assert tally == {Status.COLLAPSE: number}
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore")  # as above
 def test_segmentations_of_three_by_three_cells_by_the_independent_statement() -> None:
     """Every sixteenth of them once more, by the statement that shares no code with either route."""
@@ -193,6 +194,7 @@ def sample(name: str, direction: str) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("contact", ["convex", "concave"])
 @pytest.mark.parametrize("direction", DIRECTIONS)
 @pytest.mark.parametrize(("name", "tolerance"), [("spatial_cubes", 1e-6), ("spatial_shelf", 1e-5)])

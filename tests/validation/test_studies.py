@@ -116,6 +116,7 @@ def test_few_shapes(tmp_path: Path) -> None:
     assert kept.set_index("shapes")["share"].loc[2] == pytest.approx(1.0)
 
 
+@pytest.mark.long
 def test_left_out(tmp_path: Path) -> None:
     """The heavier the structure the stronger the best of it, and by more than its share."""
     table = left_out.run(tmp_path, coarse=True)
@@ -152,6 +153,7 @@ def test_leonardo_flat_arch(tmp_path: Path) -> None:
     assert best["associative_N"] > 1.1 * own["associative_N"]
 
 
+@pytest.mark.long
 def test_wall_with_opening(tmp_path: Path) -> None:
     """No layout beats sliding on the base, the best reach it, and the usual bond does not."""
     table = wall_with_opening.run(tmp_path, coarse=True)

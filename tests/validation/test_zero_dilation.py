@@ -45,6 +45,7 @@ def wall(name: str) -> Assembly:
     return build_assembly(load_scene(SCENES / f"{name}.json"))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("start", ["associative", "gravity", "vertex"])
 @pytest.mark.parametrize("name", WALLS)
 def test_given_walls(name: str, start: str) -> None:
@@ -251,6 +252,7 @@ def test_forces_that_no_mechanism_completes_are_brought_to_a_solution() -> None:
     assert loads[1] == pytest.approx(loads[0], rel=1e-9)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("size", "lowest"), [((2, 5), 0.611295681), ((2, 6), 0.545054945), ((2, 7), 0.489795918), ((2, 8), 0.443919717)]
 )
@@ -266,6 +268,7 @@ def test_flat_arch_gives_up_all_thrust_it_does_not_need() -> None:
     assert high >= 2093.9
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("size", [(1, 1), (2, 2), (2, 4)])
 def test_where_the_ground_course_slides_there_is_one_value(size: tuple[int, int]) -> None:
     low, high = ends(build_assembly(halved_bond(*size)))
@@ -281,12 +284,14 @@ def test_wedged_block_is_lifted_by_least_where_nothing_is_wedged(push: float) ->
     assert ends(assembly)[0] == pytest.approx(1.0 + friction * push, rel=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.long), 1])
 def test_random_walls_go_no_higher_than_one_start_finds(seed: int) -> None:
     assembly = build_assembly(random_wall(seed))
     assert ends(assembly)[0] <= solve(assembly, friction="zero-dilation").load_factor * (1.0 + 1e-9)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["wall", "beam", "arch", "crushable arch"])
 def test_inner_faces_take_part(name: str) -> None:
     rows, options = CASES[name]
@@ -375,6 +380,7 @@ def test_a_search_ranks_by_the_lowest_found_or_by_the_floor(tmp_path: Path) -> N
 TINY = (["a", "a", "#"], ["aa", "##"], ["#a#", "###"], ["#aa#"], ["a.", "aa", "##"])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", [*range(8), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(8, 15))])
 def test_all_solutions_of_tiny_scenes(seed: int) -> None:
     """Inner faces and loads at random: what is found are the ends of all solutions there are, what is proven is below

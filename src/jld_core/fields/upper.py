@@ -637,6 +637,9 @@ class UpperBound:
 
     def repaired(self, velocity: Floats, share: float) -> Floats:
         """Open velocities (t, 3, 2) so far that small violations vanish under either label."""
+        # Violations up to a share of the fastest velocity are rounding of the solver. The opening motion, which exceeds
+        # every flow rule by at least 1, is added as often as the worst of them lacks. Larger ones are no rounding and
+        # stay: for the labels whose flow rule they violate the field proves nothing.
         every = np.ones(len(self.problem.joints.friction), dtype=bool)
         rates = self.rates(velocity)
         lacks = np.concatenate([part.ravel() for b in (every, ~every) for part in self.lacking(rates, b)])

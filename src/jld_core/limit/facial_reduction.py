@@ -195,7 +195,10 @@ class FacialReduction:
 
     def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> dict[int, Floats]:
         """Return a basis (q, k) of the allowed jumps of each face with reduced rows."""
-        # Reduced rows are removed or replaced by a ray. The bases are orthonormal.
+        # A self-stress proves that some yield rows hold with equality: they are removed, and a cone is replaced by the
+        # tangent along the self-stress. By duality a jump is a combination of the rows that are left, J = Gᵀz, so that
+        # these rows span what is allowed. A face without a reduced row needs no basis. Columns of further unknowns
+        # (beyond the resultants) have no jump: only combinations z that vanish there count. The bases are orthonormal.
         s, q = program.structure, self.template.assembly.freedoms
         yields = program.matrix.tocsr()
         pattern = self.template.yield_set.pattern

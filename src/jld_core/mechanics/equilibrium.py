@@ -121,6 +121,8 @@ def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
     """
     free = assembly.elements.free
     vectors = []
+    # Moments of forces through a centroid, and components that cancel, are rounding of coordinates. They become exactly
+    # zero, so that an element without a moment has none wherever the structure lies and in whatever unit.
     for load in (assembly.dead[free], assembly.live[free]):
         force = np.linalg.norm(load[:, : assembly.dimension], axis=1)
         vectors.append(_cleared(load, force, force * _least_arm(assembly, free)).ravel())

@@ -5,7 +5,6 @@ Neighbouring parts share their corners exactly.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
@@ -16,7 +15,6 @@ import shapely
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import Faces, facets_of, merge_points
-from jld_core.refinement.bonds import course
 
 _GRID: Final = 1e-13  # grid width for cutting lines, relative to the structure: near the rounding of its coordinates
 
@@ -189,8 +187,6 @@ def _edges(part: shapely.Polygon) -> set[_Edge]:
 MOST: Final = 100_000
 """Largest number of cells of a refinement."""
 
-# Number of Lloyd iterations (seeds move to the centroids of their cells), which equalise Voronoi cells
-_ROUNDS: Final = 3
 
 _ON: Final = 1e-9  # distance from a plane, relative to a solid, up to which a corner lies in the plane
 
@@ -200,73 +196,13 @@ def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[sha
     counts = [
         max(1, int(np.ceil((high - low) / size - 1e-9))) for low, high, size in zip(lower, upper, cell, strict=True)
     ]
-    _refuse(counts[0] * counts[1])
+    refuse_more(counts[0] * counts[1])
     x = lower[0] + cell[0] * np.arange(counts[0] + 1)
     y = lower[1] + cell[1] * np.arange(counts[1] + 1)
     return [shapely.box(x[i], y[j], x[i + 1], y[j + 1]) for j in range(counts[1]) for i in range(counts[0])]
 
 
-def courses_of(lower: Floats, upper: Floats, cell: tuple[float, float], bond: str) -> list[shapely.Polygon]:
-    """Cover a box with stones of a masonry bond, course by course from below; InputError as `squares`."""
-    length = float(upper[0] - lower[0])
-    count = max(1, int(np.ceil((upper[1] - lower[1]) / cell[1] - 1e-9)))
-    _refuse(count * max(length / cell[0], 1.0))
-    found = []
-    for number in range(count):
-        low, high = lower[1] + cell[1] * number, lower[1] + cell[1] * (number + 1)
-        ends = lower[0] + course(bond, number, length, cell[0])
-        ends[-1] = upper[0]
-        found += [shapely.box(a, low, b, high) for a, b in itertools.pairwise(ends.tolist())]
-    return found
-
-
-def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> list[shapely.Polygon]:
-    """Return Voronoi cells of about a given size that cover a region; InputError as `squares`."""
-    count = max(2, round(region.area / (cell[0] * cell[1])))
-    _refuse(count)
-    rng = np.random.default_rng(seed)
-    x0, y0, x1, y1 = region.bounds
-    points = np.zeros((0, 2))
-    while len(points) < count:
-        drawn = rng.uniform((x0, y0), (x1, y1), (4 * count, 2))
-        points = np.concatenate([points, drawn[shapely.contains_xy(region, drawn[:, 0], drawn[:, 1])]])
-    points = points[:count]
-    frame = shapely.box(x0, y0, x1, y1).buffer(max(x1 - x0, y1 - y0))
-    cells: list[shapely.Polygon] = []
-    for _ in range(_ROUNDS + 1):
-        found = shapely.voronoi_polygons(shapely.MultiPoint(points), extend_to=frame, ordered=True)
-        cells = list(found.geoms)
-        middles = [shapely.intersection(one, region).centroid for one in cells]
-        points = np.array([[m.x, m.y] if not m.is_empty else p for m, p in zip(middles, points.tolist(), strict=True)])
-    return cells
-
-
-def sectors(
-    lower: Floats, upper: Floats, cell: tuple[float, float], centre: tuple[float, float]
-) -> list[shapely.Polygon]:
-    """Cover a box with sectors of rings about a centre, chords for arcs; InputError above 120° as well."""
-    thick, angle = cell
-    if not angle <= 120.0:
-        raise ParameterError("cell", f"sectors of {angle:g} degrees are no sectors", "at most 120 degrees")
-    corners = np.array([[x, y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])])
-    turns = max(3, round(360.0 / angle))
-    # chords lie inside their circle, so that the last ring must be larger
-    far = float(np.linalg.norm(corners - centre, axis=1).max()) / np.cos(np.pi / turns)
-    rings = max(1, int(np.ceil(far / thick)))
-    _refuse(rings * turns)
-    angles = 2.0 * np.pi * np.arange(turns + 1) / turns
-    unit = np.column_stack([np.cos(angles), np.sin(angles)])
-    unit[-1] = unit[0]
-    found = []
-    for ring in range(rings):
-        for k in range(turns):
-            outer = [centre + thick * (ring + 1) * unit[j] for j in (k, k + 1)]
-            inner = [centre + thick * ring * unit[j] for j in (k + 1, k)] if ring else [np.array(centre)]
-            found.append(shapely.Polygon([*outer, *inner]))
-    return found
-
-
-def _refuse(count: float) -> None:
+def refuse_more(count: float) -> None:
     """Raise InputError if the number of cells exceeds `MOST`."""
     if count > MOST:
         raise ParameterError("cell", f"that makes {count:.3g} cells", f"at most {MOST}")

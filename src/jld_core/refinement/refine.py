@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
+from jld_core import plugins
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, faces_of
 from jld_core.build import build_robust, cases_of_scene
@@ -21,15 +22,11 @@ from jld_core.parameters import typed
 from jld_core.refinement.arrangement import (
     MOST,
     convex,
-    courses_of,
     cut,
     join_small,
-    sectors,
     split_by_cells,
     squares,
-    voronoi,
 )
-from jld_core.refinement.bonds import Lintel
 from jld_core.refinement.transfer import (
     CellOptions,
     Piece,
@@ -40,8 +37,6 @@ from jld_core.refinement.transfer import (
     members_of,
     search_of,
 )
-from jld_core.refinement.voussoirs import voussoir_cells
-from jld_core.refinement.walls import bed_joints, split_prism, split_walls
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
 from jld_core.scene.uncertain import Uncertain
@@ -198,23 +193,26 @@ def _cells(
     if grid.voussoirs is not None:
         shapes = [elements.shape[k] for k in free]
         whole = shapely.MultiPolygon([shapely.Polygon(r.shell, r.holes) for r in union_outlines(shapes)])
-        found = voussoir_cells(whole, down, grid.voussoirs, grid.rings, grid.centre, grid.skew)
+        found = plugins.part("masonry").voussoirs.voussoir_cells(
+            whole, down, grid.voussoirs, grid.rings, grid.centre, grid.skew
+        )
         return found.cells, min(found.width, found.depth), _LEAST * found.width * found.depth
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     sizes = (grid.cell[0], grid.cell[-1])
     if grid.own is not None:
         return list(grid.own), min(sizes), _LEAST * sizes[0] * sizes[1]
+    if grid.kind == "grid":
+        return squares(lower, upper, sizes), min(sizes), _LEAST * sizes[0] * sizes[1]
+    patterns = plugins.part("masonry").patterns
     if grid.kind == "radial":
         if grid.centre is None:
             raise ValueError("radial cells need a centre")
         # the second size of radial cells is an angle
-        return sectors(lower, upper, sizes, grid.centre), sizes[0], _LEAST * sizes[0] ** 2
+        return patterns.sectors(lower, upper, sizes, grid.centre), sizes[0], _LEAST * sizes[0] ** 2
     if grid.kind == "voronoi":
-        cells = voronoi(shapely.union_all([outlines[k] for k in free]), sizes, grid.seed)
-    elif grid.kind == "bond":
-        cells = courses_of(lower, upper, sizes, grid.bond)
+        cells = patterns.voronoi(shapely.union_all([outlines[k] for k in free]), sizes, grid.seed)
     else:
-        cells = squares(lower, upper, sizes)
+        cells = patterns.courses_of(lower, upper, sizes, grid.bond)
     return cells, min(sizes), _LEAST * sizes[0] * sizes[1]
 
 
@@ -240,15 +238,19 @@ def _cut_of(assembly: Assembly, grid: CellOptions, down: Floats) -> Callable[[in
     elements = assembly.elements
     if grid.voussoirs is None and grid.kind == "grid":
         return _by_planes(assembly, grid.cell)
+    walls = plugins.part("masonry").walls
     if grid.voussoirs is None:
-        free, lintel = elements.free.tolist(), Lintel(grid.lintel, grid.bearing)
-        beds = bed_joints([elements.shape[k] for k in free], [elements.faces[k] for k in free], down, grid.cell[-1])
-        return lambda k: split_walls(
+        free = elements.free.tolist()
+        lintel = walls.Lintel(grid.lintel, grid.bearing)
+        beds = walls.bed_joints(
+            [elements.shape[k] for k in free], [elements.faces[k] for k in free], down, grid.cell[-1]
+        )
+        return lambda k: walls.split_walls(
             elements.ids[k], elements.shape[k], elements.faces[k], down, beds, grid.cell[0], grid.bond, lintel
         )
     count = (grid.voussoirs, grid.rings, grid.courses)
     running = grid.bond == "running"
-    return lambda k: split_prism(
+    return lambda k: walls.split_prism(
         elements.ids[k], elements.shape[k], elements.faces[k], down, *count, running=running, skew=grid.skew
     )
 

@@ -20,7 +20,6 @@ from jld_explore.cli.streams import say
 _FUNCTIONS: Final = {
     "check": ("check", "check"),
     "explore": ("explore", "explore_command"),
-    "refine": ("refine", "refine_command"),
     "solve": ("solve", "solve"),
     "verify": ("check", "verify_command"),
 }

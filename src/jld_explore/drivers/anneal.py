@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 from pydantic import Field
@@ -72,7 +72,7 @@ class Anneal(Searcher):
     """Driver that anneals several chains at faces that move in the collapse mechanism."""
 
     name = "anneal"
-    Options = AnnealOptions
+    Options: ClassVar[type[DriverOptions]] = AnnealOptions
 
     def __init__(self, space: SearchSpace, seed: int = 0, chains: int = 16) -> None:
         # A layout fails where its mechanism moves: a change merges blocks across a moving face, cuts a block without

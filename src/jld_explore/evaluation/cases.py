@@ -59,10 +59,7 @@ class CasesEvaluator(SharedEvaluator):
         return all(one.settles_nearly_all for one in self._each)
 
     def evaluate_all(
-        self,
-        labellings: Bits,
-        pruning_thresholds: Floats | None = None,
-        deadline: Deadline | None = None,
+        self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         # A labelling counts as evaluated when all its cases are. Pruning thresholds refer to the governing load factor.
         if not self.settings.batched:
@@ -169,10 +166,7 @@ class RobustEvaluator(SharedEvaluator):
         return self._low.settles_nearly_all and self._nominal.settles_nearly_all
 
     def evaluate_all(
-        self,
-        labellings: Bits,
-        pruning_thresholds: Floats | None = None,
-        deadline: Deadline | None = None,
+        self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         # a labelling counts as evaluated when both evaluations are finished
         low = self._low.evaluate_all(labellings, pruning_thresholds, deadline)
@@ -181,9 +175,6 @@ class RobustEvaluator(SharedEvaluator):
         known = dict(zip(good, nominal, strict=False))
         done = good[len(nominal)] if len(nominal) < len(good) else len(low)
         return [self._combined(one, known.get(k)) for k, one in enumerate(low[:done])]
-
-    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        return self.evaluate_all(labels[None], np.array([pruning_threshold]))[0]
 
     def _combined(self, low: Evaluation, nominal: Evaluation | None) -> Evaluation:
         """Append λ at nominal values to the cases of an evaluation at low values."""
@@ -224,17 +215,11 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
         self._evaluator = evaluator_of(assembly, settings)
 
     def evaluate_all(
-        self,
-        labellings: Bits,
-        pruning_thresholds: Floats | None = None,
-        deadline: Deadline | None = None,
+        self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         # bounds on λ, and thus pruning thresholds, are no bounds on the objective
         found = self._evaluator.evaluate_all(labellings, None, deadline)
         return [self._with_value(labels, one) for labels, one in zip(labellings, found, strict=False)]
-
-    def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
-        return self.evaluate_all(labels[None])[0]
 
     def _with_value(self, labels: Bits, found: Evaluation) -> Evaluation:
         """Return an evaluation with the objective in place of λ; InputError for no number."""
@@ -288,10 +273,7 @@ class VoidCellsEvaluator(LabellingEvaluator):
         self._evaluators: OrderedDict[bytes, tuple[LabellingEvaluator, Ints]] = OrderedDict()
 
     def evaluate_all(
-        self,
-        labellings: Bits,
-        pruning_thresholds: Floats | None = None,
-        deadline: Deadline | None = None,
+        self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         # See `LabellingEvaluator.evaluate_all`. A labelling is a row (m + c,): labels of faces (True = dry), then of
         # cells (True = stays).

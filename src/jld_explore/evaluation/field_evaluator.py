@@ -75,10 +75,7 @@ class FieldEvaluator(LabellingEvaluator):
             self._nominal = [CoarseBounds(FieldSetting.of(case)) for case in assembly.at_nominal.by_case]
 
     def evaluate_all(
-        self,
-        labellings: Bits,
-        pruning_thresholds: Floats | None = None,
-        deadline: Deadline | None = None,
+        self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         # Pruning thresholds are ignored: bounds by fields have no cheap part.
         found: list[Evaluation] = []
@@ -126,10 +123,7 @@ class CellEvaluator(LabellingEvaluator):
         self._cells, self._fine = cells, evaluator_of(cells.fine, settings)
 
     def evaluate_all(
-        self,
-        labellings: Bits,
-        pruning_thresholds: Floats | None = None,
-        deadline: Deadline | None = None,
+        self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         return self._fine.evaluate_all(self._cells.labels(labellings), pruning_thresholds, deadline)
 

@@ -133,19 +133,16 @@ class LabellingEvaluator(Protocol):
 
     @abstractmethod
     def evaluate_all(
-        self,
-        labellings: Bits,
-        pruning_thresholds: Floats | None = None,
-        deadline: Deadline | None = None,
+        self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m), the first ones where the deadline passes.
 
         pruning_thresholds: (k,) λ, scene units, at or below which a labelling need not be solved to the end.
         """
 
-    @abstractmethod
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         """Evaluate one labelling (m,)."""
+        return self.evaluate_all(labels[None], np.array([pruning_threshold]))[0]
 
 
 @runtime_checkable
@@ -205,10 +202,7 @@ class Evaluator(SharedEvaluator):
         return self._batch is not None and self._batch.settles_most
 
     def evaluate_all(
-        self,
-        labellings: Bits,
-        pruning_thresholds: Floats | None = None,
-        deadline: Deadline | None = None,
+        self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         # See `LabellingEvaluator.evaluate_all`.
         if deadline is not None and deadline.passed():

@@ -18,8 +18,7 @@ from jld_explore import Exploration, ExploreSettings, Interrupted, busy_factor, 
 from jld_explore.evaluation import Pool
 from jld_explore.space import feasible, from_string
 from jld_geometry import move_joints
-from jld_practice.design.options import DesignOptions
-from jld_practice.design.outline import read_outline
+from jld_practice.design.options import DesignOptions, read_outline
 from jld_practice.design.page import write_design
 from jld_practice.design.tessellations import Tessellation, tessellations, with_crushing, with_materials_of
 from jld_practice.design.trials import (

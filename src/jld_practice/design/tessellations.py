@@ -31,7 +31,7 @@ from jld_core.build import materials
 from jld_core.fields import bounds, problem
 from jld_core.geometry import unions
 from jld_core.refinement import arrangement, refine
-from jld_core.refinement import voussoirs as refinement_voussoirs
+from jld_masonry import voussoirs as refinement_voussoirs
 from jld_practice.design.options import DesignOptions, side_of, with_loads
 
 _SMOOTH: Final = 0.8  # length over which stresses are averaged, relative to a cell

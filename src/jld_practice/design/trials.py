@@ -36,8 +36,7 @@ from jld_explore.drivers import Genetic
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of, field_evaluator
 from jld_explore.report import words
 from jld_geometry import MovedScene, vertex_mesh
-from jld_practice.design.options import LOW_FRICTION, DesignOptions
-from jld_practice.design.outline import Outline
+from jld_practice.design.options import LOW_FRICTION, DesignOptions, Outline
 from jld_practice.design.tessellations import Tessellation, why_no_fields, with_crushing
 from jld_practice.laying import assembly_order
 from jld_practice.laying.order import LAID

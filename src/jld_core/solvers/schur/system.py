@@ -393,12 +393,16 @@ class Newton:
 
     def corrected(self) -> Direction:
         """Return the predictor-corrector direction of Mehrotra."""
-        # In linear programs the corrector is scaled for the longest step, and centred where that step is still short.
+        # The predictor aims at complementarity 0 (λ∘λ is removed), its step says which share σ of μ to aim at, and the
+        # corrector adds σμ less the product of the predictor's changes. With cones both are solved as one direction. In
+        # linear programs the corrector is added by the weight that allows the longest step; a step that is still short
+        # pays for a further system that centres (Gondzio), and a jammed iterate is centred alone.
         it, lam, cones = self.it, self.scaling.point, self.cones
         square = cones.product(lam, lam)
         way = self.direction(1.0, -square, -it.tau * it.kappa)
         reached = self.lengths(way)
         sigma = self._centring(way, reached)
+        # only in the homogeneous embedding do residuals have to shrink as μ does; elsewhere they are removed whole
         target, eta = sigma * self.mu, sigma if self.embedded else 0.0
         ds, dk = target * cones.unit() - cones.product(way.ws, way.wv), target - way.kappa * way.tau
         if cones.count:

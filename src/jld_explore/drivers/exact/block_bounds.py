@@ -345,12 +345,17 @@ class _BlockRefutation:
         self._relaxations: dict[bytes, AnyBlockRelaxation] = {}
 
     def by_mechanisms(self, conflict: Conflict) -> bool:
+        """Return whether the mechanisms that a conflict states show that no segmentation of its labels is stronger."""
+        # Each mechanism bounds λ of all segmentations into the blocks left, and rules out the blocks that occur in none
+        # above the threshold. Without those, propagation leaves fewer blocks for the next mechanism. The threshold is
+        # the stated bound raised by rounding. True: no block is left for an element, or no segmentation exceeds it.
         threshold, most = _raised(conflict.bound), self._most
         left = self._tables.propagated(self._tables.agreeing(conflict.faces, conflict.labels))
         if left is None or most <= threshold:
             return True
         for one in conflict.by_blocks:
             known = np.arange(len(self._blocks)) if one.blocks is None else one.blocks
+            # a mechanism of some blocks says nothing about others
             if left[np.setdiff1d(np.arange(len(self._blocks)), known)].any():
                 return False
             choice = self._relaxation(one.blocks).evaluate(one.mechanism, left[known], threshold, most)

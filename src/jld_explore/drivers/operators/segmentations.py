@@ -450,11 +450,13 @@ class Segmentations:
 
     def overlay(self, first: Parts, second: Parts, rng: BufferedRandom) -> Parts | None:
         """Cross two parents: overlay their joints, and merge the fragments; None if that fails."""
-        # A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. At the other
-        # faces the child follows `first` inside a random patch and `second` outside, or one of them at random for each
-        # face.
+        # A key says how late a pair of atoms is joined: pairs above THRESHOLD stay apart where limits allow. Where both
+        # parents agree, keys lie at the ends of [0, 1], so that limits undo them last. Where they differ, seven
+        # children in ten take compact pieces of each: they follow `first` inside a connected patch and `second`
+        # outside. The others separate each such pair with a probability that is drawn once for the child, so that some
+        # children have few joints and some have many. Keys of one kind differ at random: so does the order of joining.
         patch = self._patch(rng) if rng.real() < 0.7 else None
-        bias = rng.real()
+        apart = rng.real()
         keys = []
         for a, b in self.graph.pairs:
             one, two = first[a] != first[b], second[a] != second[b]
@@ -464,7 +466,7 @@ class Segmentations:
                 follow = one if patch[a] and patch[b] else two
                 keys.append((0.55 if follow else 0.25) + 0.2 * rng.real())
             else:
-                keys.append(0.1 + 0.8 * (rng.real() * 0.5 + (0.5 if rng.real() < bias else 0.0)))
+                keys.append(0.1 + 0.4 * rng.real() + (0.4 if rng.real() < apart else 0.0))
         return self._assemble(keys, THRESHOLD, rng)
 
     def _patch(self, rng: BufferedRandom) -> list[bool]:

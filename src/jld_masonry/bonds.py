@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError, ParameterError
+from jld_core import Floats, InputError, ParameterError
 
 BONDS: Final = ("running", "third", "stack", "english", "flemish")
 """Names of the bonds.

@@ -10,15 +10,11 @@ from typing import Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError, ParameterError
-from jld_core.geometry import Faces, across, facets_of, solids
-from jld_core.geometry.outlines import corners
-from jld_core.geometry.polyhedra import Facets
-from jld_core.geometry.unions import region_of
-from jld_core.refinement.arrangement import MOST, join_small, split_by_cells
-from jld_core.refinement.bonds import FACES, Lintel, bonded_walls, levels_of, snapped
-from jld_core.refinement.voussoirs import voussoir_cells
+from jld_core import Floats, InputError, ParameterError
+from jld_core.geometry import Faces, across, facets_of, outlines, polyhedra, solids, unions
+from jld_core.refinement import arrangement
+from jld_masonry.bonds import FACES, Lintel, bonded_walls, levels_of, snapped
+from jld_masonry.voussoirs import voussoir_cells
 
 # Sine of the angle up to which a face is level or upright, and relative distance of nearly equal heights
 _FLAT: Final = 1e-6
@@ -35,8 +31,10 @@ def bed_joints(shapes: Sequence[Floats], faces: Sequence[Faces], down: Floats, h
     # below, between and above them are equally high.
     own = [-(vertices @ down) for vertices in shapes]
     low, high = min(float(one.min()) for one in own), max(float(one.max()) for one in own)
-    if (high - low) / height > MOST:
-        raise ParameterError("cell", f"that makes {(high - low) / height:.3g} courses", f"at most {MOST} cells")
+    if (high - low) / height > arrangement.MOST:
+        raise ParameterError(
+            "cell", f"that makes {(high - low) / height:.3g} courses", f"at most {arrangement.MOST} cells"
+        )
     near = _FLAT * (high - low)
     facets = facets_of(list(shapes), list(faces))
     inner = [
@@ -83,8 +81,8 @@ def split_walls(
     facets = facets_of([local], [faces])
     sections = _sections(name, facets, 0.5 * (ends[1:] + ends[:-1]))
     edges = sum(section.length for section in sections)
-    if edges / stretcher > MOST:
-        raise ParameterError("cell", f"that makes {edges / stretcher:.3g} cells", f"at most {MOST}")
+    if edges / stretcher > arrangement.MOST:
+        raise ParameterError("cell", f"that makes {edges / stretcher:.3g} cells", f"at most {arrangement.MOST}")
     stones = bonded_walls(sections, ends.tolist(), bond, stretcher, first=first, lintel=lintel, name=name)
     return [((origin + stone) @ axes, FACES) for course in stones for stone in course]
 
@@ -102,7 +100,9 @@ def _axes_of(name: str, vertices: Floats, faces: Faces, down: Floats) -> Floats:
         )
     size = float(np.ptp(vertices, axis=0).max())
     loops = [
-        corners(loops[0], _FLAT * size) for loops, height in zip(facets.loops, level, strict=True) if height < -0.5
+        outlines.corners(loops[0], _FLAT * size)
+        for loops, height in zip(facets.loops, level, strict=True)
+        if height < -0.5
     ]
     edges = np.concatenate([np.roll(loop, -1, axis=0) - loop for loop in loops])
     lengths = np.linalg.norm(edges, axis=1)
@@ -118,7 +118,7 @@ def _axes_of(name: str, vertices: Floats, faces: Faces, down: Floats) -> Floats:
     return np.stack([first, np.cross(-down, first), -down])
 
 
-def _sections(name: str, facets: Facets, heights: Floats) -> list[shapely.Geometry]:
+def _sections(name: str, facets: polyhedra.Facets, heights: Floats) -> list[shapely.Geometry]:
     """Return the plan of a solid at each of some heights, ascending; InputError if empty there."""
     level = np.flatnonzero(abs(facets.normal[:, 2]) > 0.5)
     order = level[np.argsort(facets.origin[level, 2], kind="stable")]
@@ -191,7 +191,7 @@ def prism_of(vertices: Floats, faces: Faces) -> Prism | None:
         )
         if whole.geom_type != "Polygon" or whole.interiors or other.hausdorff_distance(whole) > 2.0 * _FLAT * size:
             continue
-        region = region_of(whole)
+        region = unions.region_of(whole)
         profile = shapely.Polygon(region.shell, region.holes)
         if best is None or len(profile.exterior.coords) > len(best.profile.exterior.coords):
             best = Prism(origin, axes, profile, high - low)
@@ -224,8 +224,8 @@ def split_prism(
     found = voussoir_cells(prism.profile, fall / np.hypot(*fall), voussoirs, rings, None, skew)
     outline = shapely.get_coordinates(prism.profile.exterior)[:-1]
     size = min(found.width, found.depth)
-    parts = split_by_cells([name], [outline], [], found.cells, size)[0]
-    parts = join_small(parts, min(_LEAST * found.width * found.depth, 0.2 * prism.profile.area))
+    parts = arrangement.split_by_cells([name], [outline], [], found.cells, size)[0]
+    parts = arrangement.join_small(parts, min(_LEAST * found.width * found.depth, 0.2 * prism.profile.area))
     tree = shapely.STRtree(found.cells)
     pieces = []
     for part in parts:
@@ -233,7 +233,7 @@ def split_prism(
         shifted = running and courses > 1 and (number + number // voussoirs) % 2 == 1
         step = prism.length / courses
         joints = step * np.arange(1, courses) if not shifted else step * (np.arange(courses) + 0.5)
-        shell = region_of(part).shell
+        shell = unions.region_of(part).shell
         ends = [0.0, *joints.tolist(), prism.length]
         pieces += [prism.part(shell, low, high) for low, high in itertools.pairwise(ends)]
     return pieces

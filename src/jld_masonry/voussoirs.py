@@ -9,10 +9,9 @@ from typing import Final
 import numpy as np
 import shapely
 
-from jld_core.arrays import Floats
-from jld_core.errors import InputError, ParameterError
-from jld_core.geometry.unions import region_of
-from jld_core.refinement.arrangement import MOST, squares
+from jld_core import Floats, InputError, ParameterError
+from jld_core.geometry import unions
+from jld_core.refinement import arrangement
 
 _ON: Final = 1e-5  # distance from a circle, relative to the extent of a run of corners, up to which they lie on it
 
@@ -167,8 +166,8 @@ def voussoir_cells(
     if voussoirs < 1 or rings < 1:
         name, value = ("voussoirs", voussoirs) if voussoirs < 1 else ("rings", rings)
         raise ParameterError(name, f"{value} is wrong", "a whole number from 1")
-    if voussoirs * rings > MOST:
-        raise ParameterError("voussoirs", f"that makes {voussoirs * rings:.3g} cells", f"at most {MOST}")
+    if voussoirs * rings > arrangement.MOST:
+        raise ParameterError("voussoirs", f"that makes {voussoirs * rings:.3g} cells", f"at most {arrangement.MOST}")
     fans: list[_Fan] = []
     for part in shapely.get_parts(region):
         fans += _fans(part, down, voussoirs, rings, centre, skew, len(fans))
@@ -195,7 +194,7 @@ def _fans(
     number: int,
 ) -> list[_Fan]:
     """Make the rays of one connected part: a fan for each arc, or one for a flat arch."""
-    region = region_of(part)
+    region = unions.region_of(part)
     arcs = [arc for ring in (region.shell, *region.holes) for arc in find_arcs(ring)]
     hollow = [arc for arc in arcs if arc.hollow]
     if not arcs or centre is not None or skew is not None:
@@ -255,8 +254,8 @@ def _of_arc(arc: Arc, arcs: list[Arc], part: shapely.Polygon, voussoirs: int, ri
     elif arc.hollow:
         depth = _crown(arc, part) / rings
         count = int(np.ceil((_reach(part, arc.centre) - arc.radius) / depth - 1e-9))
-        if rings * voussoirs * max(count, 1) > MOST:
-            raise ParameterError("rings", "that makes too many cells", f"at most {MOST} cells")
+        if rings * voussoirs * max(count, 1) > arrangement.MOST:
+            raise ParameterError("rings", "that makes too many cells", f"at most {arrangement.MOST} cells")
         outwards = depth * np.arange(1, max(count, 1))[:, None]
         distance = _at_corners(arc, angles) * (1.0 + outwards / arc.radius)
     else:
@@ -406,7 +405,7 @@ def _courses(region: shapely.Geometry, fans: list[shapely.Polygon], fan: _Fan, d
     lower = size * np.floor(places.min(axis=0) / size - 1e-9)
     inside = []
     every = shapely.union_all(fans)
-    for cell in squares(lower, places.max(axis=0), size):
+    for cell in arrangement.squares(lower, places.max(axis=0), size):
         shape = shapely.transform(cell, lambda p: fan.first + p[:, :1] * right - p[:, 1:] * down)
         free = shapely.difference(shape, every)
         inside += [part for part in shapely.get_parts(free) if part.geom_type == "Polygon" and part.area > 0.0]

@@ -6,22 +6,20 @@ from typing import Annotated
 
 import typer
 
-from jld_core.errors import ParameterError, error_context
-from jld_core.refinement import refine
-from jld_core.refinement.bonds import BONDS
-from jld_core.refinement.transfer import KINDS
-from jld_core.scene.reading import load_scene
-from jld_explore.cli.options import Out, SceneFile, write_scene
-from jld_explore.cli.streams import say
+from jld_core import ParameterError, error_context, load_scene
+from jld_core.refinement import refine, transfer
+from jld_explore.cli import options as cli_options
+from jld_explore.cli import streams
+from jld_masonry.bonds import BONDS
 
 
 def refine_command(
-    scene: SceneFile,
-    out: Out,
+    scene: cli_options.SceneFile,
+    out: cli_options.Out,
     cell: Annotated[
         str | None, typer.Option(help="Size of a cell: A, A,B or A,B,C; radial: THICKNESS,DEGREES; bond: BRICK,COURSE.")
     ] = None,
-    kind: Annotated[str, typer.Option(help="Cells: " + ", ".join(KINDS) + ".")] = "grid",
+    kind: Annotated[str, typer.Option(help="Cells: " + ", ".join(transfer.KINDS) + ".")] = "grid",
     by: Annotated[str | None, typer.Option(help="Old joints without a search: block or material.")] = None,
     centre: Annotated[
         str | None, typer.Option(help="Centre of radial cells, or of the joints of a flat arch: x,y.")
@@ -78,10 +76,10 @@ def refine_command(
             lintel=lintel,
             bearing=bearing,
         )
-    write_scene(found.scene, out)
+    cli_options.write_scene(found.scene, out)
     before, after = len(set(found.parent.values())), len(found.parent)
     told = [*(f"assumed      {note}" for note in found.notes), f"found        {after} elements out of {before}"]
-    say("\n".join([*told, f"written to   {out}"]))
+    streams.say("\n".join([*told, f"written to   {out}"]))
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:
