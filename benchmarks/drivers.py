@@ -1,208 +1,322 @@
-"""How soon each driver finds the best labelling and the front, on scenes small enough to enumerate.
+"""What drivers and other optimisers reach in the same processor time on 24 scenes of 32 to 2 946 faces.
 
-λ is read from the enumerated table, so that thousands of runs are cheap. `python -m benchmarks.drivers` writes tables
-(CSV and Markdown) into `benchmarks/results/`.
+λ over the best single driver of jld on the same scene: its median of the seeds. The front is the volume below λ over at
+least so many dry faces. Evaluations are those of one evaluator of jld in one thread; pymoo and nevergrad choose labels
+as bits, which jld reads as the nearest layout that keeps the limits. `python -m benchmarks.drivers SECONDS SEEDS
+[METHODS [SCENES]]` (lists between commas) adds runs to `drivers.csv`; without arguments table and picture are drawn.
 """
 
 from __future__ import annotations
 
-import math
+import csv
 import sys
 import time
-from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final
+from collections.abc import Callable, Iterator
+from typing import Any, Final, cast
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from scipy.spatial import Voronoi
 
-from benchmarks.common import RESULTS
-from benchmarks.scenes import ENUMERATED, built
-from jld_core.arrays import Bits, Floats
-from jld_core.errors import InputError
+from benchmarks.common import RESULTS, about, load_of_machine, table, write
+from benchmarks.scenes import ANGLE, box, built, cubes, grid, middle, strength, vault
+from jld_core import Scene, parse_scene
+from jld_core.arrays import Bits
 from jld_core.limit.options import Status
-from jld_explore.drivers import make_driver
-from jld_explore.drivers.base import Driver
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.evaluation import Evaluator, EvaluatorSettings
-from jld_explore.evaluation.protocol import Evaluation
-from jld_explore.report.tables import on_front
-from jld_explore.space import keys
-from jld_explore.space.counts import counts
+from jld_explore.drivers import make_driver, operators
+from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation.protocol import Evaluator
 from jld_explore.space.search_space import SearchSpace
 
-CHECKPOINTS: Final = (100, 1_000, 10_000)
-DRIVERS: Final = ("random", "hillclimb", "genetic", "genetic:best")
-SEEDS: Final = 10
-SAMPLERS: Final = {"Random": (3, 1_000), "NSGAII": (1, 1_000), "TPE": (1, 100), "GP": (1, 100)}
-"""Seeds and evaluations that are affordable: a trial takes NSGA-II 20 ms, TPE half a second once it has seen many."""
-
-SAME: Final = 1e-6
-"""Relative difference below which two load factors are one: the width their brackets are allowed."""
+WEAK: Final = strength(2e4)
+SINGLE: Final = ("anneal", "genetic", "genetic:best", "hillclimb", "random", "optuna")
+PEERS: Final = ("pymoo", "nevergrad")
+METHODS: Final = ("portfolio", *SINGLE, *PEERS)
+COLUMNS: Final = ("scene", "faces", "method", "seed", "seconds", "load_factor", "front", "evaluations", "share")
+BATCH: Final = 32  # layouts that pymoo and nevergrad ask for at a time
 
 
-@dataclass(frozen=True)
-class Known:
-    """A scene of which everything is known.
-
-    table: class → evaluation. best: largest λ. front: classes on the front of λ against dry faces.
-    """
-
-    name: str
-    space: SearchSpace
-    table: dict[bytes, Evaluation]
-    best: float
-    front: frozenset[bytes]
+def opened(across: int, up: int, *holes: tuple[int, int, int, int]) -> list[str]:
+    """Rows of a wall with holes, each from column to column and row to row."""
+    rows = [["a"] * across for _ in range(up)]
+    for left, right, top, low in holes:
+        for row in rows[top:low]:
+            row[left:right] = "." * (right - left)
+    return ["".join(row) for row in rows] + ["#" * across]
 
 
-def known(name: str) -> Known:
-    """Enumerate a scene and solve all its classes (seconds in the batch solver)."""
-    assembly, space = built(ENUMERATED[name]())
-    solver = Evaluator(assembly, EvaluatorSettings())
-    rows = np.concatenate([rows for rows, _ in Enumeration(space).batches()])
-    table = dict(zip(keys(rows), solver.evaluate_all(rows), strict=True))
-    values = load_factors(list(table.values()))
-    front = on_front(values, counts(assembly, rows, space.graph)["dry_faces"].astype(float), "max")
-    return Known(name, space, table, float(np.nanmax(values)), frozenset(np.array(list(table))[front].tolist()))
+def bridge(across: int, deep: int) -> list[str]:
+    return ["a" * across] * deep + ["##" + "." * (across - 4) + "##"]
 
 
-def load_factors(evaluations: list[Evaluation]) -> Floats:
-    """λ of those that collapse, NaN for all others."""
-    return np.array([e.load_factor if e.status is Status.COLLAPSE else np.nan for e in evaluations])
+def viaduct(across: int, deck: int, pier: int) -> list[str]:
+    """Rows of a deck on a pier in every eleventh column."""
+    row = "".join("a" if column % 11 == 0 else "." for column in range(across))
+    return ["a" * across] * deck + [row] * pier + [row.replace("a", "#")]
 
 
-def driver_of(name: str, space: SearchSpace, seed: int) -> Driver:
-    """A driver, "genetic:AIM" or "optuna:SAMPLER". Raises InputError for a sampler that lacks its package."""
-    name, _, option = name.partition(":")
-    key = "aim" if name == "genetic" else "sampler"
-    return make_driver(name, space, seed, **({key: option} if option else {}))
+def searched(
+    name: str,
+    elements: list[dict[str, Any]],
+    inner: dict[str, float],
+    live: dict[str, Any],
+    cells: list[int],
+    **keys: Any,
+) -> Scene:
+    materials = {"density": 1400, "dry": ANGLE, "inner": inner}
+    return parse_scene(
+        {"name": name, "elements": elements, "materials": materials, "loads": {"live": [live]}}
+        | {"search": {"block_cells": cells}, **keys}
+    )
 
 
-@dataclass(frozen=True)
-class Run:
-    """What one run asked, in order. overhead: seconds of the driver, for all of it."""
+def arch(along: int, rings: int, load: float, cells: list[int]) -> Scene:
+    """A segment of 150° in rings, 0.3 m thick on a radius of 1 m, loaded at a share of its length."""
+    half = np.radians(75.0)
+    angles = np.linspace(np.pi / 2 + half, np.pi / 2 - half, along + 1)
+    radii, step = np.linspace(0.85, 1.15, rings + 1), float(angles[0] - angles[1])
 
-    asked: list[bytes]
-    values: Floats
-    overhead: float
+    def cell(low: float, high: float, a: float, b: float) -> list[list[float]]:
+        return [[float(r * np.cos(t)), float(r * np.sin(t))] for r, t in ((low, b), (high, b), (high, a), (low, a))]
+
+    elements: list[dict[str, Any]] = [
+        {"id": f"v{k}r{r}", "polygon": cell(radii[r], radii[r + 1], angles[k], angles[k + 1])}
+        for k in range(along)
+        for r in range(rings)
+    ]
+    for name, at in (("left", float(angles[0]) + step), ("right", float(angles[-1]))):
+        elements.append({"id": name, "polygon": cell(radii[0], radii[-1], at, at - step), "support": True})
+    live = {"element": f"v{int(along * load)}r{rings - 1}", "force": [0, -1]}
+    inner = {"tensile_strength": 2e6, "shear_strength": 2e5}
+    return searched(f"arch {along} x {rings}", elements, inner, live, cells, thickness=0.3)
 
 
-def search(
-    driver: Driver, evaluate: Callable[[bytes, Bits], Evaluation], budget: int, patience: float = math.inf
-) -> Run:
-    """Ask and tell up to a budget; the driver's own processor time is taken apart from that of evaluation.
+def voronoi(count: int, seed: int, width: float, height: float) -> Scene:
+    """A wall of relaxed Voronoi cells, pushed at its top."""
+    points = np.random.default_rng(seed).random((count, 2)) * [width, height]
+    for _ in range(31):
+        images = [points, points * [-1, 1], points * [1, -1], [2 * width, 0] - points * [1, -1]]
+        found = Voronoi(np.concatenate([*images, [0, 2 * height] - points * [-1, 1]]))
+        corners = [found.vertices[found.regions[found.point_region[k]]] for k in range(count)]
+        points = np.array([one.mean(axis=0) for one in corners])
+    elements: list[dict[str, Any]] = []
+    for k, one in enumerate(corners):
+        own = np.clip(np.round(one, 9), 0.0, [width, height])
+        turn = np.arctan2(*(own - own.mean(axis=0)).T[::-1])
+        elements.append({"id": f"v{k}", "polygon": own[np.argsort(turn)].tolist()})
+    base = [[0, -0.1], [width, -0.1], [width, 0], [0, 0]]
+    elements.append({"id": "base", "polygon": base, "support": True})
+    top = int(np.argmax(10 * points[:, 1] - abs(points[:, 0] - 0.3 * width)))
+    live = {"element": f"v{top}", "force": [0.5, -1]}
+    return searched(f"voronoi {count}", elements, WEAK, live, [1, 4], thickness=0.1)
 
-    patience: seconds of the driver's own after which it is not asked any more.
-    """
-    asked: list[bytes] = []
-    values: list[Floats] = []
-    waiting: deque[Bits] = deque()
-    overhead, ended, count = 0.0, False, 0
+
+def stack(nx: int, ny: int, nz: int) -> Scene:
+    places = [(x, y, z) for z in range(nz) for y in range(ny) for x in range(nx)]
+    elements = [
+        box(f"c{x}.{y}.{z}", (0.1 * x, 0.1 * y, 0.1 * z), (0.1 * (x + 1), 0.1 * (y + 1), 0.1 * (z + 1)))
+        for x, y, z in places
+    ]
+    elements.append(box("base", (0.0, 0.0, -0.1), (0.1 * nx, 0.1 * ny, 0.0), support=True))
+    live = {"element": f"c0.0.{nz - 1}", "force": [1, 0.3, 0]}
+    return searched(f"stack {nx} x {ny} x {nz}", elements, WEAK, live, [1, 6])
+
+
+def wall(rows: int, across: int, cells: list[int], live: list[dict[str, Any]] | None = None, **keys: Any) -> Scene:
+    return grid(["a" * across] * rows + ["#" * across], live, search={"block_cells": cells}, **keys)
+
+
+def corner(column: int, row: int, down: float) -> list[dict[str, Any]]:
+    return [{"element": f"c{column}r{row}", "force": [1, -down]}]
+
+
+SCENES: Final[dict[str, Callable[[], Scene]]] = {
+    "wall 6x8": lambda: grid(["a" * 8] * 6 + ["###..###"], middle(3, 4), search={"block_cells": [2, 6]}),
+    "wall 10x15": lambda: grid(
+        ["a" * 15] * 10 + ["#......#......#"], middle(3, 4, 10, 11), search={"block_cells": [2, 6]}
+    ),
+    "wall 20x25 weak": lambda: wall(20, 25, [1, 6], inner=WEAK),
+    "wall 30x34": lambda: wall(30, 34, [1, 6], corner(0, 0, 0.3), inner=strength(1e5)),
+    "wall 36x42 weak": lambda: wall(36, 42, [1, 8], inner=WEAK),
+    "opening 12x9": lambda: grid(opened(12, 9, (4, 8, 3, 9)), search={"block_cells": [1, 4]}),
+    "openings 20x14": lambda: grid(
+        opened(20, 14, (3, 7, 5, 14), (12, 16, 5, 10)), middle(4, 5, 14), strength(2e5), {"block_cells": [1, 5]}
+    ),
+    "openings 30x18 weak": lambda: grid(
+        opened(30, 18, (4, 9, 6, 18), (14, 18, 6, 12), (22, 26, 6, 12)), search={"block_cells": [2, 6]}, inner=WEAK
+    ),
+    "bridge 14x4": lambda: grid(bridge(14, 4), middle(6, 7), search={"block_cells": [2, 6]}),
+    "bridge 26x6": lambda: grid(bridge(26, 6), middle(8, 9), search={"block_cells": [2, 8]}),
+    "arch 19x3": lambda: arch(19, 3, 0.3, [1, 6]),
+    "arch 41x4": lambda: arch(41, 4, 0.25, [1, 6]),
+    "arch 60x6": lambda: arch(60, 6, 0.35, [2, 8]),
+    "viaduct 34": lambda: grid(viaduct(34, 2, 4), middle(5, 6, 16), search={"block_cells": [1, 6]}),
+    "viaduct 67": lambda: grid(viaduct(67, 3, 5), middle(5, 6, 27, 28), search={"block_cells": [1, 6]}),
+    "tower 6x20": lambda: wall(20, 6, [1, 6], corner(0, 0, 0.5), inner=strength(5e4)),
+    "tower 8x40 weak": lambda: wall(40, 8, [1, 5], corner(0, 3, 0.0), inner=WEAK),
+    "voronoi 60": lambda: voronoi(60, 1, 1.6, 1.0),
+    "voronoi 250": lambda: voronoi(250, 2, 2.4, 1.6),
+    "cubes 3": lambda: cubes(3, search={"block_cells": [2, 6]}),
+    "cubes 5": lambda: cubes(5, search={"block_cells": [1, 6]}),
+    "stack 3x3x12": lambda: stack(3, 3, 12),
+    "vault 9x3": vault,
+    "vault 15x7": lambda: vault(15, 7, inner=5e4),
+}
+
+
+Told = Callable[[NDArray[np.float64]], None]  # takes the values (k,) of labellings that were asked
+
+
+def of_driver(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> Iterator[tuple[Bits, Told]]:
+    """Portions of labellings (k, m) of a driver of jld, "NAME" or "genetic:AIM"."""
+    name, _, aim = name.partition(":")
+    driver = make_driver(name, space, seed, **({"aim": aim} if aim else {}))
+    while len(rows := driver.ask()):
+        found = evaluator.evaluate_all(rows)
+        driver.tell(rows, found)
+        values = np.array([one.load_factor if one.status is Status.COLLAPSE else -np.inf for one in found])
+        yield rows, cast(Any, values)
+
+
+def bits_of(space: SearchSpace) -> tuple[int, Callable[[Any], Bits]]:
+    """How many bits a layout has for pymoo and nevergrad, and the layout nearest to some (one each, or none)."""
+    ways = operators(space)
+    return ways.keys, lambda bits: ways.read(np.where(np.asarray(bits, dtype=bool), 0.75, 0.25).tolist())
+
+
+def of_peer(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> Iterator[tuple[Bits, Any]]:
+    """Portions of labellings of pymoo's genetic algorithm, or of the optimiser that nevergrad chooses."""
+    count, layout = bits_of(space)
+
+    def values(chosen: list[Any]) -> tuple[Bits, Any, Any]:
+        made = [layout(bits) for bits in chosen]
+        rows = np.concatenate([one for one in made if len(one)])
+        found = [one.load_factor if one.status is Status.COLLAPSE else -1.0 for one in evaluator.evaluate_all(rows)]
+        left = iter(found)
+        return rows, np.array(found), np.array([next(left) if len(one) else -2.0 for one in made])
+
+    if name == "pymoo":
+        from pymoo.algorithms.soo.nonconvex.ga import GA
+        from pymoo.core.evaluator import Evaluator as Shell
+        from pymoo.core.problem import Problem
+        from pymoo.operators.crossover.ux import UniformCrossover
+        from pymoo.operators.mutation.bitflip import BitflipMutation
+        from pymoo.operators.sampling.rnd import BinaryRandomSampling
+        from pymoo.problems.static import StaticProblem
+
+        problem = Problem(n_var=count, n_obj=1, xl=0, xu=1, vtype=bool)
+        how = {"sampling": BinaryRandomSampling(), "crossover": UniformCrossover(), "mutation": BitflipMutation()}
+        search = GA(pop_size=2 * BATCH, **how)
+        search.setup(problem, seed=seed, termination=("n_gen", 10**9), verbose=False)
+        while True:
+            asked = search.ask()
+            rows, found, told = values(list(asked.get("X")))
+            Shell().eval(StaticProblem(problem, F=-told[:, None]), asked)
+            search.tell(infills=asked)
+            yield rows, found
+    import nevergrad
+
+    bits = nevergrad.p.TransitionChoice([0, 1], repetitions=count)
+    bits.random_state.seed(seed)
+    optimiser = nevergrad.optimizers.registry["NGOpt"](bits, budget=10**5, num_workers=BATCH)
     while True:
+        chosen = [optimiser.ask() for _ in range(BATCH)]
+        rows, found, told = values([one.value for one in chosen])
+        for one, value in zip(chosen, told.tolist(), strict=True):
+            optimiser.tell(one, -value)
+        yield rows, found
+
+
+def run(name: str, method: str, seconds: float, seed: int) -> dict[str, Any]:
+    """One method on one scene: best λ and volume of the front after so many seconds of the processor."""
+    assembly, space = built(SCENES[name]())
+    evaluator = Evaluator(assembly, EvaluatorSettings())
+    evaluator.evaluate_all(assembly.labels[None])
+    inner, solve = [0.0], evaluator.evaluate_all
+
+    def timed(*given: Any, **others: Any) -> Any:
         start = time.process_time()
-        while not ended and len(waiting) <= driver.ahead and count < budget:  # as a study asks
-            rows = driver.ask(budget - count)
-            ended = not len(rows) or overhead + time.process_time() - start > patience
-            count += len(rows)
-            if len(rows):
-                waiting.append(rows)
-        overhead += time.process_time() - start
-        if not waiting:
+        found = solve(*given, **others)
+        inner[0] += time.process_time() - start
+        return found
+
+    evaluator.evaluate_all = timed  # type: ignore[method-assign]
+    start, evaluated = time.process_time(), 0
+    front = np.full(int(space.candidates.sum()) + 1, 0.0)
+    for rows, values in (of_peer if method in PEERS else of_driver)(method, space, evaluator, seed):
+        evaluated += len(rows)
+        np.maximum.at(front, (rows & space.candidates).sum(axis=1), np.nan_to_num(np.asarray(values), neginf=0.0))
+        if time.process_time() - start >= seconds:
             break
-        rows = waiting.popleft()
-        named = keys(rows)
-        evaluations = [evaluate(key, labels) for key, labels in zip(named, rows, strict=True)]
-        start = time.process_time()
-        driver.tell(rows, evaluations)
-        overhead += time.process_time() - start
-        asked += named
-        values.append(load_factors(evaluations))
-    return Run(asked, np.concatenate(values) if values else np.empty(0), overhead)
+    volume = float(np.maximum.accumulate(front[::-1]).mean())
+    share = inner[0] / (time.process_time() - start)
+    return dict(
+        zip(COLUMNS, (name, len(front) - 1, method, seed, seconds, front.max(), volume, evaluated, share), strict=True)
+    )
 
 
-def judge(scene: Known, name: str, seeds: int, budget: int) -> list[dict[str, Any]]:
-    """Rows of the table: one for each seed and number of evaluations."""
-    found = []
-    for seed in range(seeds):
-        run = search(driver_of(name, scene.space, seed), lambda key, _: scene.table[key], budget)
-        hit = np.flatnonzero(run.values >= scene.best - SAME * abs(scene.best))
-        for evaluations in CHECKPOINTS:
-            if evaluations > budget:
-                break
-            seen = run.asked[:evaluations]
-            gap = 1.0 - np.nanmax(run.values[:evaluations], initial=0.0) / scene.best
-            found.append(
-                {
-                    "scene": scene.name,
-                    "driver": name,
-                    "seed": seed,
-                    "evaluations": evaluations,
-                    "front": len(scene.front.intersection(seen)) / len(scene.front),
-                    "gap": max(0.0, float(gap)),
-                    "first best": int(hit[0]) + 1 if len(hit) else None,
-                    "ms per labelling": 1e3 * run.overhead / max(1, len(run.asked)),
-                }
-            )
-    return found
+def draw(rows: pd.DataFrame) -> None:
+    """Write the table, and the share of scenes on which a method comes within a ratio of the best, as a picture."""
+    from matplotlib.figure import Figure
 
-
-def summarise(rows: pd.DataFrame) -> pd.DataFrame:
-    """Median and worst over the seeds."""
-    groups = rows.groupby(["scene", "driver", "evaluations"], sort=False)
-    return groups.agg(
-        seeds=("seed", "size"),
-        front_median=("front", "median"),
-        front_worst=("front", "min"),
-        gap_median=("gap", "median"),
-        gap_worst=("gap", "max"),
-        best_found=("first best", "count"),
-        best_median=("first best", "median"),
-        best_latest=("first best", "max"),
-        driver_ms=("ms per labelling", "median"),
-    ).reset_index()
-
-
-def target(rows: pd.DataFrame, scene: Known, name: str) -> str:
-    """In how many seeds a driver reaches the best within 5 % of the space or 500 evaluations."""
-    within = max(500, len(scene.table) // 20)
-    first = rows[(rows["scene"] == scene.name) & (rows["driver"] == name)].groupby("seed")["first best"].first()
-    good = int((first <= within).sum())
-    return f"{scene.name}: {name} at the best of {len(scene.table)} within {within} in {good} of {len(first)} seeds"
+    parts: list[str] = []
+    figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for seconds, own in rows.groupby("seconds"):
+        known = own.groupby(["scene", "method"], sort=False)[["faces", "load_factor", "front"]].median().unstack()
+        single = [name for name in known["load_factor"].columns if name in SINGLE]
+        ratio = {
+            value: known[value].div(known[value][single].max(axis=1), axis=0).replace([np.inf, -np.inf], np.nan)
+            for value in ("load_factor", "front")
+        }
+        order = [name for name in METHODS if name in ratio["load_factor"]]
+        body = [
+            [scene, f"{known['faces'].loc[scene].max():.0f}", f"{known['load_factor'].loc[scene][single].max():.5g}"]
+            + ["" if np.isnan(v) else f"{v:.3f}" for v in ratio["load_factor"].loc[scene][order]]
+            for scene in SCENES
+            if scene in ratio["load_factor"].index
+        ]
+        for words, number in (("least", 0.0), ("median", 0.5)):
+            for label, value in (("λ", "load_factor"), ("front", "front")):
+                some = [ratio[value][name].dropna().quantile(number) for name in order]
+                body.append([f"{words} of {label}", "", "", *(f"{one:.3f}" for one in some)])
+        seeds = own["seed"].nunique()
+        parts.append(f"## {seconds:g} s of the processor, {seeds} seed{'s' * (seeds > 1)}\n")
+        parts.append(table(["scene", "faces", "best single driver", *order], body))
+        if parts[2:]:
+            continue  # the picture is that of the shortest time
+        for ax, value, title in zip(axes, ratio, ("largest λ", "volume of the front"), strict=True):
+            for name in order:
+                away = known[value].max(axis=1) / known[value][name].dropna().clip(lower=1e-9)
+                some = np.append(np.sort(away.dropna()), 3.0)
+                share = np.minimum(np.arange(1, len(some) + 1) / (len(some) - 1), 1.0)
+                ax.step(some, share, where="post", label=name, lw=2.2 if name == "portfolio" else 1.1)
+            ax.set(xlim=(1.0, 2.0), xlabel="best of all over this one", title=f"{title}, {seconds:g} s")
+        axes[0].set_ylabel("share of scenes")
+        axes[1].legend(fontsize=7)
+    figure.savefig(RESULTS / "drivers.png", dpi=130)
+    text = "\n".join(["# What drivers reach in the same time", "", about(__doc__), "", *parts, load_of_machine()])
+    write("drivers", text, ("pymoo", "nevergrad"))
 
 
 def main() -> None:
-    """Run all drivers on all scenes, and write the tables."""
-    rows: list[dict[str, Any]] = []
-    lines: list[str] = []
-    lacking: dict[str, None] = {}
-    for name in ENUMERATED:
-        scene = known(name)
-        for driver in DRIVERS:
-            rows += judge(scene, driver, SEEDS, CHECKPOINTS[-1])
-        for sampler, (seeds, evaluations) in SAMPLERS.items():
-            try:
-                rows += judge(scene, f"optuna:{sampler}", seeds, evaluations)
-            except InputError as error:
-                lacking[f"Not measured: {error}."] = None
-        lines += [target(pd.DataFrame(rows), scene, driver) for driver in DRIVERS if "genetic" in driver]
-        sys.stderr.write("\n".join(lines[-2:]) + "\n")
-    table = summarise(pd.DataFrame(rows))
-    pd.DataFrame(rows).to_csv(RESULTS / "drivers_runs.csv", index=False, float_format="%.6g")
-    table.to_csv(RESULTS / "drivers.csv", index=False, float_format="%.6g")
-    text = ["# What drivers find", *(f"- {line}" for line in lines), *lacking, markdown(table)]
-    (RESULTS / "drivers.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
-
-
-def markdown(table: pd.DataFrame) -> str:
-    """A table as Markdown, numbers with four digits."""
-
-    def shown(value: Any) -> str:
-        return "" if pd.isna(value) else f"{value:.4g}" if isinstance(value, float) else str(value)
-
-    body = [[shown(value) for value in row] for row in table.to_numpy(dtype=object)]
-    lines = [list(table.columns), ["---"] * len(table.columns), *body]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    """Add runs, if any are asked for, and draw what is known."""
+    path = RESULTS / "drivers.csv"
+    if len(sys.argv) > 2:
+        methods = sys.argv[3].split(",") if len(sys.argv) > 3 else METHODS
+        scenes = sys.argv[4].split(",") if len(sys.argv) > 4 else list(SCENES)
+        for seed in map(int, sys.argv[2].split(",")):
+            for name in scenes:
+                for method in methods:
+                    found = run(name, method, float(sys.argv[1]), seed)
+                    sys.stderr.write(f"{found}\n")
+                    with path.open("a", newline="", encoding="utf-8") as file:
+                        out = csv.DictWriter(file, COLUMNS)
+                        if not file.tell():
+                            out.writeheader()
+                        out.writerow(found)
+    draw(pd.read_csv(path))
 
 
 if __name__ == "__main__":

@@ -168,9 +168,11 @@ _ROUNDED: Final = 1e-9
 
 
 def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats) -> tuple[Floats, Floats] | None:
-    """Return vertices (v, 3) and derivatives (v, 3) of λ; None for inner faces or crushing."""
+    """Return vertices (v, 3) and derivatives (v, 3) of λ; None for inner faces, crushing or criteria stated as rows."""
     assembly = result.assembly
-    if not result.labels.all() or np.isfinite(assembly.strengths(_ROUTE).side(dry=True).crush).any():
+    if not result.labels.all() or assembly.face_strengths.criteria:
+        return None
+    if np.isfinite(assembly.strengths(_ROUTE).side(dry=True).crush).any():
         return None
     mesh = spatial_mesh(assembly)
     rates = np.zeros_like(mesh.places)

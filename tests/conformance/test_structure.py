@@ -312,8 +312,9 @@ def test_every_package_lists_its_exports(wing: str) -> None:
     assert len(set(module.__all__)) == len(module.__all__)
     for name in module.__all__:
         assert getattr(module, name) is not None
-    described = re.findall(r"^- `(\w+)`: \S", str(module.__doc__), flags=re.M)
-    assert described == module.__all__, f"{wing}: one line per name in the docstring of its face, in the same order"
+    if "." not in wing:  # the face of a whole package is its table of contents
+        described = re.findall(r"^- `(\w+)`: \S", str(module.__doc__), flags=re.M)
+        assert described == module.__all__, f"{wing}: one line per name in the docstring of its face, in the same order"
 
 
 def test_files_of_tests_have_names_of_their_own() -> None:

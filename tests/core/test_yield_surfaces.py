@@ -18,7 +18,7 @@ from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve, solve_many
 from jld_core.mechanics import scaling_of, yield_set
 from jld_core.mechanics.compiled_rows import maps_criteria, row_yield
-from jld_explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore, sweep
 from jld_explore.verification import verify
 from jld_explore.verification.balance import Balances
 
@@ -136,6 +136,18 @@ def test_rocking_on_grooves_in_any_direction() -> None:
             expected = min(0.8 / abs(np.cos(angle)), 0.5 / abs(np.sin(angle))) / 2.0
             found = pushed([0.8, 0.5, 2.0], angle, friction={**rough, "cone": cone})
             assert found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("cone", ["elliptic", "product"])
+def test_kinds_of_mechanisms_on_grooves(cone: str) -> None:
+    """Dilation along and across grooves is sliding, not opening; what is lifted opens."""
+    friction = {"coefficients": [0.6, 0.35], "direction": [1, 0.3, 0], "cone": cone}
+    flat = scene([GROUND, box("a", [-1, -1, 0], [1, 1, 0.01])], loads={"live": [{"body": [1.0, 0.0, 0.0]}]})
+    flat = with_surface(flat, "dry", bending={}, friction=friction)
+    table = sweep(flat, {"loads.angle": [0.0, 40.0, 100.0]})
+    assert set(table["mechanism"]) == {"sliding at the base"}
+    flat["loads"]["live"] = [{"body": [0.0, 0.0, 1.0]}]
+    assert list(sweep(flat, {"materials.density": [1.0]})["mechanism"]) == ["opening"]
 
 
 def torsion_of_a_square(side: float) -> float:
@@ -429,3 +441,7 @@ def test_doors_of_a_surface(jld: Command, tmp_path: Path) -> None:
     assert solved["sensitivities"].keys() <= {"weight"}
     for command in ("check", "thrust"):
         assert jld(command, path).code == 0, command
+    path.write_text(json.dumps(SURFACES["ellipse"]), encoding="utf-8")
+    solved = jld("solve", path, "--json")
+    assert solved.code == 0, solved.err
+    assert json.loads(solved.out)["geometry_sensitivities"] is None

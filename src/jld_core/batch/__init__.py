@@ -1,8 +1,4 @@
-"""Batch solver: a compiled interior-point method that bounds λ of many labellings of one assembly at once.
-
-- `batch_solver`: batch solver: proven lower and upper bounds on λ for many labellings of one assembly at once
-- `chosen`: return the variant of the batch solver in use
-"""
+"""Batch solver: a compiled interior-point method that bounds λ of many labellings of one assembly at once."""
 
 from __future__ import annotations
 

@@ -1,12 +1,4 @@
-"""Conversion of a scene to an assembly: elements, interfaces, materials, loads.
-
-- `build_geometry`: compute the elements and interfaces of a scene
-- `build_robust`: convert a scene to an assembly with the low material values
-- `cases_of_scene`: return the load cases of a scene, stated ones and those of moving loads and pushes
-- `loads`: loads, load cases and settlements of a scene
-- `materials`: conversion of materials to strengths per interface and self-weights per element
-- `weight_facts`: return thickness, density and weight of all free elements as texts with units
-"""
+"""Conversion of a scene to an assembly: elements, interfaces, materials, loads."""
 
 from __future__ import annotations
 

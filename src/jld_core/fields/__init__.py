@@ -1,14 +1,4 @@
-"""Stress and velocity fields in the blocks: two-sided bounds on λ, with cracks anywhere.
-
-- `ConeProgram`: cone program: minimise q x where A x + s = b and s lies in a product of cones
-- `WeakEquilibrium`: stresses in weak equilibrium of one labelling on one mesh
-- `bounds`: bounds on λ of blocks that crack anywhere, refined where the two fields disagree
-- `bounds_by_fields`: bounds on λ of one labelling, in the plane or in space
-- `governing_bounds`: bound the governing load factor of a planar layout whose blocks crack anywhere
-- `loads`: loads of cells as body forces and tractions with the resultants of the scene
-- `mesh`: simplices inside the cells of an assembly, conforming across every interface
-- `problem`: non-dimensional problem of both bounds, with numbers of order one
-"""
+"""Stress and velocity fields in the blocks: two-sided bounds on λ, with cracks anywhere."""
 
 from __future__ import annotations
 

@@ -1,22 +1,4 @@
-"""Geometry of elements: polygons, polyhedra, contact detection, snapping and congruence.
-
-- `Faces`: faces of one polyhedron, as loops of vertex indices
-- `across`: return two axes of a plane that form a right-handed frame with its normal
-- `area_of`: return the polygons of a plane region
-- `area_vector`: return the area vector of a plane polygon
-- `facets_of`: compute the plane facets of polyhedra
-- `merge_points`: number points, merging those within a tolerance
-- `moment_about`: compute arm × force in the plane or in space
-- `outlines`: outlines of blocks: boundary of the union of elements, aspect ratio, re-entrant corners
-- `planar_contacts`: contacts of polygons, found or stated
-- `polyhedra`: plane facets, volumes and distances of polyhedra
-- `snapping`: vertices that nearly meet, moved together
-- `solids`: orient faces outward and compute volumes and centroids of polyhedra
-- `spatial_contacts`: contacts of polyhedra
-- `spun`: compute spin × arm in the plane or in space
-- `stated_fit`: how well faces that a scene states fit its elements
-- `unions`: union of the cells of one block, as one outline or one closed surface
-"""
+"""Geometry of elements: polygons, polyhedra, contact detection, snapping and congruence."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from jld_core.assembly import Assembly, faces_of
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import usable
 from jld_core.limit.result import LimitAnalysisResult
-from jld_core.mechanics import equilibrium_matrix
+from jld_core.mechanics import equilibrium_matrix, scaling_of, yield_set
 from jld_core.solvers import make_solver
 from jld_core.strengths import CRITERIA, STANDARD, Route
 
@@ -164,11 +164,24 @@ def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) 
     slides = np.where(
         np.ptp(gap, axis=2) >= shear, Movement.HINGE, np.where(turn > slip, Movement.TWIST, Movement.SLIDE)
     )
-    opens = gap.min(axis=2, initial=np.inf) - dilates * rubbing > 0.05 * size
+    lift = gap.min(axis=2, initial=np.inf) - dilates * rubbing
+    if criteria := assembly.face_strengths.criteria:  # these state no friction: their rows say what is dilation
+        own = _margin(assembly, labels, jumps)
+        stated = np.logical_or.reduce([one.faces for one in criteria])
+        lift = np.where(stated & np.isfinite(own), own, lift)
+    opens = lift > 0.05 * size
     kinds = np.where(labels, np.where(opens, Movement.OPEN, slides), cracks)
     least = SMALL * size.max(axis=1, initial=0.0)[:, None]
     named = np.array([Movement(one) for one in np.where(size <= least, Movement.CLOSED, kinds).ravel()], dtype=object)
     return named.reshape(size.shape), size, gap
+
+
+def _margin(assembly: Assembly, labels: Bits, jumps: Floats) -> Floats:
+    """Return by how much jumps (k, m, q) open beyond what forces without end allow (k, m), scene units."""
+    faces, ones = assembly.interfaces, np.ones(len(assembly.interfaces))
+    half = [faces.l1 / 2.0] if assembly.dimension == 2 else [faces.l2 / 2.0, faces.l1 / 2.0, faces.c_t]
+    scaled = jumps * np.column_stack([*[ones] * assembly.dimension, *half])
+    return np.asarray(yield_set(assembly, scaling_of(assembly)).margin(scaled, labels))
 
 
 # Residual requested from the solver where there is no batch solver; a heuristic needs no more digits

@@ -1,7 +1,4 @@
-"""Sparse factorisations and projections, independent of `Assembly`.
-
-- `components`: number the connected components of a graph
-"""
+"""Sparse factorisations and projections, independent of `Assembly`."""
 
 from __future__ import annotations
 

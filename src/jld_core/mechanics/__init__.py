@@ -1,22 +1,4 @@
-"""Equilibrium, scaling and yield sets of dry and inner faces.
-
-- `FaceGeometry`: faces for which a yield criterion of a plug-in is asked
-- `FaceRows`: yield set that it states as rows
-- `FrictionSet`: interface of a yield set with friction, whose friction may be prescribed
-- `Gauge`: limit on shear and torsion among them, in space
-- `Parameter`: parameter of a yield criterion
-- `Scaling`: factors between scene values and scaled values
-- `YieldSet`: interface of a yield set, as proofs use it
-- `enclosing_rows`: rows of the closed hull of vertices and rays
-- `equilibrium_matrix`: assemble A_eq
-- `load_vectors`: return b and b_λ
-- `prescribed_friction`: yield sets with friction from prescribed normal forces, and constant effective areas
-- `reference_load`: compute the reference force of an assembly: weight, else a strength, else live load
-- `require_materials`: refuse labellings whose material is missing
-- `scaling_of`: compute the scales of an assembly
-- `used`: return the ratio demand / capacity (m,) of each face
-- `yield_set`: make the yield sets of an assembly of either dimension
-"""
+"""Equilibrium, scaling and yield sets of dry and inner faces."""
 
 from __future__ import annotations
 

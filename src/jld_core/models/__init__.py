@@ -1,22 +1,4 @@
-"""Solve one labelling of an assembly under the modelling options of the user.
-
-- `CaseAnalysis`: limit analyses of one structure, one for each load case, or one for its single load
-- `GeometrySensitivities`: derivatives of λ by the positions of the v vertices of a structure
-- `SolvedProgram`: solved program of one labelling, from which rates of λ with parameters are computed
-- `areas_under`: compute the torsion factors of the effective areas of faces under given forces
-- `by_fields`: λ of one labelling whose blocks crack anywhere: bounds by fields under every load case, as one result
-- `cost_estimate`: estimate time and memory to evaluate one labelling
-- `effective_area`: resist torsion on the effective area of dry rectangles
-- `limit_analysis`: build the analysis that `solve_labelling` needs, for one labelling or many
-- `require_cracks`: raise InputError if an assembly cannot be analysed with its crack model
-- `rigid`: return the rigid elements under a crack model
-- `sensitivities`: compute the rates of λ with strengths and weight
-- `solve_by_elements`: compute λ of one labelling whose blocks crack by faces or by cells
-- `solve_by_fields`: bound λ of one labelling whose blocks may crack anywhere
-- `solve_labelling`: prove the load factor of one labelling under given options
-- `solve_rigid`: compute λ of one labelling of rigid elements as they are
-- `under_own_areas`: evaluate a state under the effective areas of its own forces
-"""
+"""Solve one labelling of an assembly under the modelling options of the user."""
 
 from __future__ import annotations
 

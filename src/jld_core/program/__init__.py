@@ -1,11 +1,4 @@
-"""Conic program of one labelling, and the template that a relabelling changes.
-
-- `Beside`: one scaled equation in addition to equilibrium: row·F + dead + λ live = 0
-- `ConicProgram`: numbers of one conic program
-- `Template`: scaled data of an assembly that do not depend on the labelling
-- `beginnings`: return the first row of each cone
-- `pack`: make a conic program from sparse rows
-"""
+"""Conic program of one labelling, and the template that a relabelling changes."""
 
 from __future__ import annotations
 

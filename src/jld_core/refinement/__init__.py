@@ -1,10 +1,4 @@
-"""Refinement of elements into cells, which makes any structure a grid of candidate faces.
-
-- `arrangement`: cutting of planar elements by cells in one arrangement of lines
-- `crack_cells`: split the elements of a scene into cells along which blocks may crack
-- `refine`: split every free element of a scene into cells
-- `transfer`: what pieces take over from their element, and the options of cells
-"""
+"""Refinement of elements into cells, which makes any structure a grid of candidate faces."""
 
 from __future__ import annotations
 

@@ -1,20 +1,6 @@
 """Solvers of conic and linear programs behind one interface, chosen by name.
 
 Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver reports.
-
-- `SOLVERS`: names of the solvers
-- `ClarabelSolver`: Clarabel's interior-point method, updated in place, with an optional proximal term
-- `HighsSolver`: simplex and interior-point methods of HiGHS for linear programs
-- `RawSolution`: unverified solution of a conic program
-- `RawStatus`: status that a solver reports
-- `Solver`: interface of a solver
-- `highs_ends`: return bounds with ±inf replaced by the infinity of HiGHS
-- `highs_of`: make a silent, single-threaded HiGHS instance of a linear program, ready to run
-- `installed_solvers`: return the names of the solvers whose libraries are installed
-- `is_large`: test whether `auto` chooses `schur` for a structure
-- `make_solver`: make a solver by its name
-- `require_solver`: refuse an unknown solver, or one that is not installed
-- `solve_auxiliary`: solve a program other than that of a labelling
 """
 
 from __future__ import annotations

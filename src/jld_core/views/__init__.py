@@ -1,9 +1,4 @@
-"""Facts of assemblies and results in words; figures and notebook output, which `jld_views` draws, by the same names.
-
-- `facts`: facts of assemblies and results in words
-- `facts_of_assembly`: describe an assembly by named facts
-- `facts_of_result`: describe a result by named facts
-"""
+"""Facts of assemblies and results in words; figures and notebook output, which `jld_views` draws, by the same names."""
 
 from __future__ import annotations
 

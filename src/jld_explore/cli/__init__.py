@@ -1,11 +1,4 @@
-"""Provide the command line `jld`.
-
-- `check`: provide `jld check` and `jld verify`, and checks of a scene that other commands share
-- `ending`: end commands on errors and signals with one line on stderr and an exit code
-- `layout`: find the layout that a command refers to: a scene's own, or a rank of a results folder
-- `options`: define arguments and options shared by the commands
-- `streams`: write safely to closed, full or unread streams and limited encodings, by the standard library alone
-"""
+"""Provide the command line `jld`."""
 
 from __future__ import annotations
 

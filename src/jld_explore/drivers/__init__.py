@@ -1,13 +1,4 @@
-"""Search drivers: strategies that choose the labellings to evaluate next.
-
-- `DRIVERS`: driver classes by name
-- `BufferedRandom`: random choices from numbers that are generated in batches
-- `DriverOptions`: base class of the options of a driver
-- `Genetic`: driver that breeds many children, and evaluates the most promising of a pool
-- `Register`: set of the classes that a driver has proposed
-- `make_driver`: make a driver by its name
-- `operators`: make the operators on the labellings of a space
-"""
+"""Search drivers: strategies that choose the labellings to evaluate next."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class Anneal(Searcher):
         self._population.register = self.register
         self._of_population: set[bytes] = set()
         self._population_best = math.inf
-        self._turn = 0
+        self._turn, self._turns_behind = 0, _TURNS_BEHIND
 
     @cached_property
     def _movements(self) -> list[Movements]:
@@ -107,7 +107,7 @@ class Anneal(Searcher):
         self._accept_changes()
         self._advance_cycle()
         self._turn += 1
-        if self._turn % (_TURNS_AHEAD if self._population_best <= self._best[0] else _TURNS_BEHIND) == 0:
+        if self._turn % (_TURNS_AHEAD if self._population_best <= self._best[0] else self._turns_behind) == 0:
             return self._generation()
         rows = self._changed()
         # A generation is added to a short batch, because enumeration starts when batches become short.

@@ -56,7 +56,8 @@ def driver_for(
             if exact.aim == "best":
                 exact.begin_with(Genetic(space, seed), STARTED * int(space.candidates.sum()))
             return exact
-    guided = not many and space.void is None and len(space.search.front.axes) == 1
+    guided = not many and space.void is None and model.supports_bounds_over_labellings
+    guided &= len(space.search.front.axes) == 1
     guided &= all(DRIVERS["portfolio"] in owners(key) for key in given)
     return make_driver("portfolio" if guided else "genetic", space, seed, **options)
 

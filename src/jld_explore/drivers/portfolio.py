@@ -38,6 +38,7 @@ _REFRESH: Final = 3  # moves of a climb after which its mechanism is computed an
 
 _FACES: Final = 600  # faces that can change from which few chains are annealed, as each evaluation takes long
 _CHAINS: Final = (16, 4)  # number of chains below and above that
+_TURNS_OF_FRONT: Final = 2  # one turn in this number of those of chains and population is the population's for a front
 _LONGEST: Final = 8  # evaluations of chains and population, at most, per evaluation of a climb that gained nothing
 
 _NO_LOAD_FACTOR: Final = 1e300  # energy per rank of the status, as in annealing
@@ -57,6 +58,7 @@ class _Climb:
     changes: list[tuple[float, int, Bits]] = field(default_factory=list)  # energy, load case, labels evaluated since
     better: list[Bits] = field(default_factory=list)  # changes of the labelling before that were better than it
     before: Bits | None = None  # (m,) that labelling
+    fallen: Bits = field(default_factory=lambda: np.empty((0, 0), dtype=bool))  # (k, m) the labellings evaluated last
     idle: int = 0  # evaluations since the last progress
     spent: int = 0  # evaluations in all
 
@@ -79,6 +81,8 @@ class Portfolio(Anneal):
         super().__init__(space, seed, _CHAINS[int(space.candidates.sum()) >= _FACES])
         self._population = Genetic(space, seed, aim=aim)
         self._population.register = self.register
+        if aim == "front":
+            self._turns_behind = _TURNS_OF_FRONT
         self.aim, self._together = aim, _CHANGES[int(space.candidates.sum()) < _CHEAP]
         self._choice = np.random.default_rng([seed, 2])
         self._surrogate = Surrogate(space)
@@ -121,6 +125,7 @@ class Portfolio(Anneal):
     def _end_climb(self, climb: _Climb) -> None:
         """End a climb; one that gained nothing leaves more time to chains and population than the one before."""
         gained = self._best[0] < self._known and climb.energy <= self._best[0]
+        gained |= self._best[0] >= _NO_LOAD_FACTOR  # nothing stands yet
         self._ratio = max(1.0, self._ratio / 2.0) if gained else min(float(_LONGEST), 2.0 * self._ratio)
         self._left = self._ratio * max(climb.spent, 2 * self.operators.keys)
         self._climb, self._known = None, self._best[0]
@@ -133,6 +138,8 @@ class Portfolio(Anneal):
             return rows
         if climb.idle > _PATIENCE * self.operators.keys:
             return self._none
+        if climb.energy >= _NO_LOAD_FACTOR:
+            return self._walked(climb)
         batches = [self._merged(climb)]
         lacking = self._together - len(batches[0])
         for _ in range(4):
@@ -161,6 +168,14 @@ class Portfolio(Anneal):
         group = self.space.group
         chosen = known[self._choice.integers(len(known), size=count)]
         return np.take_along_axis(chosen, group[self._choice.integers(len(group), size=count)], axis=1)
+
+    def _walked(self, climb: _Climb) -> Bits:
+        """Return changes (k, m) of labellings that do not stand, each where it falls."""
+        rows = np.resize(climb.fallen, (self._together, climb.fallen.shape[1]))
+        changed, _ = self._follow.changes(
+            rows, self._follow.parts(rows), self._movements[climb.case].of(rows), self.rng
+        )
+        return self._admitted(changed, [("walk", 1)] * len(changed))
 
     def _merged(self, climb: _Climb) -> Bits:
         """Return labellings (k, m) with the changes of two, three, half or all improvements at once."""
@@ -193,8 +208,6 @@ class Portfolio(Anneal):
         """Return changes (k, m) of labels (m,), with the kind of each and the number of changes at once."""
         share = np.array([self._gain[kind] for kind in _KINDS])
         share = _LEAST_SHARE + (1.0 - len(_KINDS) * _LEAST_SHARE) * share / share.sum()
-        if climb.energy >= _NO_LOAD_FACTOR:
-            share = np.array([0.3, 0.7, 0.0])  # what moves is what falls
         vary, follow, cross = self._choice.multinomial(_SCREENED * count, share / share.sum()).tolist()
         children = [self._varied(labels, vary), self._followed(climb, labels, follow)]
         if cross:
@@ -250,6 +263,7 @@ class Portfolio(Anneal):
         if energy <= climb.energy:
             climb.before, climb.labelling, climb.energy, climb.case = climb.labelling, row, energy, case
             climb.moves += 1
+        climb.fallen = np.array([labels for _, _, labels in climb.changes])
         climb.changes = []
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:

@@ -1,13 +1,4 @@
-"""Evaluate labellings in worker processes and record the results on disk.
-
-- `Evaluator`: evaluator of labellings of one assembly under one load
-- `EvaluatorSettings`: settings of an evaluator
-- `Pool`: threads, processes or workers of a cluster for tasks
-- `Records`: evaluations, proofs and conflicts on disk
-- `evaluator_of`: make the evaluator of an assembly
-- `field_evaluator`: evaluate labellings whose blocks crack along finer cells, or anywhere by fields
-- `raise_deferred`: raise an error, or defer it to the end of a protected section
-"""
+"""Evaluate labellings in worker processes and record the results on disk."""
 
 from __future__ import annotations
 

@@ -1,11 +1,4 @@
-"""Write, read and show the results of a search: tables and words; pictures and pages are made by `jld_views`.
-
-- `columns`: convert tables to spreadsheet-safe text, and describe units and meanings of columns
-- `csv_of`: convert a table to CSV that is safe for spreadsheets
-- `folder`: check results folders, and write tables into them
-- `reading`: read a results folder
-- `words`: describe assemblies and results in words for the terminal
-"""
+"""Write, read and show the results of a search: tables and words; pictures and pages are made by `jld_views`."""
 
 from __future__ import annotations
 

@@ -1,23 +1,4 @@
-"""Define which labellings may be searched, the limits they must satisfy, and their counts.
-
-- `LETTERS`: the letters d (dry) and i (inner) of a labelling as text
-- `Count`: definition of a count of labellings
-- `Layouts`: labellings of an assembly with cached properties
-- `Terms`: count as a sum of binary terms
-- `count_named`: return a count by its name
-- `cut`: return the structure without the cells that a labelling leaves out, and its labels
-- `feasible`: return (k,) whether labellings (k, m) are in the search space
-- `from_string`: convert text to a labelling
-- `keys`: hashable keys of labellings
-- `labelling`: labellings as text, bits and letters
-- `reasons_against`: return one sentence for each condition of the space that a labelling (m,) violates
-- `register`: add a count
-- `registered`: return all counts
-- `to_string`: convert a labelling to text
-- `unpack`: unpack bits to labellings
-- `unregister`: remove a count
-- `values_of`: compute the values of one count
-"""
+"""Define which labellings may be searched, the limits they must satisfy, and their counts."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Check proofs of the exact driver by code that is independent of the search.
-
-- `certificate`: read and write certificates: JSON lines with the claim, numbered reasons and a digest
-- `verify`: check a certificate
-"""
+"""Check proofs of the exact driver by code that is independent of the search."""
 
 from __future__ import annotations
 

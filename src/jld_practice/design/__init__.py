@@ -1,19 +1,4 @@
-"""From an outline to numbered stones: tessellations tried, searched, moved, checked and explained.
-
-- `Design`: state of a design run, which can be written to disk at any time
-- `DesignOptions`: limits, loads, materials and resources of a design; None keeps the value of the outline's file
-- `Outline`: scene of an outline to be cut, with the values that were assumed
-- `Screening`: strongest of a few layouts of a tessellation
-- `Task`: layout whose joints are to be moved
-- `Tessellation`: one way to cut an outline into cells, with its scene
-- `Trial`: one labelling of one tessellation, with its bounds on λ
-- `facts_of`: return the results of a design as in summary.json; None for unknown or infinite values
-- `read_outline`: read the scene, drawing or solid of an outline, and apply the options to it
-- `uniaxial_strength`: return the stress at which blocks fail in uniaxial compression, docs/method.md (9.1)
-- `with_crushing`: return a planar scene whose faces crush at a share of the uniaxial strength of its blocks
-- `with_loads`: replace the live loads of a scene by those of the options, along `side` (d,)
-- `write_design`: write all files of a design into its folder; return the contents of summary.json
-"""
+"""From an outline to numbered stones: tessellations tried, searched, moved, checked and explained."""
 
 from __future__ import annotations
 

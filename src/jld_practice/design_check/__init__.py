@@ -1,16 +1,4 @@
-"""Design check with partial factors: utilisation, reactions, joints near their limit.
-
-- `at_design_loads`: solve a layout under design loads
-- `at_design_values`: return the scene with design values of strengths, friction, capacities and prestress
-- `combinations_of`: return the combinations that differ for a structure, all actions unfavourable first
-- `content_of`: return the content of the page in one language: "en", "de" or "it"
-- `design_check`: check one layout with partial factors, by the scene's labels unless labels (m,) are given
-- `html_of`: return the page of a design check
-- `in_words`: return the lines of a design check
-- `path_of`: return λ of each position of moving loads under its worst combination
-- `sheet_of`: return the sheet of a design check; letters shrink where the tables would not fit on it
-- `to_json`: return a design check as JSON
-"""
+"""Design check with partial factors: utilisation, reactions, joints near their limit."""
 
 from __future__ import annotations
 

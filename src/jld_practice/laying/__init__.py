@@ -1,14 +1,4 @@
-"""Assembly sequences: removal directions of blocks, order of laying, stability of stages.
-
-- `Freedom`: tests in which directions the blocks of one labelling can be translated away
-- `Laying`: assembly sequence of a labelling, block by block
-- `Parts`: store of solved parts of stages, shared by all labellings of one assembly
-- `SequenceConstraint`: assembly sequence as a constraint on labellings
-- `assembly_order`: find an assembly sequence by translations, with the props that its stages need
-- `blocks_of_labelling`: return the blocks of labels (m,) as rigid bodies, with the contacts between them
-- `locked_blocks`: return the elements of blocks that prevent any order by translations, ascending
-- `order_without_stages`: find an order whose stages are not solved, or None where blocks lock one another
-"""
+"""Assembly sequences: removal directions of blocks, order of laying, stability of stages."""
 
 from __future__ import annotations
 
