@@ -282,7 +282,7 @@ def draw(rows: pd.DataFrame) -> None:
                 some = [ratio[value][name].dropna().quantile(number) for name in order]
                 body.append([f"{words} of {label}", "", "", *(f"{one:.3f}" for one in some)])
         seeds = own["seed"].nunique()
-        parts.append(f"## {seconds:g} s of the processor, {seeds} seed{'s' * (seeds > 1)}\n")
+        parts.append(f"## {seconds:g} s of the processor, at most {seeds} seed{'s' * (seeds > 1)} a scene\n")
         parts.append(table(["scene", "faces", "best single driver", *order], body))
         if parts[2:]:
             continue  # the picture is that of the shortest time
