@@ -29,8 +29,9 @@ from jld_explore.space.counts import counts
 
 RECORDS: Final = FOLDER / "records.json"
 CERTIFICATE: Final = 300_000  # largest size of a certificate that is kept, bytes
-COMPARED: Final = ("lintel-3x2", "bridge-7x2", "wall-4x4", "overhang-6x3", "beam-arch", "leonardo-9x2", "bridge-7x3",
-                   "wall-8x6", "cubes-2")  # fmt: skip
+COMPARED: Final = ("lintel-3x2", "bridge-5x2", "wall-3x3", "bridge-7x2", "wall-4x4", "wall-5x4", "wall-6x5",
+                   "overhang-6x3", "beam-arch", "leonardo-9x2", "opening-7x4", "bridge-7x3", "wall-8x6", "cubes-2",
+                   "corner-2")  # fmt: skip
 DRIVERS: Final = ("enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
 DRAWN: Final = ("wall-4x4", "wall-5x4", "wall-6x5", "wall-8x6", "wall-6x4-corner", "bridge-7x3", "bridge-8x6",
                 "arch-2-rings", "cubes-3", "corner-4")  # fmt: skip

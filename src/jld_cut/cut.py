@@ -138,7 +138,8 @@ class Chosen:
     uncut: Bracket
     block: Ints
     layout: Layout
-    laying: Any
+    laying: Any  # order by translations, None where none was found
+    locking: list[int] | None  # cells of parts that lock one another; None where time ended before
     parts: list[Part]
     too_large: list[int]  # parts that do not fit the box
 
@@ -150,7 +151,7 @@ class Chosen:
     @property
     def can_be_laid(self) -> bool | None:
         """Whether an order by translations exists; None where time ended before."""
-        return None if self.laying is None else not self.laying.locked
+        return True if self.laying is not None else None if self.locking is None else False
 
 
 def cut(
@@ -187,6 +188,7 @@ def cut(
     if out.exists() and any(out.iterdir()):
         raise InputError(str(out), "the folder is not empty", "a new one")
     solid = read_solid(path, scale if path.suffix.lower() != ".3mf" else 1.0)
+    _refuse_small(solid, wish.limits)
     _refuse_thin(solid, scale * options.clearance)
     out.mkdir(parents=True, exist_ok=True)
 
@@ -206,6 +208,21 @@ def cut(
     summary["seconds"] = time.perf_counter() - start
     files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     return summary
+
+
+def _refuse_small(solid: Any, limits: Limits) -> None:
+    """Raise InputError for a box, or a mass, that more parts than there may be cells would be needed for."""
+    box = np.array(solid.bounding_box())
+    needed = {
+        "fit": max(solid.volume() / limits.fit.prod(), (box[3:] - box[:3]).max() / np.linalg.norm(limits.fit)),
+        "mass": solid.volume() / limits.volume,
+    }
+    for name, number in needed.items():
+        if number > limits.cells:
+            problem = (
+                f"the solid makes at least {int(np.ceil(number))} such parts, and {limits.cells} cells are the most"
+            )
+            raise InputError(name, problem, "larger parts")
 
 
 def _refuse_thin(solid: Any, clearance: float) -> None:
@@ -276,19 +293,24 @@ def _chosen(
     parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
     turned = frames(family.normals)
     large = [part.number for part in parts if not lay(part, wish.limits.fit, turned)]
-    laying = _order(layout, max(3.0, end - time.time()))
+    laying, locking = _order(layout, max(3.0, end - time.time()))
     uncut = family.truth.solve(np.zeros(len(family.cutting.cells), dtype=np.int64))
-    return Chosen(family, family.truth, coarse, bracket, uncut, block, layout, laying, parts, large)
+    return Chosen(family, family.truth, coarse, bracket, uncut, block, layout, laying, locking, parts, large)
 
 
-def _order(layout: Layout, seconds: float) -> Any:
-    """Return an order of laying by translations; None where it takes too long."""
+def _order(layout: Layout, seconds: float) -> tuple[Any, list[int] | None]:
+    """Return an order of laying by translations, or the elements of parts that lock one another; None for late ones."""
+    assembly = layout.assembly
     try:
         with Deadline(seconds).enforced():
-            found = plugins.part("order_without_stages")(layout.assembly, layout.labels)
-            return found or plugins.part("assembly_order")(layout.assembly, layout.labels)
+            found = plugins.part("order_without_stages")(assembly, layout.labels)
+            if found is not None:
+                return found, []
+            may_join = np.ones(len(assembly.interfaces), dtype=bool)
+            lock = plugins.part("laying_constraint")(assembly, "translation", may_join).lock(layout.labels)
+            return None, [] if lock is None else np.asarray(lock.elements).tolist()
     except DeadlinePassed:
-        return None
+        return None, None
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
@@ -315,7 +337,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "coarse_truth": chosen.fine.coarse,
         "faulty_files": [],
         "can_be_laid": chosen.can_be_laid,
-        "locked_parts": [int(b) for b in chosen.laying.locked] if chosen.can_be_laid is False else [],
+        "locked_parts": [one.number for one in chosen.parts if set(one.cells) & set(chosen.locking or ())],
         "family": chosen.family.name,
         "families": [_facts(one, parts, options.require) for one in families],
         "front": _front(families),

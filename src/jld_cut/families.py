@@ -13,6 +13,8 @@ from jld_cut.cells import Cutting, Limits, concave_edges
 from jld_cut.elastic import compressed
 from jld_cut.meshes import surface_of
 
+_GRID: Final = 400  # boxes of a grid above which it is not cut
+
 
 @dataclass(frozen=True)
 class Body:
@@ -33,6 +35,8 @@ def grid(body: Body) -> Cutting | None:
     """Cut by planes across the axes, at concave edges where these are near."""
     sides = body.box[3:] - body.box[:3]
     numbers = np.maximum(1, np.ceil(sides / body.limits.fit[np.argsort(np.argsort(sides))] - 1e-9)).astype(int)
+    if numbers.prod() > _GRID:
+        return None
     places = np.array([one[1] for one in concave_edges(body.solid) if one[0] > 0.3]).reshape(-1, 3)
     best = None
     while True:

@@ -99,13 +99,16 @@ def read_solid(path: Path, unit: float) -> Any:
 
 
 def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
-    """Read the surfaces of an STL or OBJ file, as points and triangles."""
+    """Read the surfaces of an STL or OBJ file as points (p, 3) and triangles (t, 3), in its unit.
+
+    Triangles of a binary STL file that share corners are one surface; otherwise each part that the reader finds is.
+    """
     try:
         data = path.read_bytes() if kind == "stl" else b""
     except OSError as error:
         raise InputError("", f"it cannot be read ({error.strerror})", "a file") from None
     if len(data) > 84 and len(data) == 84 + _RECORD.itemsize * int.from_bytes(data[80:84], "little"):
-        # corners that nearly meet, as a modeller leaves, are no other solid: only what shares no corner is
+        # corners that nearly meet, as modellers leave them, are merged: only what shares no corner is another solid
         points, triangles = as_read(data)
         if np.isfinite(points).all():
             points, triangles = merged(points, triangles, 1e-7 * float(np.ptp(points, axis=0).max()))

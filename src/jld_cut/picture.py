@@ -68,7 +68,7 @@ def figure_of_parts(parts: list[Part], title: str) -> Figure:
     moves[:, 2] -= moves[:, 2].min()
     figure = Figure(figsize=(9, 6.5))
     # wider than the figure: axes in space clip to their own box
-    _draw(figure.add_axes((-0.25, -0.2, 1.5, 1.4), projection="3d"), parts, moves, numbers=True)
+    _draw(figure.add_axes((-0.25, -0.26, 1.5, 1.4), projection="3d"), parts, moves, numbers=True)
     figure.suptitle("\n".join(wrap(title, 100)), fontsize=10, y=0.97)
     return figure
 

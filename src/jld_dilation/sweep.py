@@ -405,6 +405,8 @@ class MultiStartSearch:
         for turn in range(_TURNS if alternation is not None else 0):
             assert alternation is not None
             points = sorted(alternation.random_solutions(turn, _DRAWS), key=lambda point: float(point[-1]))
+            # the least and the largest λ of a round start one more descent where they lie outside of what was known,
+            # and always where nothing was: then `known` is inf or NaN
             before = found.lowest_load, -_load_of(found.highest)
             self.certify_extremes(points)
             for end, sign, known in zip(points[:1] + points[-1:], (1.0, -1.0), before, strict=False):

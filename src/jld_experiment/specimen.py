@@ -25,7 +25,7 @@ class System:
     """Elastic assembly of n rigid elements on springs; a time step is the share `step` of the critical one."""
 
     ends: Ints  # (m, 2) elements a and b of each face
-    frame: Floats  # (m, 6) normals and arms for the time stepping, columns as in `Bench.frame`
+    frame: Floats  # (m, 6) or (m, 15) normals and arms for the time stepping, columns as in `Bench.frame`
     inverse: Floats  # (n, 2) inverse of mass and inertia, 0 on supports
     radius: Floats  # (n,) radius of gyration √(inertia/mass), length; 1 on supports
     period: float  # slowest period, steps
@@ -124,7 +124,11 @@ def _spring(place: Floats, kn: float, ks: float) -> Floats:
 
 
 def _frame(assembly: Assembly) -> Floats:
-    """Return normals and arms of all faces, one row each, for the time stepping."""
+    """Return normals and arms of all faces for the time stepping, columns as in `Bench.frame`.
+
+    (m, 6) in the plane: normal n, then r × n and r × t for the arms r from a and from b; (m, 15) in space: n, e1, e2
+    and both arms.
+    """
     faces, centroid = assembly.interfaces, assembly.elements.centroid
     near, far = faces.origin - centroid[faces.a], faces.origin - centroid[faces.b]
     if assembly.dimension == 3:

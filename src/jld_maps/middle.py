@@ -229,7 +229,11 @@ def _wall(outline: Floats, base: Floats, near: float) -> tuple[Map, Sizes]:
 
 
 def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tuple[Map, Sizes]:
-    """Return the middle line of an arch or frame between its contacts with two supports."""
+    """Return the middle line of an arch or frame between its contacts (2, 2) with two supports; outline: (k, 2).
+
+    The outline has two sides between the contacts. Corners of both, equally many, are paired, and points between them
+    by their share of length: this gives chords, and the middle of a point is that of the chord through it.
+    """
     points = np.concatenate([*ends, outline])
     owner = np.repeat([0, 1, -1], [2, 2, len(outline)])  # contacts may end within a side of the outline
     order = np.argsort([body.exterior.project(shapely.Point(one)) for one in points], kind="stable")
@@ -270,7 +274,7 @@ def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tu
         signs = beside(marks)
         crossed = np.flatnonzero(signs[:-1] * signs[1:] <= 0.0)
         low, high, sign = marks[crossed], marks[crossed + 1], np.sign(signs[crossed])
-        for _ in range(60):
+        for _ in range(60):  # halving to rounding
             half = 0.5 * (low + high)
             same = np.sign(beside(half)) == sign
             low, high = np.where(same, half, low), np.where(same, high, half)

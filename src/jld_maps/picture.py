@@ -38,11 +38,12 @@ def label_of(key: str, names: tuple[str, str]) -> str:
 def figure_of_map(
     table: pd.DataFrame, axes: Mapping[str, list[Any]], assembly: Assembly, borders: pd.DataFrame | None = None
 ) -> Figure:
-    """Draw a map over one key, or the first two of several, at the middle of the others."""
-    shown = table
-    for key in list(axes)[2:]:
-        shown = shown[shown[key] == axes[key][(len(axes[key]) - 1) // 2]]
+    """Draw a map over its first two keys of several values, or the only one, at the middle of the others."""
     keys = [key for key in axes if len(axes[key]) > 1][:2] or list(axes)[:1]
+    held = {key: values[(len(values) - 1) // 2] for key, values in axes.items() if key not in keys}
+    shown = table
+    for key, value in held.items():
+        shown = shown[shown[key] == value]
     layouts = "labelling" in table
     figure = Figure(figsize=((7.5 if len(keys) == 1 else 11.0), 5.2), dpi=110)
     FigureCanvasAgg(figure)
@@ -60,7 +61,7 @@ def figure_of_map(
             ax.set_ylabel(label_of(keys[1], assembly.units), fontsize=8 if len(keys[1]) < 30 else 7)
             ax.locator_params(axis="x", nbins=6)
             ax.tick_params(labelsize=8)
-    rest = [f"{key} = {axes[key][(len(axes[key]) - 1) // 2]}" for key in list(axes)[2:]]
+    rest = [f"{key} = {value}" for key, value in held.items()]
     figure.suptitle(", ".join([f"{assembly.name}: {len(table)} points", *rest]), fontsize=11)
     return figure
 

@@ -237,6 +237,8 @@ def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any,
     ("change", "told"),
     [
         ({"fit": (0.0, 1.0, 1.0)}, "fit"),
+        ({"fit": (0.05, 0.05, 0.05)}, "such parts, and 60 cells"),
+        ({"mass": 0.5}, "mass"),
         ({"loads": ()}, "load"),
         ({"loads": ("0,0",)}, "load"),
         ({"loads": ("0,0,-1@5,5,5,6,6,6",)}, "load"),

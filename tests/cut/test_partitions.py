@@ -16,12 +16,12 @@ from manifold3d import Manifold
 from jld_core import InputError
 from jld_cut import Options
 from jld_cut.cells import Cutting, Joint, Limits
-from jld_cut.cut import verdict
+from jld_cut.cut import _order, verdict
 from jld_cut.marks import mark, tenons
 from jld_cut.meshes import as_written, doubled_edges, moments, pieces_of, read_solid, solid_of, surface_of
 from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
 from jld_cut.parts import Part, different
-from jld_cut.search import body_of, family_of
+from jld_cut.search import body_of, family_of, layout_of
 from jld_explore import ExploreSettings, explore
 
 
@@ -184,6 +184,21 @@ def test_the_verdict_says_what_limits_and_what_is_proven() -> None:
     assert "crushing" not in verdict(told)
     assert "only crushing limits it" in verdict(told | {"only_crushing": True})
     assert "no fewer parts" not in verdict(told | {"proven": False, "uncut": [2.0, 2.0]})
+
+
+def test_a_part_within_another_is_named() -> None:
+    """A core within a shell of one part has no way out; a shell of two parts lets it in."""
+    wish = Options((1.0, 1.0, 1.0), ("0,0,-1000",), cells=27, families=("grid",)).wish()
+    family = family_of("grid", "cube", body_of(box(3, 3, 3), wish), wish)
+    assert family is not None
+    middles = np.array([np.array(one.bounding_box()).reshape(2, 3).mean(axis=0) for one in family.cutting.cells])
+    core = np.abs(middles - 1.5).max(axis=1) < 0.1
+    laying, locking = _order(layout_of(family, core.astype(np.int64)), 60.0)
+    assert laying is None
+    assert int(np.flatnonzero(core)[0]) in (locking or [])
+    laying, locking = _order(layout_of(family, np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0))), 60.0)
+    assert len(laying.steps) == 3
+    assert locking == []
 
 
 def test_regions_stay_whole() -> None:

@@ -42,7 +42,6 @@ from jld_explore import Driver, ExploreSettings, Interrupted, explore, read_fold
 from jld_explore.cli import ending, streams
 from jld_explore.drivers import DRIVERS, BufferedRandom, Genetic, operators
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator, raise_deferred
-from jld_explore.report import folder
 from jld_explore.space import feasible, from_string
 from jld_explore.steps import step
 from jld_geometry import move_by_fields, move_joints
@@ -590,9 +589,9 @@ def test_drawing_is_kept_back_from_the_limit() -> None:
 def test_pictures_are_begun_only_if_they_end_in_time(tmp_path: Path) -> None:
     scene = parse_scene(grid_document(["ab", "cd", "##"]))
     done = explore(scene, tmp_path / "out", driver="enumeration", pictures=False, seconds=60.0)
-    written, missing = folder.write_pictures(done, deadline=Deadline(1.0))
+    written, missing = search_pictures.write_pictures(done, deadline=Deadline(1.0))
     assert (written, len(missing)) == ([], 5)
-    written, missing = folder.write_pictures(done, deadline=Deadline(6.0), busy=6.0)
+    written, missing = search_pictures.write_pictures(done, deadline=Deadline(6.0), busy=6.0)
     assert (written, len(missing)) == ([], 5)
 
 
@@ -603,9 +602,9 @@ def test_the_picture_of_fields_has_a_time_of_its_own(tmp_path: Path, monkeypatch
     monkeypatch.setattr("jld_views.figures.save_figure", lambda *_: None)
     document = grid_document(["ab", "##"]) | {"cracks": {"kind": "fields"}}
     done = explore(parse_scene(document), tmp_path / "out", driver="enumeration", pictures=False, seconds=30.0)
-    missing = folder.write_pictures(done, deadline=Deadline(4.0), fields=3.0)[1]
+    missing = search_pictures.write_pictures(done, deadline=Deadline(4.0), fields=3.0)[1]
     assert (asked, "best.png" in missing) == ([], True)
-    assert "best.png" not in folder.write_pictures(done, deadline=Deadline(60.0), fields=0.5)[1]
+    assert "best.png" not in search_pictures.write_pictures(done, deadline=Deadline(60.0), fields=0.5)[1]
     assert asked == [0.5]
 
 

@@ -39,7 +39,7 @@ def factor_of(jld: Command, path: Path) -> tuple[float, float]:
     [
         (lambda: semicircular_arch([45.0], 0.12, 0.7), 0.12, COUPLET, 5e-4),
         pytest.param(lambda: semicircular_arch([58.8], 0.12, 0.7), 0.12, HEYMAN, 5e-5, marks=pytest.mark.long),
-        (lambda: semicircular_arch([54.4963], 0.12, 0.4), 0.12, ROTATION, 5e-7),
+        pytest.param(lambda: semicircular_arch([54.4963], 0.12, 0.4), 0.12, ROTATION, 5e-7, marks=pytest.mark.long),
         (lambda: semicircular_arch([28.6362, 60.5134], 0.25, 0.309216), 0.25, SLIDING, 1e-6),
         (lambda: ring_arch(36, 0.1, 0.7, fine=4), 0.1, MILANKOVITCH, 5e-5),
     ],

@@ -172,3 +172,11 @@ def test_the_command_writes_table_borders_and_picture(jld: Command, tmp_path: Pa
     assert sum(told["regions"].values()) == 36
     assert (tmp_path / "map.png").stat().st_size > 10_000
     assert list(pd.read_csv(tmp_path / "borders.csv").columns) == [MU, TAU, "along", "one", "other", "load_factor"]
+
+
+def test_a_key_of_one_value_has_no_axis(jld: Command, tmp_path: Path) -> None:
+    over = ("--over", "materials.density=1400:1400:1", "--over", f"{MU}=0.2:0.8:3", "--over", f"{TAU}=2e4:2e5:2")
+    found = jld("map", ARCH, *over, "-o", tmp_path)
+    assert found.code == 0, found.err
+    assert len(pd.read_csv(tmp_path / "map.csv")) == 6
+    assert (tmp_path / "map.png").stat().st_size > 10_000

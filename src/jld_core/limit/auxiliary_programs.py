@@ -96,7 +96,11 @@ class LargestSupport:
 def largest_support(
     program: ConicProgram, columns: int, target: Floats | None = None, largest: float = LARGEST
 ) -> LargestSupport:
-    """Find a point of the recession cones with slack in most rows; unchecked, arbitrary if the solver fails."""
+    """Find a point of the recession cones with slack in most rows; unchecked, arbitrary if the solver fails.
+
+    columns: number of first columns that are unknown, the others are 0. target: (equalities,) right-hand side of
+    equilibrium, None: 0. largest: bound on the size of each unknown.
+    """
     # Among such points it has the most cones whose first row is positive.
     s = program.structure
     rhs = np.zeros(s.shape[0])

@@ -36,7 +36,7 @@ class FieldResult(Result):
     assembly: Assembly  # the structure analysed
     labels: Bits  # (m,) True = dry
     cracks: FieldCracks  # the crack model, with the gap asked for
-    cases: dict[str, FieldBounds | FieldBounds]  # bounds of each load case by its name; a single load has the name ""
+    cases: dict[str, FieldBounds]  # bounds of each load case by its name; a single load has the name ""
     seconds: dict[str, float]  # wall-clock time: total, s
 
     shown_by: ClassVar[str] = "jld_views.notebook:FieldResultView"
@@ -182,7 +182,7 @@ class FieldResult(Result):
         return facts
 
 
-def case_bounds_of(bounds: FieldBounds | FieldBounds) -> CaseBounds:
+def case_bounds_of(bounds: FieldBounds) -> CaseBounds:
     """Return status and bounds of one load case, NaN where one is missing."""
     if bounds.upper < 0.0:
         return CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan)
@@ -235,7 +235,7 @@ def solve_by_fields(
     return FieldResult(assembly, own, FieldCracks(kind="fields", gap=gap), cases, spent)
 
 
-def _bounds_to_json(bounds: FieldBounds | FieldBounds) -> dict[str, Any]:
+def _bounds_to_json(bounds: FieldBounds) -> dict[str, Any]:
     """Return the bounds of one load case as plain numbers."""
     known = case_bounds_of(bounds)
     return {
@@ -256,14 +256,13 @@ def _width(low: float, high: float) -> float:
     return (high - low) / max(abs(high), abs(low), 1e-300)
 
 
-def least_by_fields(
-    alone: Assembly, labels: Bits, bounds: FieldBounds | FieldBounds, seconds: float
-) -> tuple[float, float]:
-    """Bound the least λ, maybe below 0, within `seconds`, by the reversed live load on a coarse mesh.
+def least_by_fields(alone: Assembly, labels: Bits, bounds: FieldBounds, seconds: float) -> tuple[float, float]:
+    """Bound the least λ, maybe below 0, within `seconds`, from below and above; NaN where unknown.
 
-    NaN where unknown.
+    bounds: those of the largest λ.
     """
-    # The reversed live load that a structure carries is the opposite of that λ.
+    # The reversed live load that a structure carries is the opposite of that λ. A coarse mesh does: readers ask for
+    # the sign. Below an upper bound under 0 the structure falls anyway; without dead load it stands at λ = 0.
     if bounds.upper < 0.0:
         return math.nan, math.nan
     if not alone.dead_loads:
@@ -276,7 +275,7 @@ def least_by_fields(
     return low if math.isfinite(low) else math.nan, high if math.isfinite(high) else math.nan
 
 
-def stands_by(bounds: FieldBounds | FieldBounds, least: tuple[float, float]) -> bool | None:
+def stands_by(bounds: FieldBounds, least: tuple[float, float]) -> bool | None:
     """Decide whether a structure stands without live load: it carries some of it and some of the reverse.
 
     None: undecided.

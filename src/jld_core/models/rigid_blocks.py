@@ -221,8 +221,12 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
 def _inner_forces(
     template: Template, labels: Bits, rigid: RigidBlocks, boundary: Floats, load: float
 ) -> tuple[Floats, Ints] | None:
-    """Compute scaled forces (m, q) on all faces, and blocks without admissible ones; None if not finite."""
-    # Given boundary forces and λ, each block maximises its own least slack.
+    """Compute scaled forces (m, q) on all faces, and blocks without admissible ones; None if not finite.
+
+    boundary: (m', q) resultants on the faces between blocks, load: λ, both in scene units. Blocks as in `rigid.group`.
+    """
+    # Given boundary forces and λ, each block maximises its own least slack, at most 1. Row `equalities`, which bounds
+    # λ, is left out.
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
     count = len(labels)
     forces = np.zeros((count, q))
@@ -245,9 +249,11 @@ def _inner_forces(
     rows = np.flatnonzero(~np.repeat((support | follows)[free], q))
     columns = (q * inside[:, None] + np.arange(q)).ravel()
     pattern = sets.pattern
-    extra = np.arange(pattern.extra)
-    if pattern.extra:  # Append the bound on shear of each face.
-        columns = np.concatenate([columns, q * count + extra[np.isin(extra, inside)]])
+    if pattern.extra:  # Append the further unknowns of faces inside, of which a face may have none or several.
+        further = pattern.column >= q * count
+        owner = np.zeros(pattern.extra, dtype=np.int64)
+        owner[pattern.column[further] - q * count] = pattern.face[further]
+        columns = np.concatenate([columns, q * count + np.flatnonzero(within[owner])])
     matrix = program.matrix.tocsr()
     target = -(template.dead + load / scale.load * template.live) - template.matrix @ forces.ravel()
     yields = s.equalities + 1 + np.flatnonzero(within[pattern.row_face])

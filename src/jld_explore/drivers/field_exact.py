@@ -201,14 +201,16 @@ class FieldExact(ProvingDriver):
         self._state = ProofState(self.space)
         self.refuter.restart()
         self._formula: Formula | None = None
-        self._rng = np.random.default_rng([self.seed, 3])
+        self._rng = np.random.default_rng([self.seed, 3])  # other drivers have streams 1 and 2
         self._schedule = TargetSchedule(_PATIENCE)
-        self._bound = self._left_open = self._aimed = math.inf
+        # λ that labellings are refuted above now; up to which the target is open; up to which any target is
+        self._aimed = self._left_open = self._bound = math.inf
         self._target: int | Range | None = None
-        self._began = 0
-        self._waiting: list[Bits] = []
+        self._began = 0  # conflicts when the aim was set
+        self._waiting: list[Bits] = []  # drawn, to be handed over
+        # the first aim is set; time left a target open; ended with a proof of all targets; ended without
         self._begun = self._cut = self._settled = self._stopped = False
-        self._refuted = np.full(len(self.pool), np.inf)
+        self._refuted = np.full(len(self.pool), np.inf)  # least bound of a conflict of each labelling of the pool
         self.pool.given_up[:] = False
         self._proof_check = None
 

@@ -34,6 +34,8 @@ CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 
 _SAYING: Final = 1.0  # longest time to find out which stage of laying falls first, for a message, s
 
+_MAKING: Final = 1.0  # time to make a driver once the time of a search is over, s
+
 COUNTING: Final = 0.06
 """Share of the remaining time for counting the classes of a space; a slower count means that the space is large."""
 
@@ -47,6 +49,7 @@ def choose_driver(
     cracks_by_fields: FieldCracks | None = None,
 ) -> tuple[Driver, int | None]:
     """Return the driver, and the number of classes of a small space; many: no proof by faces alone unless named."""
+    # An objective of its own, an experiment or a reliability is not bounded by mechanisms: it counts as many.
     wanted = settings.driver
     if isinstance(wanted, str):
         driver_named(wanted)
@@ -72,11 +75,12 @@ def choose_driver(
         make = partial(FieldExact.to_gap, cracks_by_fields.gap, space, settings.seed, settings.options)
     else:
         make = partial(make_driver, wanted, space, settings.seed, **settings.options)
-    try:
-        with deadline.enforced():  # The exact driver prepares for its space, in a share of the time left.
+    # The exact driver prepares for its space in a share of the time left. Where none is left it is made once more, in
+    # a second: preparation ends by itself within its share.
+    for limit in (deadline, Deadline(_MAKING)):
+        with suppress(DeadlinePassed), limit.enforced():
             return make(), known
-    except DeadlinePassed:
-        return make(), known
+    raise nothing_found(space, settings.seconds)
 
 
 def nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:

@@ -38,7 +38,12 @@ class _Numbers:
 
 
 def may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
-    """Return (m,) False where the union of the two blocks (n,) beside a face exceeds a limit."""
+    """Return (m,) False where the union of the two blocks beside a face exceeds a limit.
+
+    least: (n,) block of each element by fixed inner faces alone.
+    """
+    # Only measures that add up over elements are tested. Blocks with an exempt element have no limits, and any block
+    # may come to hold one.
     p, q = least[graph.a], least[graph.b]
     joined = np.ones(len(p), dtype=bool)
     if limits.excepted.any():
