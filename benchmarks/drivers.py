@@ -264,7 +264,8 @@ def draw(rows: pd.DataFrame) -> None:
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for seconds, own in rows.groupby("seconds"):
-        known: Any = own.groupby(["scene", "method"], sort=False)[["faces", "load_factor", "front"]].median().unstack()
+        values = own.groupby(["scene", "method"], sort=False)[["faces", "load_factor", "front"]]
+        known = cast(Any, values.median().unstack())
         single = [name for name in known["load_factor"].columns if name in SINGLE]
         ratio = {
             value: known[value].div(known[value][single].max(axis=1), axis=0).replace([np.inf, -np.inf], np.nan)
@@ -289,9 +290,9 @@ def draw(rows: pd.DataFrame) -> None:
         for ax, value, title in zip(axes, ratio, ("largest λ", "volume of the front"), strict=True):
             for name in order:
                 away = known[value].max(axis=1) / known[value][name].dropna().clip(lower=1e-9)
-                ends = np.append(np.sort(away.dropna()), 3.0)
-                share = np.minimum(np.arange(1, len(ends) + 1) / (len(ends) - 1), 1.0)
-                ax.step(ends, share, where="post", label=name, lw=2.2 if name == "portfolio" else 1.1)
+                reached = np.append(np.sort(away.dropna()), 3.0)
+                share = np.minimum(np.arange(1, len(reached) + 1) / (len(reached) - 1), 1.0)
+                ax.step(reached, share, where="post", label=name, lw=2.2 if name == "portfolio" else 1.1)
             ax.set(xlim=(1.0, 2.0), xlabel="best of all over this one", title=f"{title}, {seconds:g} s")
         axes[0].set_ylabel("share of scenes")
         axes[1].legend(fontsize=7)
