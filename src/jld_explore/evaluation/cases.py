@@ -315,6 +315,8 @@ _KEPT: Final = 64  # states and motions that are tested with every labelling
 _FEW: Final = 2  # states and motions from which on what they leave open goes to the batch solver first
 _SLICE: Final = 4096  # labellings of one call of the batch solver
 
+_LONGER: Final = 4.0  # how much longer than λ it may take to decide whether a layout stands
+
 # What a driver is told of a layout that falls
 _UNSTABLE: Final = Evaluation(Status.UNSTABLE, math.nan, math.nan, math.nan)
 
@@ -336,25 +338,30 @@ class Standing:
         self._cases = [_Case(LimitAnalysis(case, inner_bending=model.inner_bending)) for case in assembly.by_case]
         self._falls_only = assembly.dimension == 3 and (model.contact == "concave" or model.effective_area)
 
-    def of(self, labellings: Bits, low: Floats, deadline: Deadline | None = None) -> Floats:
+    def of(self, labellings: Bits, low: Floats, deadline: Deadline | None = None, solved_in: float = 0.0) -> Floats:
         """Return 1 for labellings (k, m) that stand at λ = 0, 0 for those that fall, NaN if undecided: (k,).
 
-        low: (k,) proven lower bounds on λ, NaN where there is none.
+        low: (k,) proven lower bounds on λ, NaN where there is none. solved_in: longest time that λ of one took, s.
         """
         if not len(labellings):
             return np.empty(0)
         labels = labellings if self._cells is None else self._cells(labellings)
         carries = (low >= 0.0) & self._by_load_factor
-        found = np.min([case.of(labels, carries.copy(), deadline) for case in self._cases], axis=0)
+        # whether one of thousands of faces stands takes longer than its λ: it is not begun where it would be late
+        until = None if deadline is None else Deadline(deadline.remaining() - _LONGER * solved_in)
+        found = np.min([case.of(labels, carries.copy(), until) for case in self._cases], axis=0)
         if self._falls_only:
             found[found == 1.0] = math.nan
         return np.asarray(found)
 
-    def told(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+    def told(
+        self, labellings: Bits, evaluations: Sequence[Evaluation], deadline: Deadline | None = None
+    ) -> list[Evaluation]:
         """Return evaluations of labellings (k, m) as a driver is told them: what falls at λ = 0 is unstable."""
         told = list(evaluations)
         rows = [k for k, one in enumerate(told) if one.status in (Status.COLLAPSE, Status.LOCKED)]
-        falls = self.of(labellings[rows], np.array([told[k].low for k in rows])) == 0.0
+        longest = max((told[k].seconds for k in rows), default=0.0)
+        falls = self.of(labellings[rows], np.array([told[k].low for k in rows]), deadline, longest) == 0.0
         for k in np.array(rows, dtype=int)[falls].tolist():
             none = (math.nan,) * len(told[k].cases)
             told[k] = replace(_UNSTABLE, cases=none, seconds=told[k].seconds)
@@ -370,7 +377,7 @@ class VoidStanding(Standing):
         self._cut, self._texts, self._model = cut, texts, model
         self._known: dict[str, float] = {}
 
-    def of(self, labellings: Bits, low: Floats, deadline: Deadline | None = None) -> Floats:
+    def of(self, labellings: Bits, low: Floats, deadline: Deadline | None = None, solved_in: float = 0.0) -> Floats:
         texts = self._texts(labellings) if len(labellings) else []
         for k, text in enumerate(texts):
             if text not in self._known and not (deadline is not None and deadline.passed()):

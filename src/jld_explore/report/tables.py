@@ -424,9 +424,8 @@ def _stands(
     found = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
     asked = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
     if standing is not None:
-        found[asked] = standing.of(
-            unpack(np.ascontiguousarray(rows["labelling"][asked]), faces), rows["low"][asked], deadline
-        )
+        labels, took = unpack(np.ascontiguousarray(rows["labelling"][asked]), faces), rows["seconds"][asked]
+        found[asked] = standing.of(labels, rows["low"][asked], deadline, float(np.nanmax(took, initial=0.0)))
     return np.where(found == 1.0, np.nan, found) if by_fields else found
 
 

@@ -132,7 +132,7 @@ class Study:
 
     def _told(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
         """Return evaluations of labellings (k, m) as the driver is told them, see `Standing.told`."""
-        return self.standing.told(labellings, evaluations)
+        return self.standing.told(labellings, evaluations, self.deadline)
 
     @property
     def table_records(self) -> Records | RefinedRecords:
