@@ -195,6 +195,7 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
         | {f"{key}_{end}": found[key][k] for key in ("bracket", "uncut") for k, end in enumerate(("lo", "hi"))}
         | {"of_cells": found["load_factor_of_cells"], "grid": grid, "grid_proven": any(one["proven"] for one in same)}
         | {"grid_parts": min((one["parts"] for one in grids if one["parts"] is not None), default=None)}
+        | {"by_fields": None if found["by_fields"] is None else found["by_fields"][0]}
         | {"by_grid": None if grid is None or low is None or found["locked"] else low / grid}
         | independent_check(out / name, case.box)
     )
@@ -254,17 +255,17 @@ def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: 
             f"the largest overlap of two parts is {whole['overlap'].max():.1e} of a part.",
             f"{counts['proven']} of {len(whole)} are proven: all layouts of their cells with at most as many parts are "
             "known.",
-            f"λ is nowhere below that of planes along the axes (least ratio {ratio.min():.3f}), and at least 1.15 "
-            f"times it, or of fewer parts than such planes need, on {len(better)}: {', '.join(better)}.",
+            f"λ is at least {ratio.min():.3f} times that of planes along the axes, and at least 1.15 times it, or of "
+            f"fewer parts than such planes need, on {len(better)}: {', '.join(better)}.",
             f"Volumes of the files differ from those of the parts by at most {whole['file_error'].max():.1e}.",
         ),
         differs=(
-            f"No order was found in time for {', '.join(whole['solid'][whole['can_be_laid'].isna()]) or 'none'}.",
+            f"Without an order in time: {', '.join(whole['solid'][whole['can_be_laid'].isna()]) or 'none'}.",
             f"Parts above the uncut solid: {', '.join(above) or 'none'}. A dry joint opens over its whole depth, an "
             "inner section cracks at its elastic limit: where thrust exceeds half of tensile strength × area, the dry "
             "joint bends more.",
             f"Not proven in time: {', '.join(whole['solid'][whole['proven'] != 1]) or 'none'}.",
-            "Bounds by fields take more than 50 s of processor on the smallest of these (33 cells): none was reached.",
+            f"Solids with bounds by fields in time: {whole['by_fields'].notna().sum()}.",
             "Without an upper end: no load makes these solids collapse while nothing is crushed.",
             *(f"{row['solid']}: {row['problem']}." for _, row in table.iterrows() if row["parts"] != row["parts"]),
         ),

@@ -271,7 +271,7 @@ def _judged(
         for block, coarse in zip(found.blocks[:BEST], found.low.tolist(), strict=False):
             if judged and (count and time.time() > end):
                 break
-            bracket = family.truth.solve(block)
+            bracket = family.truth.known[block.tobytes()] = _weaker(family.truth.solve(block), coarse)
             judged.append((_low(bracket), coarse, (family, block, coarse, bracket)))
             count += 1
         say(
@@ -279,6 +279,12 @@ def _judged(
         )
     judged.sort(key=lambda one: one[:2], reverse=True)
     return [one for _, _, one in judged]
+
+
+def _weaker(bracket: Bracket, coarse: float) -> Bracket:
+    """Return a bracket that is not above λ of the cells of the search: a verdict rests on the weaker of both."""
+    # Smaller faces bear more torsion together than one of their size, so finer cells may seem stronger.
+    return (coarse, bracket[1], False) if -np.inf < coarse < _low(bracket) else bracket
 
 
 def _low(bracket: Bracket) -> float:
