@@ -518,10 +518,10 @@ CALLS: dict[str, Callable[[Any, Made, Path], Any]] = {
         made.plain, made.plain.labels, made.vertices, made.vertices
     ),
     "moved_joints.figure_of_path": lambda draw, made, _: draw(made.plain, PATH),
-    "thrust_figure.figure_of_settled": lambda draw, made, _: draw(made.settled),
+    "thrust_command.figure_of_settled": lambda draw, made, _: draw(made.settled),
     "strip.figure_of_laying": lambda draw, made, _: draw(made.laying, "laying"),
     "strip.figure_of_stage": lambda draw, made, _: draw(made.laying, 2),
-    "thrust_figure.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
+    "thrust_command.figure_of_range": lambda draw, made, _: draw(made.ranges, made.ranges.ranges[0]),
 }
 
 
