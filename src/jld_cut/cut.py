@@ -461,8 +461,10 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options)
     files.write_text(out / "parts.csv", csv_of(table_of(chosen.parts, scale)))
     try:
         export(chosen.layout, "step", out / "parts.step")
-    except (InputError, shapely.errors.GEOSException) as error:
+    except InputError as error:
         summary["warnings"] = [f"parts.step was not written: {error}"]
+    except shapely.errors.GEOSException:
+        summary["warnings"] = ["parts.step was not written: a face of a part cannot be split to triangles"]
     summary["verdict"] = verdict(summary)
     files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")
 
