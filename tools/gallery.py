@@ -1,4 +1,4 @@
-"""Make the gallery of the documentation: ten structures, each with its drawing, scene, page and export.
+"""Make the gallery of the documentation: ten structures with drawing, scene, page and export, and three cut solids.
 
 `python -m tools.gallery [FOLDER]` writes the files below FOLDER/gallery, and the page docs/gallery.md that links them.
 FOLDER is docs/_gallery by default, which `make docs` copies beside its pages. Every scene is read from its drawing.
@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from studies.cut_solids import SOLIDS
+
 from jld_core import Layout, Scene, build_assembly, load_scene, samples, solve
 from jld_core.files import write_text
 from jld_core.scene.reading import parse_scene
+from jld_cut import Options, cut
+from jld_cut.meshes import stl_bytes, surface_of
 from jld_explore import explore
 from jld_formats import ImportOptions, export, import_file
 from jld_views.page_of_study import scene_page, study_page
@@ -70,6 +75,27 @@ ENTRIES: Final = (
     ),
 )  # fmt: skip
 """The ten structures."""
+
+
+CUTS: Final = {
+    "bridge": "A footbridge for a printer of 1.7 m.",
+    "arch": "An arch with a round hole.",
+    "dome": "A dome with an oculus.",
+}
+"""Solids of `studies.cut_solids` that are cut to parts, and what they are."""
+
+CUT_FILES: Final = {"solid": "solid.stl", "picture": "parts.png", "page": "parts.html", "parts": "parts.3mf"}
+
+
+def write_cut(name: str, folder: Path, seconds: float = 60.0) -> None:
+    """Cut a solid and write it with its parts, their picture and their page into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    case, solid = SOLIDS[name], folder / CUT_FILES["solid"]
+    solid.write_bytes(stl_bytes(*surface_of(case.solid())))
+    with TemporaryDirectory() as out:
+        cut(solid, Options(case.box, case.loads, seconds=seconds, clearance=0.002, tenons=True, marks=True), out)
+        for file in ("picture", "page", "parts"):
+            shutil.copy(Path(out) / CUT_FILES[file], folder)
 
 
 def files_of(entry: Entry) -> dict[str, str]:
@@ -130,6 +156,17 @@ def page_text() -> str:
             f'<p><a href="{files["page"]}"><img alt="{entry.words}" src="{files["picture"]}"></a></p>',
             f"<p>{links}</p>", "```",
         ]  # fmt: skip
+    lines += [
+        "",
+        "## Cut solids",
+        "",
+        "Parts that fit a box, turned and put together on a page ([guide](guide/cutting.md)).",
+    ]
+    for name, words in CUTS.items():
+        place = f"gallery/cut_{name}"
+        links = ", ".join(f'<a href="{place}/{CUT_FILES[what]}">{what}</a>' for what in ("solid", "page", "parts"))
+        shown = f'<a href="{place}/parts.html"><img alt="{words}" src="{place}/parts.png"></a>'
+        lines += ["", words, "", "```{raw} html", f"<p>{shown}</p>", f"<p>{links}</p>", "```"]
     return "\n".join(lines) + "\n"
 
 
@@ -140,6 +177,8 @@ def main() -> None:
     folder = parser.parse_args().folder
     for entry in ENTRIES:
         write_entry(entry, folder / "gallery" / entry.name)
+    for name in CUTS:
+        write_cut(name, folder / "gallery" / f"cut_{name}")
     write_text(PAGE, page_text())
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
-from tools.gallery import ENTRIES, PAGE, files_of, page_text, write_entry
+from tools.gallery import CUT_FILES, CUTS, ENTRIES, PAGE, files_of, page_text, write_cut, write_entry
 
 from command import ROOT, Command
 from jld_core import Assembly, LimitAnalysis, Status, blocks_of, build_assembly, load_scene, solve
@@ -295,6 +295,8 @@ def test_a_structure_of_the_gallery(tmp_path: Path) -> None:
     linked = re.findall(r'(?:href|src)="(gallery/flat_arch/[^"]+)"', page_text())
     assert len(set(linked)) == 5
     assert all((tmp_path / link).stat().st_size > 500 for link in linked)
+    for name in CUTS:
+        assert set(re.findall(rf'(?:href|src)="gallery/cut_{name}/([^"]+)"', page_text())) == set(CUT_FILES.values())
 
 
 def wrong_links(site: Path) -> list[str]:
@@ -341,6 +343,8 @@ def test_the_website_is_whole(tmp_path: Path) -> None:
     """As `make docs` builds it: all ten structures, no warning, no link that leads nowhere, nothing from elsewhere."""
     for entry in ENTRIES:
         made(entry.name, tmp_path / "files")
+    for name in CUTS:
+        write_cut(name, tmp_path / "files" / "gallery" / f"cut_{name}", seconds=10.0)
     site = tmp_path / "site"
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
     extra = f"html_extra_path=scene.schema.json,{tmp_path / 'files'}"
