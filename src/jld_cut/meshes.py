@@ -164,6 +164,10 @@ def _checked(points: Floats, triangles: Ints) -> tuple[Any, bool]:
     solid = solid_of(points, triangles)
     outwards = solid.volume() >= 0.0
     solid = solid if outwards else solid_of(points, triangles[:, ::-1])
+    held = abs(volume_of(points, triangles))
+    if solid.status().name == "NoError" and abs(solid.volume() - held) > 1e-6 * held:
+        problem = f"its volume changes from {held:.6g} to {solid.volume():.6g} where it is read"
+        raise InputError("", problem, "its smallest faces joined in the modeller")
     if solid.is_empty() or solid.volume() <= 1e-12 * size**3:
         raise InputError("", f"it encloses no volume ({solid.status().name})", "a closed surface around a solid")
     return solid, outwards
@@ -204,6 +208,13 @@ def as_written(solid: Any, unit: float) -> tuple[Floats, Ints]:
     """Return the surface of a solid as a file of lengths × `unit` holds it."""
     points, triangles = surface_of(solid)
     return as_single(points / unit, triangles)
+
+
+def volume_of(points: Floats, triangles: Ints) -> float:
+    """Return the volume in a closed surface, summed over its triangles."""
+    # A library that reads the surface may turn an edge between two faces that are no degenerate ones.
+    a, b, c = (points - points.mean(axis=0))[triangles.T]
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
 
 def doubled_edges(points: Floats, triangles: Ints) -> int:

@@ -20,9 +20,9 @@ from jld_cut.meshes import (
     moments,
     obj_text,
     pieces_of,
-    solid_of,
     stl_bytes,
     surface_of,
+    volume_of,
     write_3mf,
 )
 
@@ -159,7 +159,7 @@ def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
         path = folder / "parts" / f"{part.name}.stl"
         path.write_bytes(stl_bytes(points, triangles))
         again = as_read(path.read_bytes())
-        part.error = max(part.error, abs(unit**3 * solid_of(*again).volume() / part.solid.volume() - 1.0))
+        part.error = max(part.error, abs(unit**3 * volume_of(*again) / part.solid.volume() - 1.0))
         part.open = doubled_edges(*again)
         files.write_text(folder / "parts" / f"{part.name}.obj", obj_text(points, triangles, part.name))
         turned = points @ part.bed.T

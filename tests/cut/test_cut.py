@@ -20,7 +20,17 @@ from jld_cut.cut import verdict
 from jld_cut.elastic import compressed
 from jld_cut.families import axis_of
 from jld_cut.loads import outside, parse_load, shares
-from jld_cut.meshes import as_read, as_written, doubled_edges, read_solid, solid_of, stl_bytes, surface_of, write_3mf
+from jld_cut.meshes import (
+    as_read,
+    as_written,
+    doubled_edges,
+    read_solid,
+    solid_of,
+    stl_bytes,
+    surface_of,
+    volume_of,
+    write_3mf,
+)
 from jld_cut.parts import Part, lay, write_parts
 from jld_cut.scene import Matter
 
@@ -133,6 +143,8 @@ def test_a_bench_is_cut_to_whole_files(tmp_path: Path) -> None:
 
 def test_cells_and_joints_are_exact() -> None:
     solid = bench()
+    points, triangles = surface_of(solid)
+    assert volume_of(points + 1e3, triangles) == pytest.approx(solid.volume(), rel=1e-12)
     cutting = Cutting(solid)
     for normal, at in ((np.array([1.0, 0, 0]), 0.9), (np.array([0, 0, 1.0]), 0.4), (np.array([0.6, 0, 0.8]), 0.5)):
         cutting.through(normal, at)
