@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from jld_core import Floats, Ints
 
+_SPLITS: Final = 50  # pieces of a triangle, on average, up to which a surface is split at points on its edges
 _SAME: Final = 1e-6  # difference of unit normals, and of offsets by size, of one plane
 
 
@@ -118,7 +119,11 @@ def _split_at(points: Floats, triangles: Ints, tolerance: float) -> Ints:
         if inside.any():
             on[int(edges[k, 0]), int(edges[k, 1])] = used[found][inside][np.argsort(along[inside])].tolist()
     done, todo = [], [tuple(one) for one in triangles.tolist()]
+    left = _SPLITS * (len(triangles) + 10)  # two points just apart may each lie on an edge to the other
     while todo:
+        left -= 1
+        if left < 0:
+            raise ValueError("edges that cannot be split")
         a, b, c = todo.pop()
         for p, q, r in ((a, b, c), (b, c, a), (c, a, b)):
             if between := on.get((min(p, q), max(p, q)), []):
