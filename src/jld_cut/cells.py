@@ -11,7 +11,7 @@ import shapely
 
 from jld_core import Floats, Ints
 from jld_cut.meshes import manifold3d, open_edges, pieces_of, solid_of, surface_of
-from jld_cut.whole import outer_surface, triangles_of
+from jld_cut.whole import normals_of, outer_surface, triangles_of
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
@@ -332,9 +332,8 @@ def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
     """Return the concave edges of a solid: turn, middle, outward normals of both faces; the sharpest first."""
     points, triangles = surface_of(solid)
     corners = points[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = normal / np.maximum(length, 1e-300)
+    normal, length = normals_of(corners)
+    normal = normal / np.maximum(length, 1e-300)[:, None]
     edge = {(int(t[k]), int(t[(k + 1) % 3])): f for f, t in enumerate(triangles.tolist()) for k in range(3)}
     found = []
     for (i, j), f in edge.items():
@@ -347,7 +346,7 @@ def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
                 np.cross(normal[f], normal[g]) @ along / max(np.linalg.norm(along), 1e-300), normal[f] @ normal[g]
             )
         )
-        if turn < -1e-3 and min(length[f, 0], length[g, 0]) > 1e-12:
+        if turn < -1e-3 and min(length[f], length[g]) > 1e-12:
             found.append((-turn, (points[i] + points[j]) / 2, normal[f], normal[g]))
     return sorted(found, key=lambda one: -one[0])
 

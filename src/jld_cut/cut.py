@@ -26,7 +26,7 @@ from jld_cut.partitions import frames
 from jld_cut.parts import Part, different, lay, parts_of, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
 from jld_cut.scene import Matter, Setting
-from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, layout_of, search_all
+from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, layout_of, search_all
 from jld_explore.report import csv_of
 from jld_formats import export
 from jld_views import figures, page_of_study
@@ -325,15 +325,15 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
     found, parts = chosen.family.found, len(chosen.parts)
     volumes = [cell.volume() for cell in chosen.family.cutting.cells]
     box = np.array([part.box for part in chosen.parts])
-    summary: dict[str, Any] = {
+    return {
         "parts": parts,
         "load_factor": low,
         "bracket": [low, high],
         "locked": locked,
         "only_crushing": not locked and chosen.coarse == np.inf and options.matter.compressive is not None,
-        "load_factor_of_cells": _finite(chosen.coarse),
+        "load_factor_of_cells": finite(chosen.coarse),
         "proven": found.proven(parts),
-        "bound": _finite(found.bound(parts)),
+        "bound": finite(found.bound(parts)),
         "layouts": sum(one.solved for one in found.of.values()),
         "uncut": list(chosen.uncut[:2]),
         "require": options.require,
@@ -353,20 +353,13 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "largest_mass": max(part.mass for part in chosen.parts),
         "different_parts": different(chosen.parts),
     }
-    summary["verdict"] = verdict(summary)
-    return summary
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _facts(family: Family, parts: int, require: float) -> dict[str, Any]:
     """Return what a family found: of its own fewest parts, and the strongest of at most so many parts."""
     found = family.found
     own = next((n for n in sorted(found.of) if _top(family, n) >= require * (1 - 1e-6)), None)
-    known = {} if family.truth is None else family.truth.known
-    true = [_low(known[key]) for n in range(1, parts + 1) for key in _keys(family, n) if key in known]
+    true = [low for n in range(1, parts + 1) for low in _true(family, n)]
     return {
         "name": family.name,
         "cells": len(family.cutting.cells),
@@ -374,18 +367,20 @@ def _facts(family: Family, parts: int, require: float) -> dict[str, Any]:
         "sets": found.sets,
         "evaluated": sum(one.solved for one in found.of.values()),
         "parts": own,
-        "load_factor_of_cells": None if own is None else _finite(_top(family, own)),
+        "load_factor_of_cells": None if own is None else finite(_top(family, own)),
         "proven": own is not None and found.proven(own),
-        "bound": None if own is None else _finite(found.bound(own)),
-        "load_factor": _finite(max(true)) if true else None,
+        "bound": None if own is None else finite(found.bound(own)),
+        "load_factor": finite(max(true)) if true else None,
         "locked": bool(true) and max(true) == np.inf,
         "problem": found.problem or None,
     }
 
 
-def _keys(family: Family, parts: int) -> list[bytes]:
-    found = family.found.of.get(parts)
-    return [] if found is None else [block.tobytes() for block in found.blocks[:BEST]]
+def _true(family: Family, parts: int) -> list[float]:
+    """Return λ of the layouts of one number of parts that were judged on convex cells."""
+    found, known = family.found.of.get(parts), {} if family.truth is None else family.truth.known
+    keys = [] if found is None else [block.tobytes() for block in found.blocks[:BEST]]
+    return [_low(known[key]) for key in keys if key in known]
 
 
 def _front(families: list[Family]) -> list[dict[str, Any]]:
@@ -394,10 +389,10 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
     for parts in sorted({n for one in families for n in one.found.of}):
         best = max(families, key=lambda one: _top(one, parts))
         if _top(best, parts) >= 0.0:
-            row = {"parts": parts, "load_factor_of_cells": _finite(_top(best, parts)), "family": best.name}
-            true = [_low(best.truth.known[key]) for key in _keys(best, parts) if best.truth and key in best.truth.known]
+            row = {"parts": parts, "load_factor_of_cells": finite(_top(best, parts)), "family": best.name}
+            true = _true(best, parts)
             proven = all(one.found.proven(parts) for one in families)
-            rows.append(row | {"load_factor": _finite(max(true)) if true else None, "proven": proven})
+            rows.append(row | {"load_factor": finite(max(true)) if true else None, "proven": proven})
     return rows
 
 
@@ -456,7 +451,6 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options)
     write_parts(out, chosen.parts, scale)
     summary["watertight"] = all(part.watertight for part in chosen.parts)
     summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]
-    summary["verdict"] = verdict(summary)
     summary["file_error"] = max(part.error for part in chosen.parts)
     files.write_text(out / "parts.csv", csv_of(table_of(chosen.parts, scale)))
     try:

@@ -12,6 +12,7 @@ from jld_core import Floats
 from jld_cut.cells import Cutting, Limits, concave_edges
 from jld_cut.elastic import compressed
 from jld_cut.meshes import surface_of
+from jld_cut.whole import normals_of
 
 _GRID: Final = 400  # boxes of a grid above which it is not cut
 
@@ -92,8 +93,7 @@ def axis_of(solid: Any) -> tuple[Floats, Floats] | None:
     """Return centre and direction of the axis of most of the curved surface; None for plane faces or spheres."""
     points, triangles = surface_of(solid)
     corners = points[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normal, axis=1)
+    normal, area = normals_of(corners)
     keep = area > 1e-12 * area.max()
     corners, area = corners[keep], area[keep]
     normal = normal[keep] / area[:, None]
@@ -104,7 +104,7 @@ def axis_of(solid: Any) -> tuple[Floats, Floats] | None:
     )
     whole = np.bincount(place.reshape(-1), area)
     middle = np.array([np.bincount(place.reshape(-1), area * side) for side in middle.T]).T / whole[:, None]
-    normal, area = normal[first], whole
+    normal, area = normal[first], np.asarray(whole, dtype=float)
     curved = area < 0.08 * area.sum()
     if len(facets) < 12 or area[curved].sum() < 0.15 * area.sum():
         return None

@@ -11,7 +11,7 @@ import shapely
 from jld_core import Bools, Floats, ParameterError
 from jld_cut.cells import lifted, sides_of
 from jld_cut.meshes import surface_of
-from jld_cut.whole import triangles_of
+from jld_cut.whole import normals_of, triangles_of
 
 
 @dataclass(frozen=True)
@@ -130,8 +130,7 @@ def outside(cell: Any, solid: Any, planes: list[Floats], size: float) -> Facet:
 
 def facet_of(corners: Floats, size: float) -> Facet:
     """Return triangles (k, 3, 3) with their normals, without those of no area."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normals, axis=1)
+    normals, length = normals_of(corners)
     kept: Bools = length > 1e-14 * size**2
     return Facet(corners[kept], normals[kept] / length[kept, None])
 

@@ -12,6 +12,7 @@ from jld_core import Floats, Ints
 from jld_cut.cells import Joint, basis, sides_of
 from jld_cut.meshes import as_written, doubled_edges, manifold3d, pieces_of, surface_of
 from jld_cut.parts import Part, lay
+from jld_cut.whole import normals_of
 
 # segments of digits 0 to 9: top, upper left and right, middle, lower left and right, bottom
 _DIGITS: Final = ("012456", "25", "02346", "02356", "1235", "01356", "013456", "025", "0123456", "012356")
@@ -76,8 +77,7 @@ def spots(solid: Any) -> list[Spot]:
     """Return the largest circles in the plane faces of a solid, the largest faces first."""
     points, triangles = surface_of(solid)
     corners = points[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normal, axis=1)
+    normal, area = normals_of(corners)
     kept = area > 1e-12 * area.max()
     corners, area, normal = corners[kept], area[kept], normal[kept] / area[kept, None]
     size = float(np.ptp(points, axis=0).max())

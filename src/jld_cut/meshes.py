@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from jld_core import Bools, Floats, InputError, Ints, error_context
-from jld_cut.whole import groups
+from jld_cut.whole import groups, normals_of
 from jld_formats import ImportOptions, Notes, Solids, formats
 
 ENDINGS: Final = ("stl", "obj", "3mf")
@@ -261,8 +261,8 @@ def stl_bytes(points: Floats, triangles: Ints) -> bytes:
     """Return a binary STL file."""
     record = np.zeros(len(triangles), _RECORD)
     corners = points[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    record["normal"] = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    normal, length = normals_of(corners)
+    record["normal"] = normal / np.maximum(length, 1e-300)[:, None]
     record["corners"] = corners
     return b"written by jld".ljust(80) + len(triangles).to_bytes(4, "little") + record.tobytes()
 

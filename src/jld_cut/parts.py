@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, InputError, Ints, files
-from jld_cut.cells import Joint, closed, union
+from jld_cut.cells import Joint, basis, closed, union
 from jld_cut.meshes import (
     as_read,
     as_single,
@@ -25,6 +25,7 @@ from jld_cut.meshes import (
     volume_of,
     write_3mf,
 )
+from jld_cut.whole import normals_of
 
 _SPLINTER: Final = 1e-6  # of the volume of a part
 _LOST: Final = 0.5  # share of its volume that clearance may take of a part
@@ -111,8 +112,7 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
     """
     points, triangles = surface_of(part.exact)
     corners = points[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normal, axis=1)
+    normal, area = normals_of(corners)
     kinds, place = np.unique(np.round(normal / np.maximum(area, 1e-300)[:, None], 4), axis=0, return_inverse=True)
     share = np.bincount(place.reshape(-1), area)
     largest = np.argsort(-share)[:_BEDS].tolist()
@@ -120,7 +120,8 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
     for down, size in [*((kinds[k], float(share[k])) for k in largest), *((axis, 0.0) for axis in np.eye(3))]:
         if np.linalg.norm(down) < 0.5:
             continue
-        frame = _frame(-down / np.linalg.norm(down))
+        up = -down / np.linalg.norm(down)
+        frame = np.array([*basis(up), up])
         plan = points @ frame[:2].T
         rectangle = shapely.minimum_rotated_rectangle(shapely.MultiPoint(plan))
         ring = shapely.get_coordinates(rectangle)
@@ -140,13 +141,6 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
     assert best is not None
     _, part.box, part.bed, fits = best
     return bool(fits)
-
-
-def _frame(up: Floats) -> Floats:
-    """Return a rotation (3, 3) whose last row is a unit vector."""
-    first = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(up, first), up])
 
 
 def write_parts(folder: Path, parts: list[Part], unit: float) -> None:

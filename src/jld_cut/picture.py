@@ -17,6 +17,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from jld_core import Floats, files
 from jld_cut.meshes import surface_of
 from jld_cut.parts import Part
+from jld_cut.whole import normals_of
 
 
 def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
@@ -31,8 +32,8 @@ def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
         points, triangles = surface_of(part.exact)
         points = points + move
         faces = points[triangles]
-        normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        normal, length = normals_of(faces)
+        normal = normal / np.maximum(length, 1e-300)[:, None]
         seen = normal @ eye > 0.0
         faces, normal = faces[seen], normal[seen]
         shade = 0.55 + 0.45 * np.clip(normal @ light, 0.0, 1.0)

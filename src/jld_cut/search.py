@@ -154,11 +154,12 @@ class Truth:
         key = block.tobytes()
         if key not in self.known:
             low, high, locked = (one[0] for one in self._bounds(block[self.of][None]))
-            self.known[key] = _end(low), _end(high), bool(locked)
+            self.known[key] = finite(low), finite(high), bool(locked)
         return self.known[key]
 
 
-def _end(value: float) -> float | None:
+def finite(value: float) -> float | None:
+    """Return a number, or None for an infinite or unknown one."""
     return float(value) if np.isfinite(value) else None
 
 

@@ -45,10 +45,10 @@ def _sound(points: Floats, triangles: Ints, tolerance: float) -> tuple[Floats, I
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     corners = points[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
-    return points, triangles[_areas(corners)[1] > tolerance * longest]
+    return points, triangles[normals_of(corners)[1] > tolerance * longest]
 
 
-def _areas(corners: Floats) -> tuple[Floats, Floats]:
+def normals_of(corners: Floats) -> tuple[Floats, Floats]:
     """Return normals (k, 3) of triangles (k, 3, 3), twice their area long, and these lengths."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return normal, np.linalg.norm(normal, axis=1)
@@ -57,7 +57,7 @@ def _areas(corners: Floats) -> tuple[Floats, Floats]:
 def _without_shared(points: Floats, triangles: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Return a surface without the regions in which faces of a plane lie back to back."""
     corners = points[triangles]
-    normal, length = _areas(corners)
+    normal, length = normals_of(corners)
     normal = normal / length[:, None]
     size = float(np.ptp(points, axis=0).max())
     planes = np.column_stack([normal, np.einsum("ij,ij->i", normal, corners.mean(axis=1)) / size])

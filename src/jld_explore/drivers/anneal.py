@@ -15,7 +15,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.deadline import checkpoint
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.mechanism import Movements
-from jld_explore.drivers.base import DriverOptions
+from jld_explore.drivers.base import Aim, DriverOptions
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.operators.segmentations import Following
 from jld_explore.drivers.searcher import Searcher
@@ -74,7 +74,7 @@ class Anneal(Searcher):
     name = "anneal"
     Options: ClassVar[type[DriverOptions]] = AnnealOptions
 
-    def __init__(self, space: SearchSpace, seed: int = 0, chains: int = 16) -> None:
+    def __init__(self, space: SearchSpace, seed: int = 0, chains: int = 16, aim: Aim = "best") -> None:
         # A layout fails where its mechanism moves: a change merges blocks across a moving face, cuts a block without
         # one, or crosses labellings. Each cycle is twice as long as the one before. The population finds optima that
         # combine parts; chains find those that need many small steps.
@@ -86,7 +86,7 @@ class Anneal(Searcher):
         self._best: tuple[float, Bits | None, int] = (math.inf, None, 0)
         self._evaluated, self._cycle_start, self._cycle = 0, 0, 0
         self._cycle_length = _FIRST_CYCLE * self.operators.keys
-        self._population = Genetic(space, seed, aim="best")
+        self._population = Genetic(space, seed, aim=aim)
         self._population.register = self.register
         self._of_population: set[bytes] = set()
         self._population_best = math.inf

@@ -14,7 +14,6 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.deadline import checkpoint
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim, DriverOptions
-from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.searcher import Surrogate
 from jld_explore.evaluation.protocol import Evaluation, sort_key
 from jld_explore.space import keys
@@ -78,9 +77,7 @@ class Portfolio(Anneal):
         # A climb needs few evaluations, so it comes first; where one layout takes long it does not end. Once it stalls
         # chains and population go on, all with one incumbent, and climbs start from what they find. They have the more
         # time the fewer climbs gain.
-        super().__init__(space, seed, _CHAINS[int(space.candidates.sum()) >= _FACES])
-        self._population = Genetic(space, seed, aim=aim)
-        self._population.register = self.register
+        super().__init__(space, seed, _CHAINS[int(space.candidates.sum()) >= _FACES], aim)
         if aim == "front":
             self._turns_behind = _TURNS_OF_FRONT
         self.aim, self._together = aim, _CHANGES[int(space.candidates.sum()) < _CHEAP]
