@@ -62,7 +62,7 @@ def environment() -> dict[str, str]:
     return {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
 
 
-def process(*arguments: str | Path, timeout: float = 60.0) -> Outcome:
+def process(*arguments: str | Path, timeout: float = 300.0) -> Outcome:
     """Run `jld` as a process of its own and wait for it."""
     done = subprocess.run(
         command(*arguments), capture_output=True, text=True, timeout=timeout, env=environment(), check=False

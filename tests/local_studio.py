@@ -50,7 +50,7 @@ class Local:
         self, path: str, body: Any = None, *, raw: bytes | None = None, method: str = "", **headers: str
     ) -> tuple[int, dict[str, str], str]:
         """Status, headers and text. body: posted as JSON; headers: with underscores for hyphens."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10.0)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
         content = raw if raw is not None else None if body is None else json.dumps(body).encode()
         sent = {name.replace("_", "-"): value for name, value in headers.items()}
         if content is not None:
@@ -68,5 +68,5 @@ class Local:
 
     def close(self) -> None:
         self.server.should_exit = True
-        self.thread.join(timeout=10.0)
+        self.thread.join(timeout=120)
         self.jobs.close()

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import gc
 import multiprocessing
 import os
 import pickle
-import subprocess
+import signal
 import sys
 import tempfile
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -103,16 +105,6 @@ def parsing(kind: str, expected: str) -> Iterator[None]:
         ) from error
 
 
-# Program of a process that calls one function, where processes cannot be forked
-_CHILD: Final = """
-import pickle, sys
-from jld_formats.libraries import store_result
-with open(sys.argv[1], "rb") as stream:
-    function, arguments = pickle.load(stream)
-store_result(sys.argv[2], function, arguments)
-"""
-
-
 def store_result(path: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     """Write the result of a call, or what it raised, to a file."""
     try:
@@ -129,7 +121,7 @@ def in_own_process(
     # A library of compiled code that a damaged file sends into a loop, or to its end, cannot be stopped otherwise.
     with tempfile.TemporaryDirectory(prefix="jld-") as folder:
         made = Path(folder) / "made"
-        child = (_forked if _FORKS else _begun)(made, function, arguments)
+        child = (_forked if _forks() else _sent)(made, function, arguments)
         end = time.monotonic() + seconds
         try:
             while (left := end - time.monotonic()) > 0.0 and not child(min(left, _POLL)):
@@ -148,7 +140,10 @@ def in_own_process(
     return found
 
 
-_FORKS: Final = sys.platform == "linux"
+def _forks() -> bool:
+    """Return whether a copy of this process may read: one made beside a running thread waits for ever for its locks."""
+    return sys.platform == "linux" and threading.current_thread() is threading.main_thread()
+
 
 _POLL: Final = 0.1  # time between two looks at a reading process, s
 
@@ -160,7 +155,7 @@ def _forked(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]
     """Begin to call a function in a copy of this process, which has all modules loaded."""
     child = multiprocessing.get_context("fork").Process(target=store_result, args=(str(made), function, arguments))
     with warnings.catch_warnings():
-        # other threads do not run in the copy; one that waits for a lock of theirs is ended with it
+        # such as the thread in which a notebook listens, which holds no lock while its cell runs
         warnings.simplefilter("ignore", DeprecationWarning)
         child.start()
 
@@ -173,24 +168,29 @@ def _forked(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]
     return wait
 
 
-def _begun(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
-    """Begin to call a function in a new process."""
-    given = made.with_name("given")
-    given.write_bytes(pickle.dumps((function, arguments)))
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
-    command, null = [sys.executable, "-c", _CHILD, str(given), str(made)], subprocess.DEVNULL
-    child = subprocess.Popen(command, env=environment, stdin=null, stdout=null, stderr=null)
+def _sent(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
+    """Begin to call a function in a process that has read other files, or in a new one."""
+    from joblib.externals.loky import ProcessPoolExecutor
+
+    # a process takes a second to begin: the next file has it again
+    executor = _idle.pop() if _idle else ProcessPoolExecutor(1, initializer=signal.signal, initargs=_UNDISTURBED)
+    future = executor.submit(store_result, str(made), function, arguments)
 
     def wait(seconds: float | None) -> bool:
-        if seconds is None:
-            child.kill()
-        try:
-            child.wait(seconds)
-        except subprocess.TimeoutExpired:
-            return False
+        if seconds is not None:
+            return bool(concurrent.futures.wait([future], seconds).done)
+        if future.done() and future.exception() is None:
+            _idle.append(executor)
+        else:
+            executor.shutdown(kill_workers=True)
         return True
 
     return wait
+
+
+_idle: Final[list[Any]] = []  # pools of one process each that wait for a file
+
+_UNDISTURBED: Final = (signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends this process, and this process ends the others
 
 
 @parameters.typed
@@ -231,7 +231,7 @@ def import_file(
     if reader.library:
         library(reader.library, path)
     megabytes = path.stat().st_size / 2**20
-    own = _FORKS or reader.library or megabytes > _SMALL
+    own = sys.platform == "linux" or reader.library or megabytes > _SMALL
     if not own or multiprocessing.current_process().daemon:  # such a process may have none of its own
         return _converted(path, options, Notes(), feet)
     seconds = _SECONDS + _SECONDS_PER_MEGABYTE * megabytes if options.seconds is None else options.seconds

@@ -89,7 +89,10 @@ def open_studio(
     jobs = Jobs(root, study)
     answers = Api(desk, jobs, root, lambda: first_data(desk, root, study), drawing)
     app = build_app(answers, token, (f"127.0.0.1:{number}", f"localhost:{number}"))
-    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False, server_header=False))
+    told = uvicorn.Config(
+        app, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=_LAST_ANSWERS
+    )
+    server = uvicorn.Server(told)
     address = f"http://127.0.0.1:{number}/{token}/"
     announce(address)
     if browser:
@@ -102,6 +105,9 @@ def open_studio(
     finally:
         jobs.close()
         listener.close()
+
+
+_LAST_ANSWERS: Final = 5  # time in which answers that are under way may end, s
 
 
 @contextmanager

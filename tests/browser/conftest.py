@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 
+_PATIENCE = 120_000  # ms, also of a busy machine: no test asserts a time
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -33,13 +36,14 @@ def visit(browser: Browser) -> Iterator[Open]:
 
     def opened(address: str | Path, *, size: tuple[int, int] = (1200, 900), ready: bool = True, **more: Any) -> Visit:
         context = browser.new_context(viewport={"width": size[0], "height": size[1]}, **more)
+        context.set_default_timeout(_PATIENCE)
         found = Visit(context.new_page())
         found.page.on("console", lambda m: found.errors.append(m.text) if m.type in ("error", "warning") else None)
         found.page.on("pageerror", lambda error: found.errors.append(str(error)))
         found.page.on("request", lambda r: _note(found, r.url))
         found.page.goto(address.as_uri() if isinstance(address, Path) else address)
         if ready:
-            found.page.wait_for_selector("body[data-ready]", timeout=20_000)
+            found.page.wait_for_selector("body[data-ready]")
         visits.append(found)
         return found
 

@@ -322,7 +322,7 @@ def test_a_notebook_shows_the_page_alive_in_a_cell(visit: Open, study: Path, tmp
     (tmp_path / "notebook.html").write_text(f"<!doctype html><meta charset=utf-8>{cell}", encoding="utf-8")
     found = visit(tmp_path / "notebook.html", ready=False)
     frame = found.page.frame_locator("iframe")
-    frame.locator("body[data-ready=yes]").wait_for(timeout=20_000)
+    frame.locator("body[data-ready=yes]").wait_for()
     frame.locator("tr[data-row='2'] td").first.click()
     frame.locator("[data-view=mechanism]").click()
     assert frame.locator("[data-view=mechanism]").get_attribute("aria-selected") == "true"
@@ -373,7 +373,7 @@ def connected(visit: Open, page: NotebookPage, path: Path) -> tuple[Visit, Any, 
     found.page.expose_function("kernel", kernel)
     found.page.goto(saved(page, path, live=True).as_uri())
     frame = found.page.frame_locator("iframe")
-    frame.locator("body[data-ready=yes]").wait_for(timeout=20_000)
+    frame.locator("body[data-ready=yes]").wait_for()
     return found, frame, asked
 
 
@@ -382,7 +382,7 @@ def test_a_saved_notebook_shows_the_page_and_says_why_sliders_rest(
 ) -> None:
     found = visit(saved(arch, tmp_path / "a.html"))
     frame = found.page.frame_locator("iframe")
-    frame.locator("body[data-ready=yes]").wait_for(timeout=20_000)
+    frame.locator("body[data-ready=yes]").wait_for()
     frame.locator("[data-view=mechanism]").click()
     assert not found.page.locator("[data-plain]").is_visible()
     sliders = frame.locator("#materials input[type=range]")
@@ -412,7 +412,7 @@ def test_sliders_are_solved_by_the_kernel(visit: Open, tmp_path: Path) -> None:
         "dry": scene.materials.dry.model_copy(update={"friction_coefficient": 0.3, "friction_angle": None}),
     })}))  # fmt: skip
     known = solve(assembly)
-    frame.locator(".verdict", has_text=f"λ = {known.load_factor:.6g}").wait_for(timeout=5000)
+    frame.locator(".verdict", has_text=f"λ = {known.load_factor:.6g}").wait_for()
     frame.locator("[data-view=forces]").click()
     assert frame.locator(".lacking").first.inner_text() == ""
     frame.get_by_role("button", name="materials of the scene").click()

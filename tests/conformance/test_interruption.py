@@ -160,7 +160,7 @@ def test_parent_killed(
             wait_for_records(run, folder, count)
             family = psutil.Process(run.pid).children(recursive=True)
             run.send_signal(signal.SIGKILL)
-            assert run.wait(timeout=10) == -signal.SIGKILL
+            assert run.wait(timeout=120) == -signal.SIGKILL
         assert len(records(folder)) >= count
         wait_until_gone(family)
     assert 0 < len(records(folder)) < CLASSES
@@ -206,7 +206,7 @@ def test_worker_and_parent_killed(scene: Path, deferred_signals: Path, tmp_path:
         family = psutil.Process(run.pid).children(recursive=True)
         workers_of(run)[0].kill()
         run.kill()
-        run.wait(timeout=10)
+        run.wait(timeout=120)
     wait_until_gone(family)
     resumed(jld, scene, folder, 1, deferred_signals)
 
@@ -236,7 +236,7 @@ def test_random_kills(scene: Path, tmp_path: Path, jld: Command) -> None:
                 victim.kill()
                 kills += 1
                 if victim is run:
-                    run.wait(timeout=10)
+                    run.wait(timeout=120)
                     wait_until_gone(family)
                     break
                 worker_died = True
@@ -268,7 +268,7 @@ def test_signals(
             run.send_signal(number)
         else:
             os.killpg(run.pid, number)  # as a terminal does it: to the workers as well
-        _, err = run.communicate(timeout=20)
+        _, err = run.communicate(timeout=120)
     assert run.returncode == 3, err
     assert err.count("\n") == 1
     assert "--resume" in err

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -61,23 +63,27 @@ def test_a_reader_that_does_not_end_is_ended() -> None:
 
 
 def test_a_reader_that_breaks_down_is_a_line() -> None:
-    import os
-
     with pytest.raises(InputError, match="its reader broke down"):
         libraries.in_own_process(os._exit, 3, seconds=60.0)
 
 
 def test_results_and_errors_come_back() -> None:
-    """In a forked process, and in a new one where there is no fork."""
     assert libraries.in_own_process(pow, 2, 5, seconds=60.0) == 32
     with pytest.raises(ZeroDivisionError):
         libraries.in_own_process(divmod, 1, 0, seconds=60.0)
 
 
-def test_where_processes_cannot_be_forked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "platform", "other")
-    test_results_and_errors_come_back()
-    test_a_reader_that_does_not_end_is_ended()
+def test_beside_a_running_thread_no_process_is_forked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in the studio: a copy of a process with threads waited for ever for a lock of one of them."""
+    monkeypatch.setattr(os, "fork", None)
+    with ThreadPoolExecutor(2) as threads:
+        for test in (
+            test_results_and_errors_come_back,
+            test_a_reader_that_does_not_end_is_ended,
+            test_a_reader_that_breaks_down_is_a_line,
+            test_results_and_errors_come_back,
+        ):
+            threads.submit(test).result()
 
 
 @pytest.mark.parametrize("seed", range(4))

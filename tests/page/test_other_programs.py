@@ -47,7 +47,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         time.sleep(0.01)
     yield f"http://127.0.0.1:{port}/t0ken/"
     running.should_exit = True
-    thread.join(timeout=10.0)
+    thread.join(timeout=120)
     jobs.close()
     listener.close()
 

@@ -221,7 +221,7 @@ def test_posts_other_than_json_of_moderate_size_are_refused(local: Local) -> Non
 
 
 def test_a_body_without_a_length_is_cut_off(local: Local) -> None:
-    connection = http.client.HTTPConnection("127.0.0.1", local.port, timeout=20.0)
+    connection = http.client.HTTPConnection("127.0.0.1", local.port, timeout=120)
     piece = b" " * 100_000
     body = (piece for _ in range(server.LARGEST // len(piece) + 2))
     sent = {"content-type": "application/json", "transfer-encoding": "chunked"}
@@ -459,7 +459,7 @@ def test_a_studio_that_is_terminated_stops_its_searches(tmp_path: Path) -> None:
         port, token = address.split("/")[2].rpartition(":")[2], address.split("/")[3]
         labelling = "".join("d" if dry else "i" for dry in build_assembly(parse_scene(document)).labels)
         asked = {"kind": "explore", "labelling": labelling, "changes": {}, "seconds": 600}
-        connection = http.client.HTTPConnection("127.0.0.1", int(port), timeout=30.0)
+        connection = http.client.HTTPConnection("127.0.0.1", int(port), timeout=120)
         with closing(connection):
             connection.request("POST", f"/{token}/api/start", json.dumps(asked), {"content-type": "application/json"})
             assert connection.getresponse().status == 200
@@ -468,6 +468,6 @@ def test_a_studio_that_is_terminated_stops_its_searches(tmp_path: Path) -> None:
             time.sleep(0.05)
         time.sleep(0.5)
         studio.send_signal(signal.SIGTERM)
-        assert studio.wait(timeout=30.0) == 3  # as Ctrl-C ends any command
+        assert studio.wait(timeout=120) == 3  # as Ctrl-C ends any command
     assert json.loads((results / "summary.json").read_text())["stop_reason"] == "interrupted"
     assert (results / "report.html").exists()

@@ -305,7 +305,6 @@ def beside(work: Callable[[], Result]) -> Iterator[Callable[[], Result]]:
     child = os.fork()
     if child == 0:
         with suppress(BaseException):  # whatever happens, the copy must not go on as this process would
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
             os.close(here)
             with os.fdopen(there, "wb") as pipe:
                 pickle.dump(work(), pipe)
@@ -325,7 +324,7 @@ def beside(work: Callable[[], Result]) -> Iterator[Callable[[], Result]]:
     finally:
         os.close(here)
         if not ended:
-            os.kill(child, signal.SIGTERM)
+            os.kill(child, signal.SIGKILL)  # it holds nothing; SIGTERM before its first line is lost
             os.waitpid(child, 0)
 
 
