@@ -34,7 +34,7 @@ from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.cases import IncumbentFront
 from jld_explore.evaluation.protocol import BOUND, comparison_value, sort_key, status_ranks
 from jld_explore.space import from_string
-from jld_views.search_pictures import write_pictures
+from jld_views import write_pictures
 
 SPATIAL = [
     SolveOptions(contact="concave"),
