@@ -348,50 +348,36 @@ def test_a_design_leaves_page_scene_and_proven_load(jld: Command, tmp_path: Path
     for words in ("Not proven: that no stronger layout exists", "low friction 0.48", "supports below the lowest"):
         assert words in page
     assert (out / "blocks.csv").read_text().count("\n") > 1
-    assert {one["name"] for one in facts["checks"]} == {
-        "laying",
-        "experiment",
-        "by fields",
-        "low friction",
-        "without cuts",
-    }
+    checked = {"laying", "experiment", "by fields", "low friction", "without cuts"}
+    assert {one["name"] for one in facts["checks"]} == checked
 
 
 @pytest.mark.usefixtures("small")
-def test_a_signal_leaves_the_best_so_far(
-    jld: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wall: Path
+@pytest.mark.parametrize(
+    ("work", "said"),
+    [("check_winner", "the best so far is in"), ("tessellations", "stopped while the outline was cut")],
+)
+def test_a_signal_leaves_the_best_so_far_or_nothing(
+    jld: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wall: Path, work: str, said: str
 ) -> None:
-    """Interrupted in the checks, a design writes page and scene, and ends with exit code 3."""
+    """Interrupted in the checks, a design writes page and scene; before anything is solved, one line and no folder."""
 
     def stop(*_: object) -> None:
         raise Interrupted
 
-    monkeypatch.setattr(run, "check_winner", stop)
+    monkeypatch.setattr(run, work, stop)
     out = tmp_path / "out"
     done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "40", "--jobs", "1")
     assert done.code == 3
-    assert "the best so far is in" in done.err
+    assert said in done.err
+    assert out.exists() is (work == "check_winner")
+    if not out.exists():
+        assert done.err.count("\n") == 1
+        return
     facts = json.loads((out / "summary.json").read_text())
     assert facts["stop_reason"] == "interrupted"
     assert facts["best"] is not None
     assert (out / "report.html").exists()
-
-
-def test_a_signal_before_anything_is_solved_leaves_nothing(
-    jld: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wall: Path
-) -> None:
-    """Interrupted while the outline is cut, a design says so in one line, and makes no folder."""
-
-    def stop(*_: object) -> None:
-        raise Interrupted
-
-    monkeypatch.setattr(run, "tessellations", stop)
-    out = tmp_path / "out"
-    done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "40", "--jobs", "1")
-    assert done.code == 3
-    assert "stopped while the outline was cut" in done.err
-    assert done.err.count("\n") == 1
-    assert not out.exists()
 
 
 def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wall: Path) -> None:
