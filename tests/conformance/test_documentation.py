@@ -39,7 +39,7 @@ def test_documentation_builds_without_a_warning_and_describes_every_public_name(
     assert "--------" not in text  # titles of sections are no plain text
 
 
-@pytest.mark.usefixtures("without_pictures")
+@pytest.mark.usefixtures("without_pictures", "without_field_check")
 @pytest.mark.parametrize("page", GUIDE, ids=lambda page: page.stem)
 def test_examples_of_the_guide(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
