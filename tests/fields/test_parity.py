@@ -156,9 +156,9 @@ def test_both_programs_by_a_modelling_language(seed: int) -> None:
 
 
 def test_a_share_of_the_claims() -> None:
-    """A share of `python -m benchmarks.claims fields`: two of its cases, however busy the machine is."""
-    found = run_claim("fields", 0, 2, 600.0)
-    assert found.cases == 2
+    """A share of `python -m benchmarks.claims fields`: one of its cases, however busy the machine is."""
+    found = run_claim("fields", 0, 1, 600.0)
+    assert found.cases == 1
     assert not found.disagreements
 
 
