@@ -186,13 +186,13 @@ def _void() -> None:
 
 
 def _settlement() -> None:
-    from jld_core.build.loads import settlements_of
+    from jld_core.build import loads
     from jld_practice.reactions import settle
 
     down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]
     scene = parse_scene(wall([STRAP], settlements=down))
     assembly = build_assembly(scene)
-    settle(assembly, settlements_of(scene, assembly)[0])
+    settle(assembly, loads.settlements_of(scene, assembly)[0])
 
 
 def _thrust() -> None:
