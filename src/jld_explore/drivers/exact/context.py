@@ -16,7 +16,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
-from jld_core.limit.work_balance import DualBound
+from jld_core.limit.mechanism import DualBound
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space import Count
