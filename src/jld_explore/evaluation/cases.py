@@ -399,6 +399,7 @@ class _Case:
         )  # of each state: faces beyond their yield set, if dry and if inner
         self._cost = np.empty((0, 2, faces))  # of each motion: dissipation if dry and if inner
         self._known: dict[bytes, float] = {}  # answers by packed labels, as tables ask again
+        self._begun = False  # whether all that is dry in the first labellings was looked at
         self._gain = np.empty(0)  # of each motion: dissipation below which it proves a fall
 
     def of(self, labellings: Bits, carries: Bools, deadline: Deadline | None) -> Floats:
@@ -407,6 +408,11 @@ class _Case:
             return np.ones(len(labellings))
         found = np.full(len(labellings), math.nan)
         self._test(labellings, found, 0, 0)
+        open_rows, late = np.isnan(found), deadline is not None and deadline.passed()
+        if not self._begun and np.count_nonzero(open_rows) > _FEW and not late:
+            # what is dry in any of them: where that stands with room, as most walls do, all are settled at once
+            self._begun = True
+            self._learn(labellings[open_rows].any(axis=0), labellings, found)
         asked = False
         for k in range(len(labellings)):
             if not math.isnan(found[k]):
@@ -420,14 +426,19 @@ class _Case:
                 )
                 if not math.isnan(found[k]):
                     continue
-            states, motions = len(self._bad), len(self._cost)
-            proof = self._analysis.repair.proof_at_zero(labellings[k])
-            if proof is None:
-                continue
-            self._add(proof)
-            found[k] = self._known[np.packbits(labellings[k]).tobytes()] = float(isinstance(proof, State))
-            self._test(labellings, found, states, motions)
+            proof = self._learn(labellings[k], labellings, found)
+            if proof is not None:
+                found[k] = self._known[np.packbits(labellings[k]).tobytes()] = float(isinstance(proof, State))
         return found
+
+    def _learn(self, labels: Bits, labellings: Bits, found: Floats) -> State | Motion | None:
+        """Find what decides labels (m,), and settle labellings (k, m) by it; `found` (k,) is changed."""
+        states, motions = len(self._bad), len(self._cost)
+        proof = self._analysis.repair.proof_at_zero(labels)
+        if proof is not None:
+            self._add(proof)
+            self._test(labellings, found, states, motions)
+        return proof
 
     def _test(self, labellings: Bits, found: Floats, states: int, motions: int) -> None:
         """Settle labellings (k, m) by states and motions from given positions on; `found` (k,) is changed."""
