@@ -40,7 +40,8 @@ _REFRESH: Final = 3  # moves of a climb after which its mechanism is computed an
 
 _FACES: Final = 600  # faces that can change from which few chains are annealed, as each evaluation takes long
 _CHAINS: Final = (16, 4)  # number of chains below and above that
-_FRONT_SHARES: Final = (0.15, 0.6)  # share of evaluations for the front, and while a climb of λ has long gained nothing
+_FRONT_SHARES: Final = (0.15, 0.5)  # share of evaluations for the front, and while λ has not risen in half of all
+_RISE: Final = 1e-4  # relative gain of λ that counts as one
 _BRIEF: Final = 2  # batches without progress of the first climb at a labelling of the front; each later one has twice
 _RATIOS: Final = (8.0, 32.0)  # evaluations of chains and population per one of a climb, and once climbs gain nothing
 
@@ -100,6 +101,8 @@ class Portfolio(Anneal):
         # Evaluations for the front, of climbs and of the population, what they gained, and how many are due. The many
         # dry faces at one end of the front take long where there are many, so the first ones wait.
         self._spent, self._won, self._due = np.zeros(2), np.ones(2), -_FRONT_SHARES[0] * self.operators.keys
+        # Evaluations in all, and when the largest λ, or rank of a status, last rose
+        self._all, self._risen, self._top = 0, 0, -math.inf
         self._gain = dict.fromkeys(_KINDS, 1.0)
         self._steps = {"vary": 2.0, "follow": 2.0}
         # Chains know their own best alone: at a common one half of them would end where the first climb did.
@@ -114,7 +117,7 @@ class Portfolio(Anneal):
     def propose(self) -> Bits:
         self._learn()
         rows = self._none
-        if self._spent.sum() < self._due and self._leaders:
+        if min(self._spent.sum(), 2.0 * self._spent[0]) < self._due and self._leaders:
             rows = self._of_front()
             if len(rows) >= max(1, self.size // 8):
                 return rows
@@ -134,7 +137,10 @@ class Portfolio(Anneal):
         if self._told:
             rows, values, cases, source = (np.concatenate(parts) for parts in zip(*self._told, strict=True))
             self._told = []
-            idle = self._climb is not None and self._climb.idle > self.operators.keys / 2
+            self._all += len(rows)
+            if (top := float(values.max())) > self._top * (1.0 + math.copysign(_RISE, self._top)):
+                self._top, self._risen = top, self._all
+            idle = self._all - self._risen > max(0.5 * self._all, 0.5 * self.operators.keys)
             self._due += _FRONT_SHARES[idle] * len(rows)
             self._surrogate.learn(rows, values)
             good = np.flatnonzero(values > -_NO_LOAD_FACTOR)
@@ -159,8 +165,8 @@ class Portfolio(Anneal):
         ]
 
     def _of_front(self) -> Bits:
-        """Return changes (k, m) of a labelling of the front, or a generation, whichever gained more of late."""
-        if self._choice.random() < max(_LEAST_SHARE, self._won[0] / self._won.sum()):
+        """Return changes (k, m) of a labelling of the front, at least in half of what is due, else a generation too."""
+        if 2.0 * self._spent[0] < self._due or self._choice.random() * self._won.sum() < self._won[0]:
             self._ascent = self._ascent or self._next_ascent()
             rows = self._climb_from(self._ascent)
             self._spent[0] += len(rows)
