@@ -15,13 +15,14 @@ from manifold3d import Manifold
 
 from jld_core import InputError
 from jld_cut import Options
-from jld_cut.cells import Cutting, Joint, Limits
-from jld_cut.cut import _order, verdict
+from jld_cut.cells import BENT, Cutting, Joint, Limits
+from jld_cut.cut import verdict
 from jld_cut.marks import mark, tenons
 from jld_cut.meshes import as_written, doubled_edges, moments, pieces_of, read_solid, solid_of, surface_of
 from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
 from jld_cut.parts import Part, different
-from jld_cut.search import body_of, family_of, layout_of
+from jld_cut.scene import scene_of
+from jld_cut.search import Family, Truth, body_of, family_of
 from jld_explore import ExploreSettings, explore
 
 
@@ -183,6 +184,8 @@ def test_the_verdict_says_what_limits_and_what_is_proven() -> None:
     assert "opens over its whole depth" in verdict(told)
     assert "crushing" not in verdict(told)
     assert "only crushing limits it" in verdict(told | {"only_crushing": True})
+    locked_ones = told | {"load_factor_of_cells": 2.0, "bound": 3.0}
+    assert "no layout of as many exceeds 3 on them" in verdict(locked_ones)
     assert "no fewer parts" not in verdict(told | {"proven": False, "uncut": [2.0, 2.0]})
 
 
@@ -193,12 +196,26 @@ def test_a_part_within_another_is_named() -> None:
     assert family is not None
     middles = np.array([np.array(one.bounding_box()).reshape(2, 3).mean(axis=0) for one in family.cutting.cells])
     core = np.abs(middles - 1.5).max(axis=1) < 0.1
-    laying, locking = _order(layout_of(family, core.astype(np.int64)), 60.0)
-    assert laying is None
-    assert int(np.flatnonzero(core)[0]) in (locking or [])
-    laying, locking = _order(layout_of(family, np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0))), 60.0)
-    assert len(laying.steps) == 3
-    assert locking == []
+    truth = Truth(family, wish.setting)
+    assert truth.order(core.astype(np.int64), 60.0) is False
+    assert int(np.flatnonzero(core)[0]) in truth.locking(core.astype(np.int64), 60.0)
+    assert len(truth.order(np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0)), 60.0).steps) == 3
+
+
+def test_a_part_with_a_hook_slides_out() -> None:
+    """A rail of T section within two other parts, one on each side, leaves along itself although its hull would not."""
+    solid = box(3, 3, 2)
+    wish = Options((3.0,) * 3, ("0,0,-1000",), cells=8, families=("grid",)).wish()
+    cutting = Cutting(solid, [(box(1, 3, 1, (1, 0, 0)) + box(2, 3, 0.5, (0.5, 0, 1)))])
+    cutting.cells.append(solid - cutting.cells[0])
+    cutting.planes = [np.array(p) for p in ((1.0, 0, 0, 1), (1, 0, 0, 2), (0, 0, 1, 1), (1, 0, 0, 0.5), (1, 0, 0, 2.5))]
+    cutting.planes.append(np.array([0, 0, 1, 1.5]))
+    joints = cutting.tidy(wish.limits)
+    document = scene_of("rail", cutting, joints, wish.setting, BENT, cutting.planes)
+    truth = Truth(Family("grid", cutting, joints, document, []), wish.setting)
+    assert truth.convex
+    steps = truth.order(np.array([0, 1]), 60.0).steps
+    assert abs(steps[-1].direction @ [0, 1, 0]) == pytest.approx(1.0)
 
 
 def test_regions_stay_whole() -> None:
