@@ -156,7 +156,7 @@ def test_shapes_are_counted_while_there_is_time() -> None:
     assert np.isnan(late[1:]).all()
     known = BlockShapes(assembly)
     values_until(count, assembly, rows[:100], space.graph, known, Deadline())
-    known._of = Mock(side_effect=DeadlinePassed)
+    known._outlines_of = Mock(side_effect=DeadlinePassed)
     part = values_until(count, assembly, rows, space.graph, known, Deadline(100.0))
     assert np.array_equal(part[:65], whole[:65])
     assert np.isnan(part[129:]).all()

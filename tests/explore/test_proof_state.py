@@ -527,7 +527,7 @@ import sys
 sys.path[:0] = {paths!r}
 from pathlib import Path
 from test_proof_state import prove
-from jld_core.scene import load_scene
+from jld_core import load_scene
 prove(load_scene(Path(sys.argv[1]) / "scene.json"), Path(sys.argv[1]) / "out")
 """
 

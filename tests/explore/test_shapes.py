@@ -277,3 +277,9 @@ def test_enumeration_and_the_exact_driver_keep_the_limits(name: str, tmp_path: P
     assert space.limits.given
     assert every.results["shapes"].between(1, 6).all()
     assert np.allclose(every.results["largest_block_mass"], 32.0 * every.results["largest_block_cells"])
+
+
+def test_lines_alike_in_a_chain_are_one_line() -> None:
+    """Neighbours are equal within the tolerance, the ends are not; a line has no sense."""
+    angles = np.array([0.0, 2.4e-6, 1.2e-6, np.pi, 0.5 * np.pi])
+    assert outlines.different_lines(np.column_stack([np.cos(angles), np.sin(angles)])) == 2
