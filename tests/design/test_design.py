@@ -231,9 +231,14 @@ def test_bounds_by_fields_hold_the_closed_form_of_a_sliding_wall(wall: Path) -> 
 
 def test_a_gain_compares_like_with_like(wall: Path) -> None:
     """The gain is the lower bound of the best over the upper one of the usual bond, never fields over faces."""
-    for usual, gain in ((NONE, None), ((1.6, 2.0), pytest.approx(2.5))):
-        known = tried("bond", (2.0, 2.0), usual, kind="stated")
-        best = tried("bond", NONE, (5.0, 6.0), kind="moved", load_factor=9.0)
+    for usual, fields, gain in (
+        (NONE, (5.0, 6.0), None),
+        ((1.6, 2.0), NONE, None),
+        ((1.6, 2.0), (5.0, 6.0), pytest.approx(2.5)),
+        (NONE, NONE, pytest.approx(4.5)),
+    ):
+        known = tried("bond", (2.0, 2.0), usual, kind="stated", allowed=False)
+        best = tried("bond", (9.0, 9.0), fields, kind="moved")
         assert facts_of(design_of(wall, known, best))["gain"] == gain
 
 
