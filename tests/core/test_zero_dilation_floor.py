@@ -257,7 +257,8 @@ def test_a_false_loop_proves_nothing(relaxation: Any) -> None:
     false = Certifier(replace(bounded, modes=wrong), region, 1e-8)
     assert false.loop_errors.max() > 1e-3
     used = relaxed.multipliers.products[:, len(modes.rows) :].max() > 1e-6
-    assert not used or false.bound(relaxed.multipliers) <= 0.65 / scale
+    # what is not charged leaves 0.6499, which no longer follows from anything
+    assert not used or false.bound(relaxed.multipliers) * scale < 0.64
 
 
 def test_velocities_stay_within_their_reach() -> None:
