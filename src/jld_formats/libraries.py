@@ -20,7 +20,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, Final, cast
 
-from jld_core import InputError, parameters
+from jld_core import InputError, parameters, plugins
 from jld_formats.drawing import planar_scene
 from jld_formats.formats import Format, readers
 from jld_formats.options import Imported, ImportOptions, Notes
@@ -257,9 +257,10 @@ _SMALL: Final = 1.0  # size, MB, up to which a file is read in this process wher
 
 def _converted(path: Path, options: ImportOptions, notes: Notes, feet: bool) -> Imported:
     """Read a file and convert it to a scene document."""
-    read = reader_of(path).read
+    reader = reader_of(path)
+    read = reader.read
     assert read is not None
-    with reading(path), without_collection():
+    with reading(path), plugins.guarded("jld.formats", reader.name), without_collection():
         found = read(path, options, notes)
         convert = spatial_scene if isinstance(found, Solids) else planar_scene
         return convert(found, options, notes, feet=feet)  # type: ignore[arg-type]

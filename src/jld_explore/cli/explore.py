@@ -107,6 +107,9 @@ def with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
     stated = inspect.signature(command).parameters
     parameters = [p.replace(annotation=types[name]) for name, p in stated.items() if name in types]
     for name, drivers in kinds.items():
+        if name in stated:
+            remedy = f"other options than {name!r}, which every search has"
+            raise plugins.refuse_type("jld.drivers", drivers[0].name, remedy)
         field = drivers[0].Options.model_fields[name]
         spoken = " and ".join(sorted(kind.name for kind in drivers))
         words = f"{spoken.capitalize()} driver{'s' * (len(drivers) > 1)}: {field.description}."
