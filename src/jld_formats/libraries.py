@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import concurrent.futures
 import gc
 import multiprocessing
@@ -71,11 +72,21 @@ def readable(path: Path) -> Path:
 
 
 def text_of(path: Path) -> str:
-    """Return the content of a UTF-8 file without byte order mark; InputError as `readable`."""
+    """Return the content of a text file without byte order mark; InputError as `readable`."""
     try:
-        return readable(path).read_text(encoding="utf-8-sig")
+        return decoded(readable(path).read_bytes()).replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
-        raise InputError(str(path), "it is not UTF-8 text", "a text in UTF-8") from None
+        raise InputError(str(path), "it is no text", "a text in UTF-8, UTF-16 or Windows-1252") from None
+
+
+def decoded(data: bytes, errors: str = "strict") -> str:
+    """Return the text of a file: UTF-8, UTF-16 by its mark, or what older programs write on Windows."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors)
 
 
 @contextmanager
