@@ -55,7 +55,7 @@ MoveBest = Annotated[
 
 
 def driver_options(taken: Collection[str]) -> dict[str, Option]:
-    """Return the options of all search drivers, texts or None, which state and validate them; taken: other names."""
+    """Return the options of all search drivers, texts or None: the drivers state them and validate their values."""
     kinds = {name: list(owners(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields}
     found = {}
     for name, drivers in kinds.items():
@@ -132,7 +132,7 @@ _Jobs = Annotated[
     int | None, typer.Option(min=1, help="Worker processes; default: one per core.", rich_help_panel="Processes")
 ]
 
-_SETTINGS: Final = (
+_SEARCH: Final = (
     setting_options(SearchMethod, "driver", "seed", group="Search")
     | setting_options(BudgetSettings, group="Limits")
     | setting_options(ParallelSettings, group="Processes")
@@ -142,11 +142,10 @@ _SETTINGS: Final = (
     | setting_options(OutputSettings, group="Files")
     | {"pictures": (_AllPictures, False)}
 )
+_OWN: Final = driver_options({*_SEARCH, "scene", "out", "objective", "move", "as_json"})
 
-_OWN: Final = driver_options({*_SETTINGS, "scene", "out", "objective", "move", "as_json"})
 
-
-@with_options(_SETTINGS | _OWN)
+@with_options(_SEARCH | _OWN)
 def explore_command(
     context: typer.Context,
     scene: SceneFile,
