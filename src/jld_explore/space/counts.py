@@ -516,7 +516,7 @@ def _checked(count: Count) -> Count:
 
     def of(layouts: Layouts) -> Ints | Floats:
         with plugins.guarded("jld.counts", count.name):
-            found = np.asarray(count.of(layouts))
+            found: Any = np.asarray(count.of(layouts))
         size = (len(layouts.labellings),)
         if found.shape != size or found.dtype.kind not in "biuf" or not np.isfinite(found).all():
             remedy = f"a finite number for each of {size[0]} layouts"
@@ -528,7 +528,8 @@ def _checked(count: Count) -> Count:
             if (sums != found).any():
                 problem = f"it is {found[sums != found][0]:g} where its terms add up to {sums[sums != found][0]:g}"
                 raise plugins.refuse_type("jld.counts", count.name, "the sum of its terms, or none stated", problem)
-        return found.astype(int) if found.dtype == bool else found
+        values: Ints | Floats = found.astype(int) if found.dtype == bool else found
+        return values
 
     return replace(count, of=of, terms=count.terms and terms)
 
