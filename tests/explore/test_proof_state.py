@@ -502,26 +502,6 @@ def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.Mo
     assert two.summary.best == pytest.approx(one.summary.best, rel=1e-6)
 
 
-@pytest.mark.usefixtures("_in_threads")
-@pytest.mark.parametrize("dies", [pytest.param(False, marks=pytest.mark.long), True])
-def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact.block_bounds.SOLO_PROGRAMS", 0)
-    # where the batch solver solves them nobody else is asked
-    monkeypatch.setattr("jld_core.limit.block_relaxation.BlockRelaxation.batched", False)
-    monkeypatch.setattr(Mortal, "made", 0)
-    if dies:
-        monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", mortal)
-    scene = scene_of([*["aaaa"] * 3, "####"], {"block_cells": [1, 2]})
-    one, first = prove(scene, tmp_path / "one", SOLO_PROGRAMS, solo_relaxations=None, by_blocks="on")
-    two, second = prove(scene, tmp_path / "two", solo_relaxations=None, by_blocks="on")
-    assert second._block_search._bounds.solves_in_worker > 0
-    assert second._block_search.solves == first._block_search.solves > 10
-    assert (Mortal.made >= 3) is dies
-    assert two.summary.proven is True
-    assert two.summary.best == one.summary.best
-    assert two.summary.bound == one.summary.bound
-
-
 PROVE = """
 import sys
 sys.path[:0] = {paths!r}

@@ -6,7 +6,7 @@ import math
 import pickle
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -21,15 +21,10 @@ from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.context import BlockTables, CheckedProof, PossibleBlocks, ProofContext
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
-from jld_explore.evaluation import Pool
 from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster
 from jld_explore.space.search_space import SearchSpace
 
-SOLO_PROGRAMS: Final = 40  # programs solved in this process before the worker process starts, which takes two seconds
-
 SolvedProgram = tuple[Choice, int]  # result of one block relaxation, and the number of programs solved for it
-
-_relaxations: dict[str, AnyBlockRelaxation] = {}
 
 
 @dataclass(frozen=True)
@@ -51,50 +46,34 @@ class BlockSpace:
 
 
 @one_thread()
-def bound_blocks(name: str, block_space: bytes | None, program: Asked | None) -> SolvedProgram | None:
-    """Solve a block relaxation in this worker process, with the number of programs; None if not set up."""
-    if block_space is not None:
-        _relaxations.clear()
-        made: BlockSpace = pickle.loads(block_space)
-        _relaxations[name] = made.relaxation()
-    if program is None or name not in _relaxations:
-        return None
-    relaxation = _relaxations[name]
-    before = relaxation.solves
-    choice = relaxation.choose(*program)
-    return choice, relaxation.solves - before
+def bound_blocks(block_space: bytes, program: Asked) -> SolvedProgram:
+    """Solve a block relaxation in this worker process, with the number of programs."""
+    made: BlockSpace = pickle.loads(block_space)
+    relaxation = made.relaxation()
+    return relaxation.choose(*program), relaxation.solves
 
 
 class BlockBoundPool:
-    """Block relaxation of a space, solved in this process and in a worker process."""
+    """Block relaxation of a space; the batch solver may use a second thread."""
 
     def __init__(self, context: ProofContext, blocks: PossibleBlocks) -> None:
-        # the interior-point solver holds the interpreter lock, so a thread would not help without the batch solver;
-        # each program is solved from scratch, so that trees do not depend on workers
-        self._block_space = BlockSpace(context.space, blocks)
-        self._here = self._block_space.relaxation(context.analyses)
-        self._worker_allowed = False
-        self._workers: WorkerPool | None = None
-        self._worker: Pool | None = None
-        self._ready: Future[SolvedProgram | None] | None = None
+        # each program is solved from scratch, so that trees do not depend on threads
+        self._here = BlockSpace(context.space, blocks).relaxation(context.analyses)
+        self._two_threads = False
         self._threads: ThreadPoolExecutor | None = None
-        self.solves_in_worker = 0
 
     @property
     def solves(self) -> int:
-        """Number of programs solved, here and in the worker process."""
-        return self._here.solves + self.solves_in_worker
+        """Number of programs solved."""
+        return self._here.solves
 
     def set_workers(self, jobs: int) -> None:
-        """Allow a second thread or process if `jobs` exceeds 1 or a cluster is connected."""
-        self._worker_allowed = jobs > 1 or client_of_cluster() is not None
+        """Allow a second thread if `jobs` exceeds 1 or a cluster is connected."""
+        self._two_threads = jobs > 1 or client_of_cluster() is not None
 
     def close(self) -> None:
-        """Stop the worker process and the thread pool."""
-        self._worker_allowed = False
-        if self._workers is not None:
-            self._workers.close()
-        self._workers = self._worker = self._ready = None
+        """Stop the second thread."""
+        self._two_threads = False
         if self._threads is not None:
             self._threads.shutdown()
             self._threads = None
@@ -110,59 +89,9 @@ class BlockBoundPool:
 
     def bound_all(self, programs: Sequence[Asked]) -> list[Choice]:
         """Solve block relaxations (allowed (p,), threshold, most), and return their results in order."""
-        # Each program is (allowed (p,), threshold, most), as in `choose`. The batch solver uses a second thread where
-        # `set_workers` allows it. Without it the last program goes to the worker process if that is ready, else is
-        # solved here.
-        if self._here.batched:
-            if self._worker_allowed and self._threads is None:
-                self._threads = ThreadPoolExecutor(1)
-            return self._here.bound_all(programs, self._threads)
-        future = self._submit_program(programs[-1]) if len(programs) > 1 else None
-        found = [self._here.choose(*one) for one in (programs if future is None else programs[:-1])]
-        if future is not None:
-            result = self._result(future)
-            if result is None:
-                found.append(self._here.choose(*programs[-1]))
-            else:
-                found.append(result[0])
-                self.solves_in_worker += result[1]
-        return found
-
-    def _submit_program(self, program: Asked) -> Future[SolvedProgram | None] | None:
-        """Submit a program to the worker process; return None while that process is unavailable."""
-        if not self._worker_allowed or self._here.solves < SOLO_PROGRAMS:
-            return None
-        if self._workers is None:
-            self._workers = WorkerPool(1)
-        if self._ready is None:
-            self._worker = self._workers.first()
-            if self._worker is not None:
-                self._ready = self._submit(cloudpickle.dumps(self._block_space), None)
-        if self._worker is None or self._ready is None or not self._ready.done():
-            return None
-        if self._workers.result(self._worker, self._ready) is LOST:
-            self._ready = None
-            return None
-        return self._submit(None, program)
-
-    def _submit(self, block_space: bytes | None, program: Asked | None) -> Future[SolvedProgram | None] | None:
-        """Submit a set-up or a program to the worker process; return None if it has died."""
-        worker, future = self._worker, None
-        if self._workers is not None and worker is not None:
-            future = self._workers.submit(worker, bound_blocks, worker.name, block_space, program)
-        if future is None:
-            self._ready = None
-        return future
-
-    def _result(self, future: Future[SolvedProgram | None]) -> SolvedProgram | None:
-        """Return the result of the worker process; None if it died or lacks the relaxation."""
-        if self._workers is None or self._worker is None:
-            return None
-        result = self._workers.result(self._worker, future)
-        if result is not None and result is not LOST:
-            return result
-        self._ready = None  # send the block relaxation again, to another process where this one died
-        return None
+        if self._here.batched and self._two_threads and self._threads is None:
+            self._threads = ThreadPoolExecutor(1)
+        return self._here.bound_all(programs, self._threads)
 
 
 # Relaxations face by face that take as long as the program takes per side of a block, times the number of faces. The
@@ -269,7 +198,7 @@ class BlockBoundTightening:
             worker = workers.first()
             if worker is None:
                 return None
-            future = workers.submit(worker, bound_blocks, worker.name, cloudpickle.dumps(block_space), program)
+            future = workers.submit(worker, bound_blocks, cloudpickle.dumps(block_space), program)
             if future is None:
                 return None
             end = time.perf_counter() + seconds
