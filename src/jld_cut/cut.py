@@ -16,22 +16,23 @@ import numpy as np
 import pandas as pd
 import shapely
 
-from jld_core import Deadline, DeadlinePassed, Floats, InputError, Ints, Layout, ParameterError, files, plugins
+from jld_core import Floats, InputError, Ints, ParameterError, files
 from jld_cut.cells import Limits
 from jld_cut.families import FAMILIES
 from jld_cut.loads import parse_load, parse_region
 from jld_cut.marks import mark, tenons
 from jld_cut.meshes import read_solid
-from jld_cut.partitions import frames
+from jld_cut.partitions import Layouts, frames
 from jld_cut.parts import Part, different, lay, parts_of, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
 from jld_cut.scene import Matter, Setting
-from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, layout_of, search_all
+from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, search_all
 from jld_explore.report import csv_of
 from jld_formats import export
 from jld_views import figures, page_of_study
 
 _FIELDS: Final = 45.0  # time from which bounds by fields have a chance, s
+_LAYING: Final = 3.0  # least time for an order of assembly, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
@@ -137,9 +138,8 @@ class Chosen:
     bracket: Bracket  # on convex cells
     uncut: Bracket
     block: Ints
-    layout: Layout
-    laying: Any  # order by translations, None where none was found
-    locking: list[int] | None  # cells of parts that lock one another; None where time ended before
+    laying: Any  # order by translations, False where there is none, None where time ended before
+    locking: list[int]  # cells of parts that lock one another
     parts: list[Part]
     too_large: list[int]  # parts that do not fit the box
 
@@ -151,7 +151,7 @@ class Chosen:
     @property
     def can_be_laid(self) -> bool | None:
         """Whether an order by translations exists; None where time ended before."""
-        return True if self.laying is not None else None if self.locking is None else False
+        return None if self.laying is None else self.laying is not False
 
 
 def cut(
@@ -268,7 +268,7 @@ def _judged(
             continue
         family.truth = family.truth or Truth(family, wish.setting)
         found, count = family.found.of[parts], 0
-        for block, coarse in zip(found.blocks[:BEST], found.low.tolist(), strict=False):
+        for block, coarse in _loose(family, found, end):
             if judged and (count and time.time() > end):
                 break
             bracket = family.truth.known[block.tobytes()] = _weaker(family.truth.solve(block), coarse)
@@ -279,6 +279,16 @@ def _judged(
         )
     judged.sort(key=lambda one: one[:2], reverse=True)
     return [one for _, _, one in judged]
+
+
+def _loose(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
+    """Yield the best layouts whose parts are not known to lock one another, or else the best."""
+    rows, count = list(zip(found.blocks, found.low.tolist(), strict=True)), 0
+    for block, coarse in rows:
+        if count < BEST and family.truth.order(block, max(_LAYING, (end - time.time()) / 2)) is not False:
+            count += 1
+            yield block, coarse
+    yield from () if count else rows[:1]
 
 
 def _weaker(bracket: Bracket, coarse: float) -> Bracket:
@@ -295,28 +305,13 @@ def _chosen(
     family: Family, block: Ints, coarse: float, bracket: Bracket, wish: Wish, clearance: float, end: float
 ) -> Chosen:
     """Return a layout with its order and parts."""
-    layout = layout_of(family, block)
     parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
     turned = frames(family.normals)
     large = [part.number for part in parts if not lay(part, wish.limits.fit, turned)]
-    laying, locking = _order(layout, max(3.0, end - time.time()))
+    laying = family.truth.order(block, max(_LAYING, end - time.time()))
+    locking = family.truth.locking(block, max(_LAYING, end - time.time())) if laying is False else []
     uncut = family.truth.solve(np.zeros(len(family.cutting.cells), dtype=np.int64))
-    return Chosen(family, family.truth, coarse, bracket, uncut, block, layout, laying, locking, parts, large)
-
-
-def _order(layout: Layout, seconds: float) -> tuple[Any, list[int] | None]:
-    """Return an order of laying by translations, or the elements of parts that lock one another; None for late ones."""
-    assembly = layout.assembly
-    try:
-        with Deadline(seconds).enforced():
-            found = plugins.part("order_without_stages")(assembly, layout.labels)
-            if found is not None:
-                return found, []
-            may_join = np.ones(len(assembly.interfaces), dtype=bool)
-            lock = plugins.part("laying_constraint")(assembly, "translation", may_join).lock(layout.labels)
-            return None, [] if lock is None else np.asarray(lock.elements).tolist()
-    except DeadlinePassed:
-        return None, None
+    return Chosen(family, family.truth, coarse, bracket, uncut, block, laying, locking, parts, large)
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
@@ -343,7 +338,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "coarse_truth": chosen.fine.coarse,
         "faulty_files": [],
         "can_be_laid": chosen.can_be_laid,
-        "locked_parts": [one.number for one in chosen.parts if set(one.cells) & set(chosen.locking or ())],
+        "locked_parts": [one.number for one in chosen.parts if set(one.cells) & set(chosen.locking)],
         "family": chosen.family.name,
         "families": [_facts(one, parts, options.require) for one in families],
         "front": _front(families),
@@ -379,7 +374,7 @@ def _facts(family: Family, parts: int, require: float) -> dict[str, Any]:
 def _true(family: Family, parts: int) -> list[float]:
     """Return λ of the layouts of one number of parts that were judged on convex cells."""
     found, known = family.found.of.get(parts), {} if family.truth is None else family.truth.known
-    keys = [] if found is None else [block.tobytes() for block in found.blocks[:BEST]]
+    keys = [] if found is None else [block.tobytes() for block in found.blocks]
     return [_low(known[key]) for key in keys if key in known]
 
 
@@ -414,7 +409,10 @@ def verdict(summary: dict[str, Any]) -> str:
     if low is not None and start is not None and end is not None and low > start * (1 + 1e-3):
         told += " (a dry joint opens over its whole depth, an uncut section cracks at its elastic limit)"
     if summary.get("proven"):
-        told += "; no fewer parts of these cells do, and no layout of as many is stronger on them"
+        of_cells, bound = summary.get("load_factor_of_cells"), summary.get("bound")
+        below = of_cells is not None and bound is not None and of_cells < bound * (1 - 1e-3)
+        last = f"exceeds {bound:.3g} on them, whether it goes together or not" if below else "is stronger on them"
+        told += f"; no fewer parts of these cells do, and no layout of as many {last}"
     if low is not None and not summary["meets"]:
         told += f"; {summary['require']:g} was asked"
     if summary["too_large"]:
@@ -438,9 +436,9 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options)
     for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):
         for block in step.blocks:
             elements = np.asarray(chosen.laying.blocks.elements(block))
-            elements = elements[elements < len(chosen.block)]
+            elements = elements[elements < len(chosen.fine.of)]
             if len(elements):
-                part = chosen.parts[place[int(chosen.block[elements[0]])]]
+                part = chosen.parts[place[int(chosen.block[chosen.fine.of[elements[0]]])]]
                 part.step, part.direction = number, -np.asarray(step.direction, dtype=float)
     if options.tenons:
         gap = scale * options.clearance
@@ -454,7 +452,7 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options)
     summary["file_error"] = max(part.error for part in chosen.parts)
     files.write_text(out / "parts.csv", csv_of(table_of(chosen.parts, scale)))
     try:
-        export(chosen.layout, "step", out / "parts.step")
+        export(chosen.family.layout(chosen.block), "step", out / "parts.step")
     except InputError as error:
         summary["warnings"] = [f"parts.step was not written: {error}"]
     except shapely.errors.GEOSException:

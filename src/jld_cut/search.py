@@ -12,7 +12,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Bits, Floats, InputError, Ints, Layout, build_assembly, parse_scene
+from jld_core import (
+    Bits,
+    Deadline,
+    DeadlinePassed,
+    Floats,
+    InputError,
+    Ints,
+    Layout,
+    build_assembly,
+    parse_scene,
+    plugins,
+)
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.families import FAMILIES, Body
 from jld_cut.loads import Facet, Region, facet_of, shares
@@ -61,6 +72,12 @@ class Family:
         """Return the different normals (c, 3) of its cuts."""
         found = np.array([plane[:3] for plane in self.cutting.planes]).reshape(-1, 3)
         return found[[k for k, n in enumerate(found) if not (np.abs(found[:k] @ n) > 1 - 1e-6).any()]]
+
+    def layout(self, block: Ints) -> Layout:
+        """Return the layout of the parts (n,) of its cells."""
+        scene = parse_scene(self.document)
+        assembly = build_assembly(scene)
+        return Layout(scene, assembly, labels_of(assembly, block[None])[0])
 
     def boxes(self) -> Boxes:
         """Return the boxes of the cells in all frames in which a part may lie."""
@@ -142,12 +159,37 @@ class Truth:
             self._bounds = Bounds(self.document, crush=True)
         self.cells = len(self.of)
         self.known: dict[bytes, Bracket] = {}
+        self._orders: dict[bytes, Any] = {}
 
     def scene(self, block: Ints) -> dict[str, Any]:
         """Return the scene of the convex cells with the parts (n,) of the cells as blocks."""
         names = [f"part {block[cell] + 1}" for cell in self.of.tolist()]
         cells = [one | {"block": name} for one, name in zip(self.document["elements"], names, strict=False)]
         return self.document | {"elements": cells + self.document["elements"][len(cells) :]}
+
+    def order(self, block: Ints, seconds: float) -> Any:
+        """Return the order of assembly of a layout by translations; False for none, None where time ends before."""
+        # pieces that are convex pass each other as they are, others as their hulls
+        key, assembly = block.tobytes(), self._bounds.assembly
+        if self._orders.get(key) is None:
+            labels = labels_of(assembly, block[self.of][None])[0]
+            try:
+                with Deadline(seconds).enforced():
+                    self._orders[key] = plugins.part("order_without_stages")(assembly, labels) or False
+            except DeadlinePassed:
+                return None
+        return self._orders[key]
+
+    def locking(self, block: Ints, seconds: float) -> list[int]:
+        """Return cells of parts that lock one another, as few as are found in time."""
+        assembly = self._bounds.assembly
+        labels, may_join = labels_of(assembly, block[self.of][None])[0], np.ones(len(assembly.interfaces), dtype=bool)
+        try:
+            with Deadline(seconds).enforced():
+                lock = plugins.part("laying_constraint")(assembly, "translation", may_join).lock(labels)
+        except DeadlinePassed:
+            return list(range(len(block)))
+        return [] if lock is None else np.unique(self.of[np.asarray(lock.elements)]).tolist()
 
     def solve(self, block: Ints) -> Bracket:
         """Return the bracket of a layout by the parts (n,) of the cells."""
@@ -237,13 +279,6 @@ class Listed(Driver):
         return given
 
     def tell(self, labellings: Bits, evaluations: Any) -> None: ...
-
-
-def layout_of(family: Family, block: Ints) -> Layout:
-    """Return the layout of the parts (n,) of the cells of a family."""
-    scene = parse_scene(family.document)
-    assembly = build_assembly(scene)
-    return Layout(scene, assembly, labels_of(assembly, block[None])[0])
 
 
 def explored(family: Family, block: Ints, out: Path, seconds: float) -> Exploration:

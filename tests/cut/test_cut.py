@@ -17,8 +17,8 @@ from manifold3d import Manifold, Mesh64, OpType
 
 from jld_core import InputError, ParameterError
 from jld_cut import Options, cut
-from jld_cut.cells import Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union
-from jld_cut.cut import _order, verdict
+from jld_cut.cells import BENT, Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union
+from jld_cut.cut import verdict
 from jld_cut.elastic import compressed
 from jld_cut.families import axis_of
 from jld_cut.loads import outside, parse_load, shares
@@ -26,7 +26,8 @@ from jld_cut.marks import mark, tenons
 from jld_cut.meshes import as_read, as_written, moments, pieces_of, read_solid, stl_bytes, volume_of
 from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
 from jld_cut.parts import Part, different, lay, write_parts
-from jld_cut.search import body_of, family_of, layout_of
+from jld_cut.scene import scene_of
+from jld_cut.search import Family, Truth, body_of, family_of
 from jld_explore import ExploreSettings, explore
 
 DOWN = ("0,0,-1000",)
@@ -421,6 +422,7 @@ TOLD |= {"too_large": [], "can_be_laid": True, "coarse_truth": "", "faulty_files
     [
         ({}, ["no fewer parts", "opens over its whole depth"], "crushing"),
         ({"only_crushing": True}, ["only crushing limits it"], "watertight"),
+        ({"load_factor_of_cells": 2.0, "bound": 3.0}, ["no layout of as many exceeds 3 on them"], "watertight"),
         ({"proven": False, "uncut": [2.0, 2.0]}, ["carry at least 2 times"], "no fewer parts"),
         ({"faulty_files": ["part 3 has 1 edges"], "too_large": [2]}, ["not watertight: part 3", "fit the box: 2"], "λ"),
         ({"coarse_truth": "no face"}, ["λ of the cells of the search"], "fit the box"),
@@ -439,12 +441,26 @@ def test_a_part_within_another_is_named() -> None:
     assert family is not None
     middles = np.array([np.array(one.bounding_box()).reshape(2, 3).mean(axis=0) for one in family.cutting.cells])
     core = np.abs(middles - 1.5).max(axis=1) < 0.1
-    laying, locking = _order(layout_of(family, core.astype(np.int64)), 60.0)
-    assert laying is None
-    assert int(np.flatnonzero(core)[0]) in (locking or [])
-    laying, locking = _order(layout_of(family, np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0))), 60.0)
-    assert len(laying.steps) == 3
-    assert locking == []
+    truth = Truth(family, wish.setting)
+    assert truth.order(core.astype(np.int64), 60.0) is False
+    assert int(np.flatnonzero(core)[0]) in truth.locking(core.astype(np.int64), 60.0)
+    assert len(truth.order(np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0)), 60.0).steps) == 3
+
+
+def test_a_part_with_a_hook_slides_out() -> None:
+    """A rail of T section within two other parts, one on each side, leaves along itself although its hull would not."""
+    solid = box(3, 3, 2)
+    wish = Options((3.0,) * 3, ("0,0,-1000",), cells=8, families=("grid",)).wish()
+    cutting = Cutting(solid, [(box(1, 3, 1, (1, 0, 0)) + box(2, 3, 0.5, (0.5, 0, 1)))])
+    cutting.cells.append(solid - cutting.cells[0])
+    cutting.planes = [np.array(p) for p in ((1.0, 0, 0, 1), (1, 0, 0, 2), (0, 0, 1, 1), (1, 0, 0, 0.5), (1, 0, 0, 2.5))]
+    cutting.planes.append(np.array([0, 0, 1, 1.5]))
+    joints = cutting.tidy(wish.limits)
+    document = scene_of("rail", cutting, joints, wish.setting, BENT, cutting.planes)
+    truth = Truth(Family("grid", cutting, joints, document, []), wish.setting)
+    assert truth.convex
+    steps = truth.order(np.array([0, 1]), 60.0).steps
+    assert abs(steps[-1].direction @ [0, 1, 0]) == pytest.approx(1.0)
 
 
 def test_regions_stay_whole() -> None:

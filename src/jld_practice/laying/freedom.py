@@ -54,68 +54,29 @@ class Solids:
         return self._met[key]
 
     def _meets(self, moving: int, still: int, direction: Floats) -> bool:
+        # equivalent: a convex element at rest moves the opposite way, past the surface of one that is not
+        if self.convex[still] and not self.convex[moving]:
+            moving, still, direction = still, moving, -direction
+        p, faces = self.planes[moving], self._skin(still)
+        # one that meets a solid takes in some of its surface, by more than two elements overlap that only touch
+        depth = 2.0 * SHARED ** (2.0 / 3.0) * float(min(self.size[moving], self.size[still]))
         if self.convex[still]:
-            if self.convex[moving]:
-                return self._solid_meets(moving, still, direction)
-            # equivalent: move the convex element at rest the opposite way, past the surface of the other
-            return any(self._solid_meets_face(still, face, -direction) for face in self._skin(moving))
-        return any(self._solid_meets_face(moving, face, direction) for face in self._skin(still))
-
-    def _solid_meets(self, moving: int, still: int, direction: Floats) -> bool:
-        """Return whether a convex element moved along a direction overlaps a convex one."""
-        p, q = self.planes[moving], self.planes[still]
-        depth = self._depth(moving, still)
-        ahead = (self.elements.shape[still] @ p[:, :3].T).min(axis=0) + p[:, 3]
-        if np.any((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)):
+            q = self.planes[still]
+            behind = (self.elements.shape[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
+            if np.any((behind >= -depth) & (q[:, :3] @ direction >= -1e-9)):
+                return False
+        normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+        normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+        ways = normals @ direction
+        ahead = (faces @ p[:, :3].T).min(axis=1) + p[:, 3]
+        clear = ((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)).any(axis=1)
+        height = self.elements.shape[moving] @ normals.T - np.einsum("ij,ij->i", normals, faces[:, 0])
+        clear |= (height.min(axis=0) >= -depth) & (ways >= -1e-9)
+        clear |= (height.max(axis=0) <= depth) & (ways <= 1e-9)
+        if clear.all():
             return False
-        behind = (self.elements.shape[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
-        if np.any((behind >= -depth) & (q[:, :3] @ direction >= -1e-9)):
-            return False
-        # maximise the depth of a point x in the moving element for which x + t·d lies in the other at the same depth
-        rows = np.block(
-            [
-                [p[:, :3], np.zeros((len(p), 1)), np.ones((len(p), 1))],
-                [q[:, :3], (q[:, :3] @ direction)[:, None], np.ones((len(q), 1))],
-            ]
-        )
-        return bool(self._inside(rows, -np.concatenate([p[:, 3], q[:, 3]]), None) > depth)
-
-    def _solid_meets_face(self, moving: int, face: Floats, direction: Floats) -> bool:
-        """Return whether a convex element, moved along a direction, takes in a triangle (3, 3)."""
-        p = self.planes[moving]
-        normal = np.cross(face[1] - face[0], face[2] - face[0])
-        normal = normal / np.linalg.norm(normal)
-        depth = SHARED ** (2.0 / 3.0) * float(self.size[moving])
-        ahead = (face @ p[:, :3].T).min(axis=0) + p[:, 3]
-        if np.any((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)):
-            return False
-        height = (self.elements.shape[moving] - face[0]) @ normal
-        way = float(normal @ direction)
-        if (height.min() >= -depth and way >= -1e-9) or (height.max() <= depth and way <= 1e-9):
-            return False
-        edge = np.cross(np.roll(face, -1, axis=0) - face, normal)
-        rows = np.block(
-            [
-                [p[:, :3], np.zeros((len(p), 1)), np.ones((len(p), 1))],
-                [edge, (edge @ direction)[:, None], np.zeros((3, 1))],
-            ]
-        )
-        right = np.concatenate([-p[:, 3], np.einsum("ij,ij->i", edge, face)])
-        equal = np.concatenate([normal, [way, 0.0]])[None], np.array([float(normal @ face[0])])
-        return bool(self._inside(rows, right, equal) > depth)
-
-    def _depth(self, moving: int, still: int) -> float:
-        """Return the penetration, a length, up to which two elements only touch."""
-        return float(SHARED ** (2.0 / 3.0) * min(self.size[moving], self.size[still]))
-
-    def _inside(self, rows: Floats, right: Floats, equal: tuple[Floats, Floats] | None) -> float:
-        """Maximise the depth over the unknowns (x, t, depth) with t ≥ 0; −inf if infeasible."""
-        bounds = [(None, None)] * 3 + [(0.0, None), (None, float(self.size.max()))]
-        matrix, values = equal or (None, None)
-        from scipy.optimize import linprog
-
-        answer = linprog([0.0] * 4 + [-1.0], A_ub=rows, b_ub=right, A_eq=matrix, b_eq=values, bounds=bounds)
-        return -np.inf if answer.x is None else float(answer.x[4])
+        planes = _swept(p + np.array([0.0, 0.0, 0.0, depth]), direction)
+        return any(_meets(planes, face, 1e-3 * depth) for face in faces[~clear])
 
     def _skin(self, element: int) -> Floats:
         """Return the triangles (t, 3, 3) of the surface of an element."""
@@ -128,6 +89,39 @@ class Solids:
     @cached_property
     def _skins(self) -> dict[int, Floats]:
         return {}
+
+
+def _swept(planes: Floats, direction: Floats) -> Floats:
+    """Return the planes (k, 4) around all that the solid in planes (p, 4), n·x + c ≤ 0, passes along a direction."""
+    # a point x is passed if n·(x − t·d) + c ≤ 0 for some t ≥ 0: t is eliminated between each pair of planes
+    speed = planes[:, :3] @ direction
+    ahead, behind = speed > 1e-9, speed < -1e-9
+    lower, upper = planes[ahead] / speed[ahead, None], planes[behind] / speed[behind, None]
+    sides = (lower[:, None] - upper[None]).reshape(-1, 4)
+    length = np.linalg.norm(sides[:, :3], axis=1)
+    sides = sides[length > 1e-9] / length[length > 1e-9, None]
+    return np.concatenate([planes[~ahead], sides])
+
+
+def _meets(planes: Floats, polygon: Floats, near: float) -> bool:
+    """Return whether a convex polygon (k, 3) meets the solid in planes (p, 4), to a length."""
+    for _ in range(len(planes)):
+        away = polygon @ planes[:, :3].T + planes[:, 3]
+        if (away.min(axis=0) > 0.0).any():
+            return False
+        worst = int(away.max(axis=0).argmax())
+        height = away[:, worst]
+        if height.max() <= near:
+            return True
+        found = []
+        for k, at in enumerate(height.tolist()):
+            j = (k + 1) % len(polygon)
+            if at <= 0.0:
+                found.append(polygon[k])
+            if (at <= 0.0) != (height[j] <= 0.0):
+                found.append(polygon[k] + at / (at - height[j]) * (polygon[j] - polygon[k]))
+        polygon = np.array(found)
+    return True
 
 
 def _volumes(elements: Elements) -> Floats:
@@ -529,18 +523,64 @@ class Freedom:
         there: (k,) mask of the blocks present. most: largest size of a group.
         """
         blocks = self.blocks
-        ways, table = self._blocking
+        if not self._planar and not self._loose(there):
+            return []
+        ways, table, swept = self._blocking
         standing = np.flatnonzero(there)
         held = blocks.fixed[standing]
         found: dict[bytes, tuple[Ints, Floats]] = {}
         step = max(1, _CHUNK // max(1, len(standing) ** 2))
+
+        def free(numbers: Ints) -> tuple[Bools, Bools]:
+            """Return what each block takes along (w, s, s) in directions (w,), and those (w, s) that leave."""
+            reach = _closed(table[numbers][:, standing][:, :, standing])
+            return reach, (reach.sum(axis=2) <= most) & ~reach[:, :, held].any(axis=2)
+
         for first in range(0, len(ways), step):
-            reach = _closed(table[first : first + step][:, standing][:, :, standing])
-            good = (reach.sum(axis=2) <= most) & ~reach[:, :, held].any(axis=2)
+            numbers = np.arange(first, min(first + step, len(ways)))
+            reach, good = free(numbers)
+            # sweeps only take groups away, so they are made where contacts leave some, until all in a group are swept
+            for place in np.flatnonzero(good.any(axis=1)).tolist() if not self._planar else ():
+                number = numbers[place]
+                while len(todo := standing[reach[place][good[place]].any(axis=0) & ~swept[number, standing]]):
+                    for block in todo.tolist():
+                        self._sweep(number, block)
+                    one, other = free(numbers[place : place + 1])
+                    reach[place], good[place] = one[0], other[0]
             for way, place in zip(*np.nonzero(good), strict=True):
                 group = standing[reach[way, place]]
                 found.setdefault(group.tobytes(), (group, ways[first + way]))
         return sorted(found.values(), key=lambda one: (len(one[0]), one[0].tolist()))
+
+    def _loose(self, there: Bools) -> bool:
+        """Return whether some blocks of `there` (k,) may begin to move apart, each by a translation of its own."""
+        blocks = self.blocks
+        kept = there[blocks.first] & there[blocks.second]
+        first, second, normal = blocks.first[kept], blocks.second[kept], blocks.normal[kept]
+        if len(first):
+            pairs = np.column_stack([first, second, np.round(normal, 9)])
+            once = np.unique(pairs, axis=0, return_index=True)[1]
+            first, second, normal = first[once], second[once], normal[once]
+        free = np.flatnonzero(there & ~blocks.fixed)
+        if not len(free) or not len(first):
+            return True
+        # without a support, one block is at rest: what moves, moves apart
+        free = free if np.any(there & blocks.fixed) else free[1:]
+        place = np.full(len(blocks), -1)
+        place[free] = np.arange(len(free))
+        rows = np.zeros((len(first), len(free) + 1, 3))
+        rows[np.arange(len(first)), place[first]] += normal
+        rows[np.arange(len(first)), place[second]] -= normal
+        matrix = rows[:, :-1].reshape(len(first), -1)
+        from scipy.optimize import linprog
+
+        for row in np.concatenate([np.eye(matrix.shape[1]), -np.eye(matrix.shape[1])]):
+            checkpoint()
+            # a group that moves does so at unit speed, .57 or more along some axis
+            answer = linprog(-row, A_ub=matrix, b_ub=np.full(len(matrix), _TURN), bounds=(-1.0, 1.0))
+            if answer.x is None or -answer.fun > 0.5:
+                return True
+        return False
 
     def _separable(self, group: Ints) -> bool:
         """Return whether the blocks of a group can be separated by translations."""
@@ -557,27 +597,31 @@ class Freedom:
         return self._apart[key]
 
     @cached_property
-    def _blocking(self) -> tuple[Floats, Bools]:
-        """Directions (k, d), and a table (k, b, b) of the blocks that obstruct others."""
-        # Entry (direction, i, j) is True where block i, moved along the direction, meets block j.
+    def _blocking(self) -> tuple[Floats, Bools, Bools]:
+        """Directions (k, d), a table (k, b, b) of blocks that obstruct others, and which rows (k, b) are whole."""
+        # Entry (direction, i, j) is True where block i, moved along the direction, meets block j. In space, rows hold
+        # contacts until `_sweep` adds the rest.
         blocks, count = self.blocks, len(self.blocks)
         if self._planar:
             angle = self.bodies.arcs.turns
-            return np.column_stack([np.cos(angle), np.sin(angle)]), self.bodies.arcs.blocking(blocks.of, count)
+            table = self.bodies.arcs.blocking(blocks.of, count)
+            return np.column_stack([np.cos(angle), np.sin(angle)]), table, np.ones(table.shape[:2], dtype=bool)
         ways = self.bodies.common
         table = np.zeros((len(ways), count, count), dtype=bool)
         towards = blocks.normal @ ways.T
         for face, way in zip(*np.nonzero(abs(towards) > _TURN), strict=True):
             ends = (blocks.first[face], blocks.second[face])
             table[(way, *(ends if towards[face, way] > 0.0 else ends[::-1]))] = True
-        every = np.arange(len(blocks.of))
-        for block in np.flatnonzero(~blocks.fixed).tolist():
-            mine = blocks.of == block
-            for number, way in enumerate(ways):
-                others = every[~mine & ~table[number, block][blocks.of]]
-                met = self.bodies.solids.swept(np.flatnonzero(mine), others, way)
-                table[number, block, blocks.of[met]] = True
-        return ways, table
+        return ways, table, np.repeat(blocks.fixed[None], len(ways), axis=0)
+
+    def _sweep(self, number: int, block: int) -> None:
+        """Add the blocks that one in space meets along a direction to the table of those that obstruct it."""
+        ways, table, swept = self._blocking
+        swept[number, block] = True
+        mine = self.blocks.of == block
+        others = np.flatnonzero(~mine & ~table[number, block][self.blocks.of])
+        met = self.bodies.solids.swept(np.flatnonzero(mine), others, ways[number])
+        table[number, block, self.blocks.of[met]] = True
 
 
 def _closed(arrows: Bools) -> Bools:
