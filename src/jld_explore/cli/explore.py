@@ -6,6 +6,7 @@ import json
 import math
 import os
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated, Any, Final, Self
