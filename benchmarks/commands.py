@@ -16,12 +16,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+from unittest.mock import patch
 
 from benchmarks.common import RESULTS, ROOT, about, apart, load_of_machine, run_parts, table, write
 from benchmarks.monotony import wall
 from benchmarks.scenes import GRIDS, grid
 from jld_core import Scene, load_scene
 from jld_explore import explore
+from jld_explore.search.study import Study
 
 
 @dataclass(frozen=True)
@@ -108,28 +110,38 @@ TURNS: Final = 2
 FILE: Final = RESULTS / "jobs.csv"
 
 
-def by_clock(name: str, jobs: int) -> tuple[float, str]:
-    """Seconds of a search by the clock, and its table without times, in this process."""
-    command = JOBS[name][0]
-    with tempfile.TemporaryDirectory() as folder:
+def by_clock(name: str, jobs: int) -> tuple[float, float, str]:
+    """Seconds of a search by the clock, from the scene to its tables and alone; and its table without times."""
+    command, run, alone = JOBS[name][0], Study.run, [0.0]
+
+    def timed(study: Study) -> Any:
+        start = time.perf_counter()
+        try:
+            return run(study)
+        finally:
+            alone[0] = time.perf_counter() - start
+
+    with tempfile.TemporaryDirectory() as folder, patch.object(Study, "run", timed):
         start = time.perf_counter()
         options: dict[str, Any] = {"driver": command.driver, "budget": command.budget, "jobs": jobs}
         done = explore(command.make(), Path(folder) / "out", pictures=False, **options)
         seconds = time.perf_counter() - start
-        return seconds, done.results.drop(columns="seconds").to_csv(index=False)
+    return seconds, alone[0], done.results.drop(columns="seconds").to_csv(index=False)
 
 
 def jobs() -> None:
     """What a second job is worth by the clock of two free cores: searches of one and of two jobs in turns.
 
-    Each search is a process of its own, from the scene to all tables, without pictures; the least of all turns in
-    benchmarks/results/jobs.csv, to which each run is appended. Tables of one and of two jobs are compared, times apart.
+    Each search is a process of its own, from the scene to all tables, without pictures; alone: from the first
+    labelling asked to the last one on disk. The least of all turns in benchmarks/results/jobs.csv, to which each pair
+    of runs is appended. Tables of one and of two jobs are compared, times apart.
     """
     for turn in range(TURNS):
         for name in JOBS:
-            (one, table_of_one), (two, table_of_two) = (apart("commands.by_clock", name, n) for n in (1, 2))
+            pair = [apart("commands.by_clock", name, number) for number in (1, 2)]
+            times = [f"{found[k]:.3f}" for k in (0, 1) for found in pair]
+            row = [name, *times, str(pair[0][2] == pair[1][2]), f"{os.getloadavg()[0]:.1f}"]
             with FILE.open("a", newline="", encoding="utf-8") as file:
-                row = [name, f"{one:.3f}", f"{two:.3f}", table_of_one == table_of_two, f"{os.getloadavg()[0]:.1f}"]
                 csv.writer(file).writerow(row)
             print(turn, *row, flush=True)
     with FILE.open(newline="", encoding="utf-8") as file:
@@ -137,12 +149,15 @@ def jobs() -> None:
     rows = []
     for name, (command, least) in JOBS.items():
         runs = [run for run in known if run[0] == name]
-        times = [min(float(run[k]) for run in runs) for k in (1, 2)]
-        same = "yes" if all(run[3] == "True" for run in runs) else "no"
+        times = [min(float(run[k]) for run in runs) for k in range(1, 5)]
+        gains = [f"{times[k] / times[k + 1]:.2f}" for k in (0, 2)]
+        same = "yes" if all(run[5] == "True" for run in runs) else "no"
         layouts = "all" if command.budget is None else str(command.budget)
-        gain = times[0] / times[1]
-        rows.append([name, layouts, *(f"{value:.2f}" for value in times), f"{gain:.2f}", f"{least}", same])
-    head = "search | layouts | one job, s | two jobs, s | times | to reach | same table"
+        shown = [f"{value:.2f}" for value in times]
+        rows.append([name, layouts, *shown[:2], gains[0], *shown[2:], gains[1], f"{least}", same])
+    head = (
+        "search | layouts | one job, s | two, s | times | search, one job, s | two, s | times | to reach | same table"
+    )
     parts = ["# A second job by the clock", about(jobs.__doc__), table(head, rows), load_of_machine()]
     write("jobs", "\n\n".join(parts))
 

@@ -40,7 +40,7 @@ def main() -> None:
     """Print seconds: of all, of children, of the search, of the compiled solver."""
     program = importlib.import_module("jld_explore.__main__")
     program._import_scipy()  # first, as the command does
-    library = importlib.import_module("jld_core.batch.library")
+    library: Any = importlib.import_module("jld_core.batch.library")
     real, made, searched = library.library, dict[str, Timed](), [0.0]
     library.library = lambda variant: made.setdefault(variant, Timed(real(variant)))
     if sys.argv[1] == "explore":

@@ -6,23 +6,24 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from jld_core import Assembly, Deadline, InputError, LimitAnalysisResult, Scene, SolveOptions, Status, files
 from jld_core.limit import number
-from jld_experiment.experiment import Curve
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, Step, StepContext, with_entries
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, Pool
 from jld_explore.report import csv_of
 from jld_explore.space import from_string, to_string
-from jld_views import figures
+
+if TYPE_CHECKING:  # every search loads this module, and few draw or tabulate an experiment
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from jld_experiment.experiment import Curve
 
 FILE: Final = "experiments.csv"  # table of experiments in a results folder
 COLUMNS: Final = ("labelling", "load_factor", "experiment", "status", "stands", "rate_error", "first_crack", "seconds")
@@ -289,6 +290,8 @@ def table(curve: Curve) -> pd.DataFrame:
     # Columns are push (slow, fast), distance (live·u), elastic, load_factor, unbalanced, broken and energy_error.
     # `elastic` is the distance over that of the elastic structure at the collapse load. The columns unbalanced, broken
     # and energy_error are NaN for the fast push. The table is empty if the structure does not stand.
+    import pandas as pd
+
     slow = pd.DataFrame(
         {
             "push": "slow",
@@ -364,6 +367,11 @@ def figure_of(
     proven: float | None = None,
 ) -> Figure:
     # The figure is not saved.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from jld_views import figures
+
     figure = Figure(figsize=(14.4, 5.7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))

@@ -12,7 +12,8 @@ from benchmarks.large import document
 
 from cases import box
 from jld_core import Assembly, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
-from jld_core.limit import repair
+from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.limit import State, repair
 from jld_core.linalg import projection
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
@@ -47,6 +48,15 @@ def test_projection_by_sparse_factors_equals_the_pseudo_inverse(monkeypatch: pyt
     found = ConsistentProjector(equations).project(start, right)
     np.testing.assert_allclose(found, dense, atol=1e-11, rtol=0.0)
     assert np.abs(equations @ found - right).max() < 1e-13
+
+
+def test_what_stands_is_sought_until_a_deadline() -> None:
+    """A program of over 2 000 equations is left in the midst of its iterations."""
+    built, labels = wall(27)
+    found = LimitAnalysis(built).repair
+    with pytest.raises(DeadlinePassed):
+        found.proof_at_zero(labels, Deadline(0.0))
+    assert isinstance(found.proof_at_zero(labels, Deadline()), State)
 
 
 def test_a_large_wall_without_friction_is_proven() -> None:

@@ -426,3 +426,10 @@ def test_a_resumed_search_without_solves_names_no_speed(tmp_path: Path) -> None:
     said = [words.facts_of_exploration(one)["stopped"] for one in (first, again)]
     assert "solves/s" in said[0]
     assert "solves/s" not in said[1]
+
+
+def test_steps_of_installed_packages_load_nothing_that_draws() -> None:
+    """Every search loads them before it begins."""
+    code = "import sys; from jld_core.plugins import load_all; load_all('jld.steps', ())\n"
+    code += "print(sorted({'matplotlib', 'numba', 'pandas'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

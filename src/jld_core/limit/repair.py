@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
+from jld_core.deadline import Deadline
 from jld_core.limit.auxiliary_programs import (
     interior_motion,
     largest_slack_program,
@@ -161,12 +162,15 @@ class Repair:
         found = self.proof_at_zero(labels)
         return None if found is None else isinstance(found, State)
 
-    def proof_at_zero(self, labels: Bits) -> State | Motion | None:
-        """Return the state or motion that decides whether λ = 0 is admissible; None if neither is found."""
+    def proof_at_zero(self, labels: Bits, until: Deadline | None = None) -> State | Motion | None:
+        """Return the state or motion that decides whether λ = 0 is admissible; None if neither is found.
+
+        DeadlinePassed is raised after `until`.
+        """
         program = largest_slack_program(self.template.program(labels), load_fixed=True)
         # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
         for gap in (1e-2, 1e-8) if is_large(program.structure) else (1e-8,):
-            found = self._settled(solve_auxiliary(program, gap), labels)
+            found = self._settled(solve_auxiliary(program, gap, until), labels)
             if found is not None:
                 break
         return found

@@ -8,6 +8,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
+from jld_core.deadline import Deadline
 from jld_core.errors import ParameterError, SolverError
 from jld_core.lazy_exports import export_lazily
 from jld_core.program import ConicProgram
@@ -102,7 +103,7 @@ def installed_solvers() -> tuple[str, ...]:
     return tuple(name for name in SOLVERS if name != "cvxpy" or find_spec(name) is not None)
 
 
-def solve_auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
+def solve_auxiliary(program: ConicProgram, gap: float = 1e-8, until: Deadline | None = None) -> RawSolution:
     """Solve a program other than that of a labelling: by schur if large, else clarabel.
 
     Clarabel also solves large programs on which schur fails.
@@ -113,6 +114,8 @@ def solve_auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
         Any program.
     gap : float
         Relative duality gap to reach, of schur only.
+    until : Deadline, optional
+        End, of schur only: DeadlinePassed is raised after it.
 
     Returns
     -------
@@ -121,7 +124,7 @@ def solve_auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
     """
     if is_large(program.structure):
         try:
-            answer = SchurSolver(gap=gap).solve(program)
+            answer = SchurSolver(gap=gap, until=until).solve(program)
         except SolverError:
             return ClarabelSolver().solve(program)
         if answer.status is not RawStatus.FAILED:

@@ -17,7 +17,7 @@ from jld_core import plugins
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, without
 from jld_core.batch.batch_solver import FALLS, BatchResults, BatchSolver
-from jld_core.deadline import Deadline
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import ParameterError
 from jld_core.limit import CaseBounds, Motion, State, governing
 from jld_core.limit.analysis import LimitAnalysis
@@ -356,7 +356,7 @@ class Standing:
         carries = (low >= 0.0) & self._by_load_factor
         # whether one of thousands of faces stands takes longer than its λ: it is not begun where it would be late
         until = None if deadline is None else Deadline(deadline.remaining() - _LONGER * solved_in)
-        found = np.min([case.of(labels, carries.copy(), until) for case in self._cases], axis=0)
+        found = np.min([case.of(labels, carries.copy(), until, deadline) for case in self._cases], axis=0)
         if self._falls_only:
             found[found == 1.0] = math.nan
         return np.asarray(found)
@@ -409,8 +409,11 @@ class _Case:
         self._begun = False  # whether all that is dry in the first labellings was looked at
         self._gain = np.empty(0)  # of each motion: dissipation below which it proves a fall
 
-    def of(self, labellings: Bits, carries: Bools, deadline: Deadline | None) -> Floats:
-        """Return 1, 0 or NaN for labellings (k, m); carries: (k,) a state of λ ≥ 0 is known."""
+    def of(self, labellings: Bits, carries: Bools, deadline: Deadline | None, until: Deadline | None) -> Floats:
+        """Return 1, 0 or NaN for labellings (k, m); carries: (k,) a state of λ ≥ 0 is known.
+
+        After `deadline` no labelling is begun, and none goes on after `until`.
+        """
         if self._every:
             return np.ones(len(labellings))
         found = np.full(len(labellings), math.nan)
@@ -419,7 +422,7 @@ class _Case:
         if not self._begun and np.count_nonzero(open_rows) > _FEW and not late:
             # what is dry in any of them: where that stands with room, as most walls do, all are settled at once
             self._begun = True
-            self._learn(labellings[open_rows].any(axis=0), labellings, found)
+            self._learn(labellings[open_rows].any(axis=0), labellings, found, until)
         asked = False
         for k in range(len(labellings)):
             if not math.isnan(found[k]):
@@ -433,15 +436,18 @@ class _Case:
                 )
                 if not math.isnan(found[k]):
                     continue
-            proof = self._learn(labellings[k], labellings, found)
+            proof = self._learn(labellings[k], labellings, found, until)
             if proof is not None:
                 found[k] = self._known[np.packbits(labellings[k]).tobytes()] = float(isinstance(proof, State))
         return found
 
-    def _learn(self, labels: Bits, labellings: Bits, found: Floats) -> State | Motion | None:
+    def _learn(self, labels: Bits, labellings: Bits, found: Floats, until: Deadline | None) -> State | Motion | None:
         """Find what decides labels (m,), and settle labellings (k, m) by it; `found` (k,) is changed."""
         states, motions = len(self._bad), len(self._cost)
-        proof = self._analysis.repair.proof_at_zero(labels)
+        try:
+            proof = self._analysis.repair.proof_at_zero(labels, until)
+        except DeadlinePassed:
+            return None
         if proof is not None:
             self._add(proof)
             self._test(labellings, found, states, motions)

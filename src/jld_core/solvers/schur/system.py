@@ -21,6 +21,7 @@ import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
+from jld_core.deadline import Deadline
 from jld_core.errors import SolverError
 from jld_core.linalg.cholesky import Fronts
 from jld_core.program import ConicProgram
@@ -459,13 +460,15 @@ class SchurSolver(Solver):
     """Schur-complement interior-point solver for large assemblies; it keeps the analysis of the last structure.
 
     Columns must separate into faces, and cones have one size; `solve` raises SolverError for other programs. gap:
-    relative duality gap to reach. most: largest number of iterations.
+    relative duality gap to reach. most: largest number of iterations. until: DeadlinePassed is raised after it.
     """
 
     name = "schur"
 
-    def __init__(self, tolerance: float | None = None, gap: float = 1e-8, most: int = 100) -> None:
-        self._tolerance, self._gap, self._most = tolerance, gap, most
+    def __init__(
+        self, tolerance: float | None = None, gap: float = 1e-8, most: int = 100, until: Deadline | None = None
+    ) -> None:
+        self._tolerance, self._gap, self._most, self._until = tolerance, gap, most, until or Deadline()
         self._structure: Structure | None = None
         self._system: SchurSystem | None = None
         self._equations: BlockEquations | None = None
@@ -492,7 +495,7 @@ class SchurSolver(Solver):
             restored = equations.multipliers if equations is not None else np.asarray
             if suffices is not None:
                 run.suffices = lambda point, dual: suffices(point, restored(dual))
-            status, iterate, iterations = run.to_the_end(self._most)
+            status, iterate, iterations = run.to_the_end(self._most, self._until)
             point, dual = run.answer(status, iterate)
             dual = restored(dual)
         return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=run.note)
@@ -525,7 +528,7 @@ class _Iteration:
         self.note = ""
         self.suffices: Suffices | None = None
 
-    def to_the_end(self, most: int) -> tuple[RawStatus, Iterate, int]:
+    def to_the_end(self, most: int, until: Deadline) -> tuple[RawStatus, Iterate, int]:
         """Iterate until convergence, a ray or stagnation; return status, iterate and count."""
         # Without convergence the best iterate is returned.
         try:
@@ -536,6 +539,7 @@ class _Iteration:
             return RawStatus.FAILED, nothing, 0
         best, least, stalled = now, np.inf, 0
         for iteration in range(most):
+            until.check()
             status, merit = self._status_of(now)
             if status is not None:
                 return status, now, iteration
