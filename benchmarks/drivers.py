@@ -1,14 +1,17 @@
 """What drivers and other optimisers reach in the same processor time on 24 scenes of 32 to 2 946 faces.
 
 λ over the best single driver of jld on the same scene: its median of the seeds. The front is the volume below λ over at
-least so many dry faces. Evaluations are those of one evaluator of jld in one thread; pymoo and nevergrad choose labels
-as bits, which jld reads as the nearest layout that keeps the limits. `python -m benchmarks.drivers SECONDS SEEDS
-[METHODS [SCENES]]` (lists between commas) adds runs to `drivers.csv`; without arguments table and picture are drawn.
+least so many dry faces; seeds: the least λ of one driver over its largest, where a scene has several. Evaluations are
+those of one evaluator of jld in one thread; pymoo and nevergrad choose labels as bits, which jld reads as the nearest
+layout that keeps the limits; cpsat is a large neighbourhood search, whose model in OR-tools' CP-SAT cuts the blocks
+around a place of the best layout anew. `python -m benchmarks.drivers SECONDS SEEDS [METHODS [SCENES]]` (lists between
+commas) adds runs to `drivers.csv`; without arguments table and picture are drawn.
 """
 
 from __future__ import annotations
 
 import csv
+import importlib
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -351,6 +354,11 @@ def draw(rows: pd.DataFrame) -> None:
             for label, value in (("λ", "load_factor"), ("front", "front")):
                 some = [ratio[value][name].dropna().quantile(number) for name in order]
                 body.append([f"{words} of {label}", "", "", *(f"{one:.3f}" for one in some)])
+        groups = own.groupby(["scene", "method"])["load_factor"]
+        spread = (groups.min() / groups.max())[groups.size() > 1].unstack()
+        for words, number in (("least", 0.0), ("median", 0.5)):
+            some = [spread[name].dropna().quantile(number) if name in spread else np.nan for name in order]
+            body.append([f"{words} of seeds", "", "", *("" if np.isnan(one) else f"{one:.3f}" for one in some)])
         seeds = own["seed"].nunique()
         parts.append(f"## {seconds:g} s of the processor, at most {seeds} seed{'s' * (seeds > 1)} a scene\n")
         parts.append(table(["scene", "faces", "best single driver", *order], body))
@@ -367,7 +375,7 @@ def draw(rows: pd.DataFrame) -> None:
         axes[1].legend(fontsize=7)
     figure.savefig(RESULTS / "drivers.png", dpi=130)
     text = "\n".join(["# What drivers reach in the same time", "", about(__doc__), "", *parts, load_of_machine()])
-    write("drivers", text, ("pymoo", "nevergrad"))
+    write("drivers", text, ("pymoo", "nevergrad", "ortools"))
 
 
 def main() -> None:
@@ -375,6 +383,8 @@ def main() -> None:
     path = RESULTS / "drivers.csv"
     if len(sys.argv) > 2:
         methods = sys.argv[3].split(",") if len(sys.argv) > 3 else METHODS
+        if "cpsat" in methods:
+            importlib.import_module("ortools.sat.python.cp_model")  # not after HiGHS, whose names its library has too
         scenes = sys.argv[4].split(",") if len(sys.argv) > 4 else list(SCENES)
         for seed in map(int, sys.argv[2].split(",")):
             for name in scenes:

@@ -43,7 +43,9 @@ _CHAINS: Final = (16, 4)  # number of chains below and above that
 _FRONT_SHARES: Final = (0.15, 0.5)  # share of evaluations for the front, and while λ has not risen in half of all
 _RISE: Final = 1e-4  # relative gain of λ that counts as one
 _BRIEF: Final = 2  # batches without progress of the first climb at a labelling of the front; each later one has twice
-_RATIOS: Final = (8.0, 32.0)  # evaluations of chains and population per one of a climb, and once climbs gain nothing
+# Evaluations of chains and population per one of a climb, likewise, and how many times as many once climbs gain nothing
+_RATIOS: Final = (1.0, 8.0)
+_LONGEST: Final = 4.0
 
 _NO_LOAD_FACTOR: Final = 1e300  # energy per rank of the status, as in annealing
 
@@ -86,8 +88,9 @@ class Portfolio(Anneal):
         # gain. For a front some evaluations climb at labellings of it, each without worse counts, or are of the
         # population.
         super().__init__(space, seed, _CHAINS[int(space.candidates.sum()) >= _FACES], aim)
-        cheap = int(space.candidates.sum()) < _CHEAP
+        self._cheap = cheap = int(space.candidates.sum()) < _CHEAP
         self.aim, self._together, self._screened = aim, _CHANGES[cheap], _SCREENED[cheap]
+        self._others_per_climb = _RATIOS[cheap]
         self._patience = _PATIENCE * self.operators.keys
         self._choice = np.random.default_rng([seed, 2])
         self._surrogate = Surrogate(space)
@@ -108,7 +111,7 @@ class Portfolio(Anneal):
         # Chains know their own best alone: at a common one half of them would end where the first climb did.
         self._incumbent: tuple[float, Bits | None, int] = (math.inf, None, 0)
         self._known: float = math.inf  # energy of the incumbent when the last climb ended
-        self._ratio, self._left = _RATIOS[0], 0.0
+        self._ratio, self._left, self._ended = 1.0, 0.0, 0  # the last: climbs that have ended
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -200,10 +203,12 @@ class Portfolio(Anneal):
     def _end_climb(self, climb: _Climb) -> None:
         """End a climb; one that gained nothing leaves more time to chains and population than the one before."""
         gained = self._incumbent[0] < self._known and climb.energy <= self._incumbent[0]
-        self._ratio = max(_RATIOS[0], self._ratio / 2.0) if gained else min(_RATIOS[1], 2.0 * self._ratio)
+        self._ratio = max(1.0, self._ratio / 2.0) if gained else min(_LONGEST, 2.0 * self._ratio)
         if self._incumbent[0] >= _NO_LOAD_FACTOR:  # nothing stands yet
-            self._ratio = 1.0
-        self._left = self._ratio * max(climb.spent, 2 * self.operators.keys)
+            self._ratio = 1.0 / self._others_per_climb
+        # where one layout takes longer a climb has many evaluations, and chains gain little in as many more
+        some = min(max(climb.spent, 2 * self.operators.keys), (math.inf if self._cheap else 4) * self.operators.keys)
+        self._left, self._ended = self._others_per_climb * self._ratio * some, self._ended + 1
         self._climb, self._known = None, self._incumbent[0]
 
     def _climb_from(self, climb: _Climb) -> Bits:
@@ -228,9 +233,9 @@ class Portfolio(Anneal):
         return np.concatenate(batches)
 
     def _beginnings(self) -> Bits:
-        """Return random labellings, or crossings of the incumbent with labellings of chains, and changes of it."""
+        """Return random labellings, or every other time crossings of the incumbent with labellings of chains."""
         best = self._incumbent[1]
-        if best is None or self._incumbent[0] >= _NO_LOAD_FACTOR:
+        if best is None or self._incumbent[0] >= _NO_LOAD_FACTOR or (self._ended % 2 and not self._cheap):
             return self.fresh(self.draw, _FIRST)
         many = np.repeat(best[None], _FIRST, axis=0)
         crossed = self.register.admit(self.operators.cross_indexed(many, self._others(_FIRST), self.rng)[0])
