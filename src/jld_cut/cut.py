@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +17,7 @@ import shapely
 from jld_core import Floats, InputError, Ints, ParameterError, files
 from jld_cut.cells import Limits
 from jld_cut.families import FAMILIES
+from jld_cut.fields import bounds_beside, scene_of_parts
 from jld_cut.loads import parse_load, parse_region
 from jld_cut.marks import mark, tenons
 from jld_cut.meshes import read_solid
@@ -31,7 +30,7 @@ from jld_explore.report import csv_of
 from jld_formats import export
 from jld_views import figures, page_of_study
 
-_FIELDS: Final = 45.0  # time from which bounds by fields have a chance, s
+_FIELDS: Final = 25.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
@@ -202,9 +201,11 @@ def cut(
     summary = _summary(chosen, families, solid, options)
     _write(chosen, summary, out, options)
     say(summary["verdict"])
-    with _fields_beside(chosen, out, left(0.95)) as bracket:
+    scene = _by_fields(chosen, wish.setting, out) if left(1.0) > _FIELDS else None
+    with bounds_beside(scene, left(0.9)) if scene else nullcontext() as bracket:
         _draw(chosen, summary, out, scale, left(0.8))
-        summary["by_fields"] = bracket(left(0.95))
+        summary["by_fields"] = bracket(left(0.95)) if bracket else None
+    say(_told_of_fields(summary["by_fields"], scene is not None))
     summary["seconds"] = time.perf_counter() - start
     files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     return summary
@@ -490,27 +491,24 @@ def _shown(value: Any) -> str:
     return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-@contextmanager
-def _fields_beside(chosen: Chosen, out: Path, seconds: float) -> Iterator[Callable[[float], list[float | None] | None]]:
-    """Begin bounds of λ by fields in a process that the clock ends; yield what waits for its bracket."""
-    if not chosen.fine.convex or seconds < _FIELDS:
-        yield lambda _: None
-        return
-    order = [sys.executable, "-m", "jld_explore", "solve", str(out / "scene.json"), "--cracks", "fields:0.5", "--json"]
-    process = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+def _told_of_fields(bracket: list[float | None] | None, begun: bool) -> str:
+    """Return in words which of both models of cracks was reached."""
+    if bracket is None:
+        why = "time ended before the first mesh" if begun else "the parts are no union of a few convex pieces"
+        return f"λ is by cells; by fields it is not known: {why}"
+    low, high = (f"{end:.4g}" if end is not None else "–" for end in bracket)
+    return f"λ by fields, with cracks anywhere in the parts: {low} … {high}"
 
-    def bracket(seconds: float) -> list[float | None] | None:
-        try:
-            found = json.loads(process.communicate(timeout=max(0.1, seconds))[0])["bracket"]
-        except (subprocess.TimeoutExpired, ValueError, KeyError):
-            return None
-        return [None if end is None else float(end) for end in found]
 
+def _by_fields(chosen: Chosen, setting: Setting, out: Path) -> Path | None:
+    """Write the scene of the parts as convex pieces; None for parts that these do not make up."""
+    bodies = [part.exact for part in chosen.parts]
     try:
-        yield bracket
-    finally:
-        process.kill()
-        process.wait()
+        scene = scene_of_parts(chosen.fine.document["name"], chosen.family.cutting, bodies, setting)
+    except InputError:
+        return None
+    files.write_text(out / "scene_fields.json", json.dumps(scene) + "\n")
+    return out / "scene_fields.json"
 
 
 def table_of(parts: list[Part], scale: float) -> pd.DataFrame:

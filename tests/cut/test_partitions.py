@@ -13,10 +13,11 @@ import pytest
 import trimesh
 from manifold3d import Manifold
 
-from jld_core import InputError
+from jld_core import InputError, build_assembly, parse_scene
 from jld_cut import Options
 from jld_cut.cells import BENT, Cutting, Joint, Limits
 from jld_cut.cut import verdict
+from jld_cut.fields import scene_of_parts
 from jld_cut.marks import mark, tenons
 from jld_cut.meshes import as_written, doubled_edges, moments, pieces_of, read_solid, solid_of, surface_of
 from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
@@ -216,6 +217,23 @@ def test_a_part_with_a_hook_slides_out() -> None:
     assert truth.convex
     steps = truth.order(np.array([0, 1]), 60.0).steps
     assert abs(steps[-1].direction @ [0, 1, 0]) == pytest.approx(1.0)
+
+
+def test_parts_are_a_few_convex_pieces_for_fields() -> None:
+    """An L of two parts is three pieces that hold its volume, joined along one bisector; a bowl is none of a few."""
+    solid = box(3, 1, 1) + box(1, 1, 3)
+    wish = Options((3.0,) * 3, ("0,0,-1000",)).wish()
+    cutting = Cutting(solid)
+    cutting.through(np.array([1.0, 0, 0]), 2.0)
+    scene = scene_of_parts("L", cutting, cutting.cells, wish.setting)
+    assembly = build_assembly(parse_scene(scene))
+    free = assembly.elements.free
+    assert len(free) == 3
+    assert assembly.elements.volume[free].sum() == pytest.approx(5.0, rel=1e-9)
+    assert sorted(assembly.interfaces.area.round(9).tolist())[:2] == [1.0, 1.0]
+    bowl = (Manifold.sphere(1.6, 24) - Manifold.sphere(1.4, 24)) ^ box(4, 4, 2, (-2, -2, 0))
+    with pytest.raises(InputError, match="convex pieces"):
+        scene_of_parts("bowl", Cutting(bowl), [bowl], wish.setting)
 
 
 def test_regions_stay_whole() -> None:
