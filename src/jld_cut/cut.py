@@ -223,7 +223,7 @@ def _refuse_small(solid: Any, limits: Limits) -> None:
             problem = (
                 f"the solid makes at least {int(np.ceil(number))} such parts, and {limits.cells} cells are the most"
             )
-            raise InputError(name, problem, "larger parts")
+            raise InputError(name, problem, "larger parts, or another unit of the file")
 
 
 def _refuse_thin(solid: Any, clearance: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -220,6 +221,72 @@ def test_files_of_all_kinds_hold_the_same_solid(tmp_path: Path) -> None:
         assert read_solid(tmp_path / name, 1.0).volume() == pytest.approx(volume, rel=1e-6)
 
 
+def _ascii(space: str, end: str, upper: bool) -> bytes:
+    points, triangles = surface_of(box(1, 1, 2))
+    lines = ["solid a"]
+    for face in points[triangles]:
+        corners = [space.join(["", "vertex", *map(repr, corner)]) for corner in face.tolist()]
+        lines += [f"{space}facet normal{space}0 0 0", f"{space}outer loop", *corners, "endloop", "endfacet"]
+    text = end.join([*lines, "endsolid a", ""])
+    return (text.upper() if upper else text).encode()
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        _ascii(" ", "\n", False),
+        _ascii("\t  ", "\r\n", True),
+        _ascii("  ", "\n\n \n", False),
+        b"\xef\xbb\xbf" + _ascii(" ", "\r", False),
+    ],
+)
+def test_text_files_are_read_however_they_are_spaced(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "a.stl"
+    path.write_bytes(data)
+    assert read_solid(path, 1.0).volume() == pytest.approx(2.0)
+
+
+def test_a_triangle_that_is_there_twice_is_one(tmp_path: Path) -> None:
+    points, triangles = surface_of(box(1, 1, 2))
+    path = tmp_path / "a.stl"
+    path.write_bytes(stl_bytes(points, np.concatenate([triangles, triangles[:1, [1, 2, 0]], [[0, 0, 1]]])))
+    assert read_solid(path, 1.0).volume() == pytest.approx(2.0)
+
+
+_TWO = '<item objectid="1"/><item objectid="1" transform="1 0 0 0 1 0 0 0 1 1000 0 0"/>'
+_BOTH = '<component objectid="1"/><component objectid="1" transform="-1 0 0 0 1 0 0 0 1 0 0 0"/>'
+
+
+@pytest.mark.parametrize(
+    ("build", "more", "found"),
+    [
+        ("", "", [0, 0, 0, 1, 1, 2]),
+        (_TWO, "", [0, 0, 0, 2, 1, 2]),
+        ('<item objectid="1" transform="0 0 1 0 1 0 -1 0 0 0 0 0"/>', "", [-2, 0, 0, 0, 1, 1]),
+        ('<item objectid="9"/>', f'<object id="9"><components>{_BOTH}</components></object>', [-1, 0, 0, 1, 1, 2]),
+        ('<item objectid="9"/>', '<object id="9"><components><component objectid="9"/></components></object>', "3MF"),
+        ('<item objectid="7"/>', "", "3MF"),
+        ('<item objectid="1" transform="1 0 0"/>', "", "3MF"),
+        (_TWO.replace("1000", "5000"), "", "2 solids"),
+    ],
+)
+def test_objects_of_a_3mf_file_stand_where_it_builds_them(tmp_path: Path, build: str, more: str, found: Any) -> None:
+    path = tmp_path / "a.3mf"
+    points, triangles = surface_of(box(1, 1, 2))
+    write_3mf(path, [("a", 1e3 * points, triangles)])
+    with zipfile.ZipFile(path) as archive:
+        model = archive.read("3D/3dmodel.model").decode()
+    start, end = model.index("<build>"), model.index("</build>")
+    model = model[:start].replace("</resources>", f"{more}</resources>") + "<build>" + build + model[end:]
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("3D/3dmodel.model", model)
+    if isinstance(found, str):
+        with pytest.raises(InputError, match=found):
+            read_solid(path, 1.0)
+    else:
+        assert read_solid(path, 1.0).bounding_box() == pytest.approx(found)
+
+
 def _open(points: Any, triangles: Any) -> tuple[Any, Any]:
     return points, triangles[1:]
 
@@ -249,7 +316,7 @@ def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any,
     ("change", "told"),
     [
         ({"fit": (0.0, 1.0, 1.0)}, "fit"),
-        ({"fit": (0.05, 0.05, 0.05)}, "such parts, and 60 cells"),
+        ({"fit": (0.05, 0.05, 0.05)}, "such parts, and 60 cells.*another unit"),
         ({"mass": 0.5}, "mass"),
         ({"loads": ()}, "load"),
         ({"loads": ("0,0",)}, "load"),
