@@ -12,7 +12,6 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-import shapely
 
 from jld_core import Floats, InputError, Ints, ParameterError, files
 from jld_cut.cells import Limits
@@ -22,12 +21,12 @@ from jld_cut.loads import parse_load, parse_region
 from jld_cut.marks import mark, tenons
 from jld_cut.meshes import read_solid
 from jld_cut.partitions import Layouts, frames
-from jld_cut.parts import Part, different, lay, parts_of, write_parts
+from jld_cut.parts import Part, different, lay, parts_of, plain_surface, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
 from jld_cut.scene import Matter, Setting
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, search_all
 from jld_explore.report import csv_of
-from jld_formats import export
+from jld_formats import step_of_solids
 from jld_views import figures, page_of_study
 
 _FIELDS: Final = 25.0  # time from which bounds by fields have a chance, s
@@ -426,7 +425,7 @@ def verdict(summary: dict[str, Any]) -> str:
         told += "; time ended before an order of assembly was found"
     if summary["can_be_laid"] is False:
         told += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
-    return "; ".join([told, *summary.get("warnings", ())]) + "."
+    return told + "."
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options) -> None:
@@ -452,12 +451,9 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options)
     summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]
     summary["file_error"] = max(part.error for part in chosen.parts)
     files.write_text(out / "parts.csv", csv_of(table_of(chosen.parts, scale)))
-    try:
-        export(chosen.family.layout(chosen.block), "step", out / "parts.step")
-    except InputError as error:
-        summary["warnings"] = [f"parts.step was not written: {error}"]
-    except shapely.errors.GEOSException:
-        summary["warnings"] = ["parts.step was not written: a face of a part cannot be split to triangles"]
+    solids = [(part.name, False, plain_surface(part.exact)) for part in chosen.parts]
+    size = max(float(part.box.max()) for part in chosen.parts)
+    files.write_text(out / "parts.step", step_of_solids(chosen.fine.document["name"], "m", size, solids))
     summary["verdict"] = verdict(summary)
     files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from jld_cut.meshes import (
     as_read,
     as_written,
     doubled_edges,
+    open_edges,
     read_solid,
     solid_of,
     stl_bytes,
@@ -32,7 +34,7 @@ from jld_cut.meshes import (
     volume_of,
     write_3mf,
 )
-from jld_cut.parts import Part, lay, write_parts
+from jld_cut.parts import Part, lay, plain_surface, write_parts
 from jld_cut.scene import Matter
 
 DOWN = ("0,0,-1000",)
@@ -92,6 +94,11 @@ def test_a_part_of_cells_of_different_cuts_is_closed(made: Any) -> None:
         body = union([cutting.cells[k] for k in chosen])
         assert body.volume() == pytest.approx(sum(cutting.cells[k].volume() for k in chosen), rel=1e-9)
         assert doubled_edges(*as_read(stl_bytes(*as_written(body, 1.0)))) == 0
+    # as for a STEP file, with plane faces: the same volume, and two faces at each edge
+    surface = plain_surface(body)
+    fans = np.array([(face[0], *pair) for face in surface.faces for pair in pairwise(face[1:])])
+    assert volume_of(surface.points, fans) == pytest.approx(body.volume(), rel=1e-6)
+    assert len(open_edges(fans)) == 0
     everything = union(cutting.cells)
     assert doubled_edges(*as_written(everything, 1.0)) == 0
     assert everything.volume() == pytest.approx(made().volume(), rel=1e-9)
