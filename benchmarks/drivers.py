@@ -31,7 +31,7 @@ from jld_explore.space.search_space import SearchSpace
 
 WEAK: Final = strength(2e4)
 SINGLE: Final = ("anneal", "genetic", "genetic:best", "hillclimb", "random", "optuna")
-PEERS: Final = ("pymoo", "nevergrad")
+PEERS: Final = ("pymoo", "nevergrad", "cpsat")
 METHODS: Final = ("portfolio", *SINGLE, *PEERS)
 COLUMNS: Final = ("scene", "faces", "method", "seed", "seconds", "load_factor", "front", "evaluations", "share")
 BATCH: Final = 32  # layouts that pymoo and nevergrad ask for at a time
@@ -191,11 +191,13 @@ def of_peer(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> I
 
     def values(chosen: list[Any]) -> tuple[Bits, Any, Any]:
         made = [layout(bits) for bits in chosen]
-        rows = np.concatenate([one for one in made if len(one)])
+        rows = np.concatenate([one for one in made if len(one)] or [np.empty((0, len(space.fixed)), dtype=bool)])
         found = [one.load_factor if one.status is Status.COLLAPSE else -1.0 for one in evaluator.evaluate_all(rows)]
         left = iter(found)
         return rows, np.array(found), np.array([next(left) if len(one) else -2.0 for one in made])
 
+    if name == "cpsat":
+        yield from neighbourhoods(space, values, seed)
     if name == "pymoo":
         from pymoo.algorithms.soo.nonconvex.ga import GA
         from pymoo.core.evaluator import Evaluator as Shell
@@ -228,8 +230,76 @@ def of_peer(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> I
         yield rows, found
 
 
-def run(name: str, method: str, seconds: float, seed: int) -> dict[str, Any]:
-    """One method on one scene: best λ and volume of the front after so many seconds of the processor."""
+def neighbourhoods(space: SearchSpace, values: Callable[[list[Any]], Any], seed: int) -> Iterator[tuple[Bits, Any]]:
+    """Portions of a large neighbourhood search: CP-SAT cuts the blocks around a place of the best layout anew."""
+    # Its model knows the limits on cells; whether a layout is better only evaluation knows, so what it maximises is a
+    # linear model of λ in the joints, fitted to the layouts known, with noise that diversifies.
+    from ortools.sat.python import cp_model
+
+    ways, rng = cast(Any, operators(space)), np.random.default_rng(seed)
+    pairs, cells, (least, most) = ways.graph.pairs, ways.graph.cells, ways.limits.cells
+    ends, near = np.array(pairs), [[b for b, _ in some] for some in ways.graph.links]
+    known: list[Any] = [rng.random(len(pairs)) < rng.random() for _ in range(BATCH)]
+    told: list[float] = []
+
+    class Found(cp_model.CpSolverSolutionCallback):  # type: ignore[misc]
+        def __init__(self, joints: dict[int, Any], base: Any) -> None:
+            super().__init__()
+            self.joints, self.base, self.made = joints, base, list[Any]()
+
+        def on_solution_callback(self) -> None:
+            bits = self.base.copy()
+            bits[list(self.joints)] = [self.boolean_value(one) for one in self.joints.values()]
+            self.made.append(bits)
+
+    rows, found, fresh = values(known)
+    told += fresh.tolist()
+    yield rows, found
+    while True:
+        best = known[int(np.argmax(told))]
+        part = np.array(ways.parts(ways.read(np.where(best, 0.75, 0.25).tolist()))[0])
+        base, inside = part[ends[:, 0]] != part[ends[:, 1]], [int(rng.integers(len(part)))]
+        for a in inside:  # the blocks nearest to a place, up to so many cells
+            if len(inside) > 10 + 20 * rng.random():
+                break
+            own = np.flatnonzero(np.isin(part, part[[a, *near[a]]]))
+            inside += [b for b in own.tolist() if b not in inside]
+        free = set(inside)
+        joints = [k for k, (a, b) in enumerate(pairs) if a in free and b in free]
+        slots = range(len({int(part[a]) for a in inside}) + 2)
+        model = cp_model.CpModel()
+        at = {a: [model.new_bool_var("") for _ in slots] for a in inside}
+        for a in inside:
+            model.add_exactly_one(at[a])
+        for slot in slots:
+            used, size = model.new_bool_var(""), sum(cells[a] * at[a][slot] for a in inside)
+            model.add(size <= int(min(most, len(part))) * used)
+            model.add(size >= max(least, 1) * used)
+        cut = {k: model.new_bool_var("") for k in joints}
+        for k in joints:
+            one, two = (at[a] for a in pairs[k])
+            for p, q in zip(one, two, strict=True):
+                model.add_bool_or(p.negated(), q.negated(), cut[k].negated())  # together: no joint
+                model.add_bool_or(p.negated(), q, cut[k])
+        model.add(sum(cut[k] if not base[k] else 1 - cut[k] for k in joints) >= 1)
+        some = slice(max(0, len(known) - 500), None)
+        bits, value = np.array(known[some], dtype=float), np.array(told[some])
+        bits, rank = bits - bits.mean(axis=0), np.argsort(np.argsort(value)) / len(value) - 0.5
+        weight = bits.T @ np.linalg.solve(bits @ bits.T + len(pairs) * np.eye(len(bits)), rank)
+        weight = weight / max(float(weight.std()), 1e-300) + rng.normal(size=len(weight))
+        model.maximize(sum(int(100 * weight[k]) * cut[k] for k in joints))
+        solver, answer = cp_model.CpSolver(), Found(cut, base)
+        solver.parameters.num_workers, solver.parameters.random_seed = 1, int(rng.integers(1 << 30))
+        solver.parameters.max_deterministic_time = 0.01
+        solver.solve(model, answer)
+        if made := answer.made[-BATCH // 2 :]:
+            rows, found, fresh = values(made)
+            known, told = [*known, *made], [*told, *fresh.tolist()]
+            yield rows, found
+
+
+def run(name: str, method: str, times: list[float], seed: int) -> Iterator[dict[str, Any]]:
+    """One method on one scene: best λ and volume of the front after each of some seconds of the processor."""
     assembly, space = built(SCENES[name]())
     evaluator = Evaluator(assembly, EvaluatorSettings())
     evaluator.evaluate_all(assembly.labels[None])
@@ -242,18 +312,17 @@ def run(name: str, method: str, seconds: float, seed: int) -> dict[str, Any]:
         return found
 
     evaluator.evaluate_all = timed  # type: ignore[method-assign]
-    start, evaluated = time.process_time(), 0
+    start, evaluated, left = time.process_time(), 0, sorted(times)
     front = np.full(int(space.candidates.sum()) + 1, 0.0)
     for rows, values in (of_peer if method in PEERS else of_driver)(method, space, evaluator, seed):
         evaluated += len(rows)
         np.maximum.at(front, (rows & space.candidates).sum(axis=1), np.nan_to_num(np.asarray(values), neginf=0.0))
-        if time.process_time() - start >= seconds:
+        while left and (spent := time.process_time() - start) >= left[0]:
+            volume = float(np.maximum.accumulate(front[::-1]).mean())
+            shown = f"{front.max():.7g}", f"{volume:.7g}", evaluated, f"{inner[0] / spent:.3f}"
+            yield dict(zip(COLUMNS, (name, len(front) - 1, method, seed, left.pop(0), *shown), strict=True))
+        if not left:
             break
-    volume = float(np.maximum.accumulate(front[::-1]).mean())
-    share = inner[0] / (time.process_time() - start)
-    return dict(
-        zip(COLUMNS, (name, len(front) - 1, method, seed, seconds, front.max(), volume, evaluated, share), strict=True)
-    )
 
 
 def draw(rows: pd.DataFrame) -> None:
@@ -310,13 +379,10 @@ def main() -> None:
         for seed in map(int, sys.argv[2].split(",")):
             for name in scenes:
                 for method in methods:
-                    found = run(name, method, float(sys.argv[1]), seed)
-                    sys.stderr.write(f"{found}\n")
-                    with path.open("a", newline="", encoding="utf-8") as file:
-                        out = csv.DictWriter(file, COLUMNS)
-                        if not file.tell():
-                            out.writeheader()
-                        out.writerow(found)
+                    for found in run(name, method, [float(one) for one in sys.argv[1].split(",")], seed):
+                        sys.stderr.write(f"{found}\n")
+                        with path.open("a", newline="", encoding="utf-8") as file:
+                            csv.DictWriter(file, COLUMNS).writerow(found)
     draw(pd.read_csv(path))
 
 

@@ -88,6 +88,13 @@ def every_layout(space: Any) -> Any:
     return np.concatenate([none, *(rows for rows, _ in make_driver("enumeration", space, 0).batches())])
 
 
+def counts_of(built: Assembly, labellings: Any, graph: Any = None, shapes: Any = None) -> dict[str, Any]:
+    """Values (k,) of every count of layouts, by its name."""
+    from jld_explore.space import registered, values_of
+
+    return {one.name: values_of(one, built, np.asarray(labellings), graph, shapes) for one in registered()}
+
+
 def small_blocks(built: Assembly, seed: int, most: int = 4) -> np.ndarray:
     """Labels of random blocks of at most so many elements, none of them glued to a support."""
     rng = np.random.default_rng(seed)

@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from jld_explore.cli.command import main
+from command import main
 from jld_explore.drivers import DRIVERS
 from without_pictures import leave_out_pictures
 

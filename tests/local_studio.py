@@ -5,7 +5,6 @@ from __future__ import annotations
 import http.client
 import json
 import re
-import socket
 import threading
 import time
 from pathlib import Path
@@ -37,7 +36,7 @@ class Local:
         self.desk = StudioSession(parse_scene(scene))
         self.jobs = Jobs(root)
         answers = Api(self.desk, self.jobs, root, lambda: server.first_data(self.desk, root, None))
-        listener = socket.create_server(("127.0.0.1", 0))
+        listener = server._listener(0)  # as the program does, which sends short answers at once
         self.port = listener.getsockname()[1]
         app = build_app(answers, TOKEN, (f"127.0.0.1:{self.port}", f"localhost:{self.port}"))
         self.server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False))

@@ -23,6 +23,8 @@ from scipy.optimize import linprog
 from cases import ROUTE
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, tolerances
 from jld_core.batch import batch_solver
+from jld_core.fields.lower import LowerBound
+from jld_core.fields.upper import UpperBound
 from jld_core.limit import Proof, face_jumps
 from jld_core.limit.analysis import ProofAttempt
 from jld_core.mechanics import YieldSet, equilibrium_matrix, load_vectors, prescribed_friction, scaling_of, yield_set
@@ -102,6 +104,11 @@ def _scaled(result: LimitAnalysisResult) -> tuple[np.ndarray, np.ndarray]:
     scaling = scaling_of(result.assembly)
     jumps = face_jumps(result.assembly, result.mechanism) * scaling.face
     return result.forces / scaling.face, jumps
+
+
+def fields_of(problem: Any, labels: np.ndarray) -> tuple[Any, Any]:
+    """Certified fields of stresses and of velocities of a problem under labels; None for what was not certified."""
+    return LowerBound(problem).bound(labels), UpperBound(problem).bound(labels)
 
 
 # A solver that cannot be believed, for proofs that must not need it to be.

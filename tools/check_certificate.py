@@ -59,6 +59,7 @@ class Scene:
         need((what := self.search.get("candidates", "all")) in ("all", "all+supports"), "other candidates")
         beside = [f for f, (a, b, *_) in enumerate(self.faces) if self.support[a] or self.support[b]]
         self.fixed = dict.fromkeys(beside if what == "all" else (), True)
+        self.inner = {*range(len(self.faces))} - {*beside}
     def forces(self, entries):  # (force, moment) on every element
         found = [(0j, 0.0)] * len(self.w)
         for e in entries:
@@ -82,26 +83,72 @@ class Scene:
         corner = (tension + most) * turn / 12 + (tension - most) * opening / 2
         ends = (-most * opening, corner) if crush else (tension * turn / 6 + most * (turn / 6 - opening),)
         return area * m["shear_strength"] * slip + max(tension * opening, *ends)
-    def bounds(self, reason, bound):  # whether every labelling that a mechanism speaks of stays below the bound
+    def stated(self, reason, bound):  # case, digits, labels, bound on λ of the case, limit on normal forces
         case, digits = whole([reason["case"], reason["digits"]])
         need(0 <= case < len(self.cases) and 0 <= digits < 10_000, "a case that is none, or digits")
-        (dead, live, required), moves = self.cases[case], dict.fromkeys(range(len(self.w)), (0j, 0.0))
-        for k, (x, y, turn) in ((int(k), [v / 2**digits for v in whole(u)]) for k, u in reason["moves"].items()):
-            need(k in moves and not self.support[k], "an element that does not move")
-            moves[k] = complex(x, y), turn
         stated = [(f, kind == "dry") for kind in ("dry", "inner") for f in whole(reason[kind])]
-        known = self.fixed | dict(stated)
+        known, (dead, live, required) = self.fixed | dict(stated), self.cases[case]
         need(all(0 <= f < len(self.faces) and known[f] is self.fixed.get(f, dry) is dry for f, dry in stated), "labels")
         total, unit = (sum(abs(f) for f, _ in forces) for forces in (dead, live))
         bound = bound * required + SLACK * max(abs(bound * required), total / unit / 1e3 if unit else 0)
-        done, work = (sum((f.conjugate() * moves[k][0]).real + m * moves[k][1] for k, (f, m) in enumerate(forces))
-                      for forces in (dead, live))
-        spent, cap = -done, CAP * (total + abs(bound) * unit)
-        for f, (a, b, mid, n, length) in enumerate(self.faces):
-            (va, ta), (vb, tb) = ((moves[k][0] + 1j * moves[k][1] * (mid - self.c[k]), moves[k][1]) for k in (a, b))
-            jump, labels = (vb - va) * n.conjugate(), [known[f]] if f in known else [True, False]
-            spent += max(self.cost(length, jump, tb - ta, dry, cap) for dry in labels)
-        return work >= 0 and spent <= bound * work and (work > 0 or spent < 0)
+        return case, digits, known, bound, CAP * (total + abs(bound) * unit)
+    def power(self, forces, moves):
+        return sum((forces[k][0].conjugate() * u).real + forces[k][1] * turn for k, (u, turn) in moves.items())
+    def speed(self, face, k, moves):  # of the side of an element, along and across the normal, and its turn
+        (u, turn), (_, _, mid, n, _) = moves[k], self.faces[face]
+        return (u + 1j * turn * (mid - self.c[k])) * n.conjugate(), turn
+    def bounds(self, reason, bound):  # the bound of a case, work and dissipation of a mechanism
+        case, digits, known, bound, cap = self.stated(reason, bound)
+        (dead, live, _), moves = self.cases[case], dict.fromkeys(range(len(self.w)), (0j, 0.0))
+        for k, (x, y, turn) in ((int(k), [v / 2**digits for v in whole(u)]) for k, u in reason["moves"].items()):
+            need(k in moves and not self.support[k], "an element that does not move")
+            moves[k] = complex(x, y), turn
+        spent = -self.power(dead, moves)
+        for f, (a, b, *_, length) in enumerate(self.faces):
+            (va, ta), (vb, tb) = (self.speed(f, k, moves) for k in (a, b))
+            labels = [known[f]] if f in known else [True, False]
+            spent += max(self.cost(length, vb - va, tb - ta, dry, cap) for dry in labels)
+        return bound, self.power(live, moves), spent
+    def sizes(self, free):  # with the limits of the scene
+        side = max(max(x) - min(x) for x in zip(*((p.real, p.imag) for k in free for p in self.xy[k]), strict=True))
+        w = sum(self.w[k] for k in free)
+        sizes = {"cells": len(free), "weight": w, "mass": w / (self.gravity or math.inf), "extent": side}
+        return [(size, *self.search.get(f"block_{name}", (None, None))) for name, size in sizes.items()]
+    def possible(self):  # blocks of a segmentation, with the faces inside and around
+        level, found = {frozenset([k]) for k in range(len(self.w)) if not self.support[k]}, []
+        while level:
+            fine = [m for m in level if not any(top and size > top * (1 + 1e-9) for size, _, top in self.sizes(m))]
+            touched = [[f for f, (a, b, *_) in enumerate(self.faces) if a in m or b in m] for m in fine]
+            parts = [(m, *([f for f in own if (m >= {*self.faces[f][:2]}) is x] for x in (True, False)))
+                     for m, own in zip(fine, touched, strict=True)]
+            found += [one for one in parts if not any(self.fixed.get(f) for f in one[1])
+                      and not any(low and size < low * (1 - 1e-9) for size, low, _ in self.sizes(one[0]))]
+            level = {m | {*self.faces[f][:2]} for m, _, around in parts for f in around if f in self.inner}
+        return found
+    def by_blocks(self, reason, bound, ceilings):  # whether mechanisms of all possible blocks keep λ below the bound
+        case, digits, known, bound, cap = self.stated(reason, bound)
+        (dead, live, _), loads = self.cases[case], (bound, max(bound, ceilings[case]))
+        walls, prices = ({int(k): [v / 2**digits for v in whole(u)] for k, u in reason[key].items()}
+                         for key in ("walls", "prices"))
+        own = {frozenset(members): (members, whole(u)) for members, u in reason["blocks"]}
+        fine = all(known.get(f) for f in range(len(self.faces)) if f not in self.inner) and walls.keys() <= self.inner
+        need(fine and self.search.get("segmentation", True) and not any(self.support[k] for k in prices), "blocks")
+        left = [sum(load * s - v for v, s in prices.values()) for load in loads]
+        for block, inside, around in self.possible():
+            if any(known.get(f) for f in inside) or any(known.get(f) is False for f in around):
+                continue
+            members, u = own.get(block, (block, [0] * 3 * len(block)))
+            parts = zip(members, *([value / 2**digits for value in u[i::3]] for i in range(3)), strict=True)
+            moves = {k: (complex(x, y), turn) for k, x, y, turn in parts}
+            spent = -self.power(dead, moves)
+            for f in inside + around:
+                (a, b, *_, length), (x, y, turn) = self.faces[f], walls.get(f, (0, 0, 0))
+                (va, ta), (vb, tb) = (self.speed(f, k, moves) if k in moves else (complex(x, y), turn) for k in (a, b))
+                spent += self.cost(length, vb - va, tb - ta, f in around, cap)
+            held = [prices[k] for k in block if k in prices]
+            for i, load in enumerate(loads):
+                left[i] += min(0, load * self.power(live, moves) - spent - sum(load * s - v for v, s in held))
+        return left[0] >= 0 and left[1] >= 0
     def rule(self, kind, given):  # its clause, None where the scene does not ask for it
         if not given or any(not 0 <= k < len(self.w if kind == "small" else self.faces) for k in given):
             return None
@@ -115,10 +162,7 @@ class Scene:
             return [given[0] + 1, *(-f - 1 for f in given[1:])] if fine and self.faces[given[0]][1] in members else None
         if not (free := [k for k in members if not self.support[k]]) or any(len(members & {*p}) == 1 for p in pairs):
             return None
-        side = max(max(x) - min(x) for x in zip(*((p.real, p.imag) for k in free for p in self.xy[k]), strict=True))
-        w = sum(self.w[k] for k in free)
-        sizes = {"cells": len(free), "weight": w, "mass": w / (self.gravity or math.inf), "extent": side}
-        limits = [(size, *self.search.get(f"block_{name}", (None, None))) for name, size in sizes.items()]
+        limits = self.sizes(free)
         if kind == "large" and all(self.faces[f][0] in members for f in given):
             return [-f - 1 for f in given] if any(top and size > top * (1 + 1e-9) for size, _, top in limits) else None
         small = kind == "small" and any(low and size < low * (1 - 1e-9) for size, low, _ in limits)
@@ -137,10 +181,17 @@ head, digest = lines[0], hashlib.sha256(raw[: raw.rstrip(b"\n").rfind(b"\n") + 1
 need(head.get("jld certificate") == 1 and lines[-1] == {"sha256": digest}, "another version, or another digest")
 bound, found, scene = head["bound"], head["load_factor"], Scene(head["scene"])
 need(type(bound) in (int, float) and math.isfinite(bound) and (found is None or found <= bound), "the claim")
+ceilings = [math.inf] * len(scene.cases)
 clauses = dict(enumerate(([-f - 1 if dry else f + 1] for f, dry in scene.fixed.items()), 1))
 for number, reason in enumerate(lines[1:-1], len(clauses) + 1):
-    if "moves" in reason and scene.bounds(reason, bound):
-        clause = [f + 1 for f in reason["dry"]] + [-f - 1 for f in reason["inner"]]
+    clause = [f + 1 for f in reason.get("dry", ())] + [-f - 1 for f in reason.get("inner", ())]
+    if "moves" in reason:
+        top, work, spent = scene.bounds(reason, bound)
+        if work < 0 or spent > top * work or (work == 0 and spent >= 0):  # it may bound all labellings, if less
+            ceilings[reason["case"]] = min(ceilings[reason["case"]], spent / work if work > 0 else math.inf)
+            clause = None if clause or work <= 0 else [1, -1]
+    elif "walls" in reason:
+        clause = clause if scene.by_blocks(reason, bound, ceilings) else None
     elif "lemma" in reason:
         clause = reason["lemma"] if follows(whole(reason["lemma"]), whole(reason["by"]), clauses) else None
     else:

@@ -1,11 +1,17 @@
-"""Write what is generated from the scene schema: docs/scene_keys.md and docs/scene.schema.json."""
+"""Write what is generated: docs/scene_keys.md and docs/scene.schema.json from the schema, docs/settings.md."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Final
 
+from jld_core import Model
+from jld_explore import ExploreSettings
+from jld_explore.cli.explore import explore_command
+from jld_explore.cli.options import flags_of
+from jld_explore.cli.solve import solve
 from tools.scene_form import json_schema, key_tables
 
 DOCS: Final = Path(__file__).resolve().parent.parent / "docs"
@@ -25,16 +31,40 @@ uncertainty ([reliability](guide/reliability.md)); a material value may also be 
 """
 
 
+SETTINGS: Final = """# Settings: model and search
+
+Generated from the fields of `Model` and `ExploreSettings` by `python -m tools.scene_format`. Python takes them as
+keywords, as in `solve(scene, model=Model(gap=1e-4))` and `explore(scene, driver="exact")`; the command named takes the
+flag.
+"""
+
+
+def settings_tables() -> str:
+    """A table of the model's settings and one of a search's: name, flag, type, default and meaning."""
+    text = SETTINGS
+    for kind, command, called in ((Model, solve, "jld solve"), (ExploreSettings, explore_command, "jld explore")):
+        flags = flags_of(command)
+        text += f"\n## `{kind.__name__}`\n\n| keyword | flag of `{called}` | type | default | meaning |\n"
+        text += "|---|---|---|---|---|\n"
+        for one in fields(kind):
+            flag = f"`{flags[one.name]}`" if one.name in flags else ""
+            default = repr({} if one.default is MISSING else one.default) if one.name != "model" else "Model()"
+            row = (f"`{one.name}`", flag, f"`{one.type}`", f"`{default}`", one.metadata["words"])
+            text += "| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n"
+    return text
+
+
 def files() -> dict[Path, str]:
     """Texts by the file they belong in."""
     return {
         DOCS / "scene_keys.md": HEAD + key_tables(),
+        DOCS / "settings.md": settings_tables(),
         DOCS / "scene.schema.json": json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n",
     }
 
 
 def main() -> None:
-    """Write both."""
+    """Write all."""
     for path, text in files().items():
         path.write_text(text, encoding="utf-8")
         print(path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
 from functools import cache, wraps
 from numbers import Integral, Real
@@ -32,6 +32,7 @@ _KINDS: Final[dict[Any, tuple[Any, str]]] = {
 _MOST: Final = 2**62  # largest whole number, which arrays can hold
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+_Settings = TypeVar("_Settings")
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,22 @@ class _Sequence:
     """List or tuple whose values are of some kinds."""
 
     of: tuple[Any, ...]
+
+
+def setting(default: Any, words: str, **option: Any) -> Any:
+    """Return a field of settings: its default, what it means in words, and what limits its option (`min`).
+
+    Help texts and the section Attributes are made of the words, in which another setting is written `name=value`.
+    """
+    stated = {"words": words, **option}
+    return field(default_factory=dict, metadata=stated) if default is dict else field(default=default, metadata=stated)
+
+
+def documented(kind: type[_Settings]) -> type[_Settings]:
+    """Add the section Attributes, made of the fields that `setting` states; a decorator."""
+    rows = [f"{one.name} : {one.type}\n    {one.metadata['words']}" for one in fields(kind) if "words" in one.metadata]  # type: ignore[arg-type]
+    kind.__doc__ = f"{inspect.cleandoc(kind.__doc__ or '')}\n\nAttributes\n----------\n" + "\n".join(rows)
+    return kind
 
 
 def require_kind(parameter: str, value: Any, *kinds: Any) -> None:

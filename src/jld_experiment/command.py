@@ -54,7 +54,7 @@ def experiment(
     first crack. The exit code is 4 if the two pushes do not agree.
     """
     from jld_experiment import Joints, Settings, run_experiment
-    from jld_experiment.report import status_of, summary
+    from jld_experiment.experiments import status_of, summary
 
     if out is not None:
         files.require_folder(out)
@@ -106,7 +106,7 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
 
 def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out: Path) -> None:
     """Write table, summary and picture."""
-    from jld_experiment.report import figure_of, table
+    from jld_experiment.experiments import figure_of, table
     from jld_views import figures
 
     out.mkdir(parents=True, exist_ok=True)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from jld_formats.options import Imported, ImportOptions, Notes, Report
     from jld_formats.read_mesh import solids_of
     from jld_formats.solids import Part, Solids
-    from jld_formats.write_step import step_of_solids
+    from jld_formats.write_solids import step_of_solids
 
 __all__ = [
     "FORMATS",
@@ -74,7 +74,7 @@ export_lazily(
         "options": ["ImportOptions", "Imported", "Notes", "Report"],
         "read_mesh": ["solids_of"],
         "solids": ["Part", "Solids"],
-        "write_step": ["step_of_solids"],
+        "write_solids": ["step_of_solids"],
     },
     submodules=["cells", "drawn_loads", "facts", "forces", "formats", "libraries", "options", "paths", "solids"],
 )

@@ -169,7 +169,7 @@ _OWN: Final = (
     Format(
         "3dec",
         ".dat",
-        write=of_text("jld_formats.write_step", "command_text"),
+        write=of_text("jld_formats.write_solids", "command_text"),
         members=False,
         keeps=(*_WEIGHED, "name", "materials.gravity"),
     ),
@@ -179,7 +179,7 @@ _OWN: Final = (
         by("jld_formats.read_rhino", "read_rhino"),
         ("3dm",),
         "rhino3dm",
-        by("jld_formats.write_rhino", "write_rhino"),
+        by("jld_formats.write_drawing", "write_rhino"),
         cells=(3,),
         unit="any",
         analysed=True,
@@ -212,7 +212,7 @@ _OWN: Final = (
     Format(
         "gltf",
         ".glb",
-        write=of_text("jld_formats.write_vtk", "gltf_bytes"),
+        write=of_text("jld_formats.write_solids", "gltf_bytes"),
         cells=(2, 3),
         unit="metres",
         analysed=True,
@@ -224,7 +224,7 @@ _OWN: Final = (
         by("jld_formats.read_ifc", "read_ifc"),
         ("ifc",),
         "ifcopenshell",
-        by("jld_formats.write_ifc", "write_ifc"),
+        by("jld_formats.write_solids", "write_ifc"),
         cells=(2, 3),
         unit="any",
         analysed=True,
@@ -235,12 +235,12 @@ _OWN: Final = (
         ".step",
         by("jld_formats.read_step", "read_step"),
         ("step", "stp", "p21"),
-        write=of_text("jld_formats.write_step", "step_text"),
+        write=of_text("jld_formats.write_solids", "step_text"),
         cells=(2, 3),
         unit="any",
         keeps=(*_NAMED, "elements.support"),
     ),
-    Format("vtk", ".vtu", write=by("jld_formats.write_vtk", "write_vtk"), analysed=True, keeps=_NAMED),
+    Format("vtk", ".vtu", write=by("jld_formats.write_solids", "write_vtk"), analysed=True, keeps=_NAMED),
 )
 
 

@@ -14,7 +14,8 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from types import NoneType
@@ -172,8 +173,14 @@ def _sent(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) 
     """Begin to call a function in a process that has read other files, or in a new one."""
     from joblib.externals.loky import ProcessPoolExecutor
 
-    # a process takes a second to begin: the next file has it again
-    executor = _idle.pop() if _idle else ProcessPoolExecutor(1, initializer=signal.signal, initargs=_UNDISTURBED)
+    while _idle:  # a process takes a second to begin: the next file has it again, unless somebody ended it
+        executor = _idle.pop()
+        with suppress(BrokenExecutor):
+            executor.submit(os.getpid).result()
+            break
+        executor.shutdown(kill_workers=True)
+    else:
+        executor = ProcessPoolExecutor(1, initializer=signal.signal, initargs=_UNDISTURBED)
     future = executor.submit(store_result, str(made), function, arguments)
 
     def wait(seconds: float | None) -> bool:

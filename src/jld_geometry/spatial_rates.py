@@ -199,17 +199,16 @@ def volume_rates(assembly: Assembly, element: int) -> tuple[float, Floats, Float
     # The rates are (k, 3) and (k, 3, 3). The first moment is about the present centroid. Its rate [corner, i, j] is
     # that of component i by coordinate j.
     corner = assembly.elements.shape[element] - assembly.elements.centroid[element]
-    volume, by_volume, by_moment = 0.0, np.zeros_like(corner), np.zeros((len(corner), 3, 3))
-    for ring in assembly.elements.faces[element]:
-        for second, third in itertools.pairwise(ring[1:]):
-            own = [ring[0], second, third]
-            x, y, z = corner[own]
-            part = float(x @ np.cross(y, z)) / 6.0
-            slopes = np.array([np.cross(y, z), np.cross(z, x), np.cross(x, y)]) / 6.0
-            volume += part
-            by_volume[own] += slopes
-            by_moment[own] += np.einsum("j,ik->ijk", (x + y + z) / 4.0, slopes) + part / 4.0 * np.eye(3)
-    return volume, by_volume, by_moment
+    by_volume, by_moment = np.zeros_like(corner), np.zeros((len(corner), 3, 3))
+    rings = assembly.elements.faces[element]
+    own = np.array([(ring[0], *pair) for ring in rings for pair in itertools.pairwise(ring[1:])])
+    x, y, z = np.moveaxis(corner[own], 1, 0)
+    slopes = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1) / 6.0
+    parts = (x * slopes[:, 0]).sum(axis=1)
+    np.add.at(by_volume, own, slopes)
+    middle = np.einsum("tj,tik->tijk", (x + y + z) / 4.0, slopes)
+    np.add.at(by_moment, own, middle + parts[:, None, None, None] / 4.0 * np.eye(3))
+    return float(parts.sum()), by_volume, by_moment
 
 
 @dataclass(frozen=True)
@@ -221,39 +220,36 @@ class HeldForces:
     normal: Floats  # (3,) present normal
     twist: float  # torque over the torsion length
 
-    def wrench(self, polygon: Floats) -> Floats:
-        """Return force and moment about the origin (6,) on the second element, by corners (k, 3)."""
-        vector = area_vector(polygon) if area_vector(polygon) @ self.normal > 0.0 else -area_vector(polygon)
-        normal = vector / float(np.linalg.norm(vector))
-        frame = plane_frame(normal, self.normal)
-        flat = ((polygon - polygon[0]) @ frame.T)[None]
-        middle = (
-            polygon[0] + outlines.centroid(flat)[0] @ frame + float(np.mean((polygon - polygon[0]) @ normal)) * normal
-        )
-        shear = self.shear - (self.shear @ (normal - self.normal)) * self.normal
-        ordered = flat if np.linalg.det(np.vstack([frame, normal])) > 0.0 else flat[:, ::-1]
-        length = float(outlines.torsion_length(ordered)[0]) if self.twist else 0.0
-        moment = np.cross(self.corner @ polygon, normal) + np.cross(middle, shear) + self.twist * length * normal
-        return np.concatenate([float(self.corner.sum()) * normal + shear, moment])
+    def wrenches(self, polygons: Floats) -> Floats:
+        """Return force and moment about the origin (p, 6) on the second element, by corners (p, k, 3)."""
+        vector = area_vector(polygons)
+        vector = np.where((vector @ self.normal > 0.0)[:, None], vector, -vector)
+        normal = vector / np.linalg.norm(vector, axis=1)[:, None]
+        frame = plane_frames(normal, self.normal)
+        arm = polygons - polygons[:, :1]
+        flat = np.einsum("pkd,pad->pka", arm, frame)
+        middle = polygons[:, 0] + np.einsum("pa,pad->pd", outlines.centroid(flat), frame)
+        middle += np.einsum("pkd,pd->pk", arm, normal).mean(axis=1)[:, None] * normal
+        shear = self.shear - ((normal - self.normal) @ self.shear)[:, None] * self.normal
+        moment = np.cross(np.einsum("k,pkd->pd", self.corner, polygons), normal) + np.cross(middle, shear)
+        if self.twist:
+            moment += self.twist * outlines.torsion_length(flat)[:, None] * normal
+        return np.concatenate([float(self.corner.sum()) * normal + shear, moment], axis=1)
 
     def rates(self, polygon: Floats) -> Floats:
-        """Return the derivatives (k, 3, 6) of `wrench` by the corners of a polygon (k, 3)."""
+        """Return the derivatives (k, 3, 6) of `wrenches` by the corners of a polygon (k, 3)."""
         step = _STEP * float(np.ptp(polygon, axis=0).max())
-        rates: Floats = np.empty((*polygon.shape, 6))
-        for place in np.ndindex(*polygon.shape):
-            more, less = polygon.copy(), polygon.copy()
-            more[place] += step
-            less[place] -= step
-            rates[place] = (self.wrench(more) - self.wrench(less)) / (2.0 * step)
-        return rates
+        steps = step * np.eye(polygon.size).reshape(-1, *polygon.shape)
+        more, less = self.wrenches(np.concatenate([polygon + steps, polygon - steps])).reshape(2, -1, 6)
+        return np.asarray((more - less).reshape(*polygon.shape, 6) / (2.0 * step))
 
 
-def plane_frame(normal: Floats, beside: Floats) -> Floats:
-    """Return two axes (2, 3) of the plane of a normal; they change smoothly with the normal."""
-    first = np.eye(3)[int(np.argmin(abs(beside)))]
-    first = first - (first @ normal) * normal
-    first = first / np.linalg.norm(first)
-    return np.array([first, np.cross(normal, first)])
+def plane_frames(normals: Floats, beside: Floats) -> Floats:
+    """Return two axes (p, 2, 3) of the planes of normals (p, 3); they change smoothly, and turn left about them."""
+    axis = np.eye(3)[int(np.argmin(abs(beside)))]
+    first = axis - (normals @ axis)[:, None] * normals
+    first = first / np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(normals, first)], axis=1)
 
 
 def face_motion(assembly: Assembly, face: int, mechanism: Floats) -> tuple[Floats, Floats]:

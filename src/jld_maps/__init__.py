@@ -5,6 +5,6 @@
 """
 
 from jld_maps.borders import borders
-from jld_maps.sweep import sweep
+from jld_maps.grid import sweep
 
 __all__ = ["borders", "sweep"]

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from jld_core import Scene, Status, load_scene
-from jld_maps.grid import Grid, points_of
-from jld_maps.sweep import Swept
+from jld_maps.grid import Grid, Swept, points_of
 
 _HALVINGS: Final = 6  # halvings of the distance of two points of a grid before λ is extrapolated
 _NEAR: Final = 1e-3  # share of that distance to the second point of a side at the edge of the map

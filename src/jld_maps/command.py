@@ -6,20 +6,190 @@ import json
 import math
 import os
 import time
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
+import pandas as pd
 import typer
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-from jld_core import ParameterError, build_assembly, error_context, files, load_scene
+from jld_core import Assembly, Floats, ParameterError, build_assembly, error_context, files, load_scene
+from jld_core.scene import units
 from jld_explore.cli import options, streams
 from jld_explore.report import csv_of
+from jld_explore.space import from_string
 from jld_maps.borders import borders
-from jld_maps.grid import MOST, Grid
-from jld_maps.picture import figure_of_layouts, figure_of_map
-from jld_maps.sweep import sweep
-from jld_views import figures
+from jld_maps.grid import ANGLE, MOST, Grid, sweep
+from jld_views import figures, look
+
+_HATCHES: Final = ("", "//", "..", "\\\\", "xx", "--", "oo", "++")
+_MOST: Final = len(_HATCHES)  # regions with a name of their own
+_OTHER: Final = "other"
+_POWERS: Final = {(1, 0): "{f}", (0, 1): "{l}", (1, 1): "{f}·{l}", (1, -1): "{f}/{l}", (1, -2): "{f}/{l}²"}
+
+
+def label_of(key: str, names: tuple[str, str]) -> str:
+    """Return a key with its unit; names: of the units of length and force."""
+    last = key.split(".")[-1].split("[")[0]
+    if key == ANGLE or last.endswith("friction_angle"):
+        return f"{key} [°]"
+    unit = _POWERS.get(units.QUANTITIES.get(last, (0, 0)))
+    return f"{key} [{unit.format(l=names[0], f=names[1])}]" if unit else key
+
+
+def figure_of_map(
+    table: pd.DataFrame, axes: Mapping[str, list[Any]], assembly: Assembly, borders: pd.DataFrame | None = None
+) -> Figure:
+    """Draw a map over its first two keys of several values, or the only one, at the middle of the others."""
+    keys = [key for key in axes if len(axes[key]) > 1][:2] or list(axes)[:1]
+    held = {key: values[(len(values) - 1) // 2] for key, values in axes.items() if key not in keys}
+    shown = table
+    for key, value in held.items():
+        shown = shown[shown[key] == value]
+    layouts = "labelling" in table
+    figure = Figure(figsize=((7.5 if len(keys) == 1 else 11.0), 5.2), dpi=110)
+    FigureCanvasAgg(figure)
+    if len(keys) == 1:
+        _curve(figure.add_axes((0.1, 0.26, 0.86, 0.64)), shown, keys[0], assembly)
+    else:
+        left, right = figure.add_axes((0.07, 0.26, 0.36, 0.64)), figure.add_axes((0.57, 0.26, 0.36, 0.64))
+        grid = [np.array(axes[key], dtype=float) for key in keys]
+        _contours(figure, left, grid, shown["load_factor"].to_numpy(dtype=float))
+        _regions(right, grid, _kinds(shown), "strongest layout" if layouts else "mechanism")
+        if borders is not None and len(borders):
+            right.plot(borders[keys[0]].astype(float), borders[keys[1]].astype(float), ".", color=look.INK, ms=2)
+        for ax in (left, right):
+            ax.set_xlabel(label_of(keys[0], assembly.units), fontsize=9)
+            ax.set_ylabel(label_of(keys[1], assembly.units), fontsize=8 if len(keys[1]) < 30 else 7)
+            ax.locator_params(axis="x", nbins=6)
+            ax.tick_params(labelsize=8)
+    rest = [f"{key} = {value}" for key, value in held.items()]
+    figure.suptitle(", ".join([f"{assembly.name}: {len(table)} points", *rest]), fontsize=11)
+    return figure
+
+
+def _layouts(shown: pd.DataFrame) -> pd.Series:
+    """Name the strongest layouts A, B, … by how often they are the strongest."""
+    order = shown["labelling"].value_counts().index
+    names = {one: f"layout {chr(65 + k) if k < 26 else k + 1}" for k, one in enumerate(order)}
+    return shown["labelling"].map(names).fillna("none")
+
+
+def _kinds(shown: pd.DataFrame) -> Any:
+    """Return what regions show (k,): the strongest layouts, or mechanisms, or the status where there is none."""
+    if "labelling" in shown:
+        return _layouts(shown).to_numpy(dtype=object)
+    return np.where(shown["mechanism"] == "", shown["status"], shown["mechanism"])
+
+
+def _curve(ax: Axes, shown: pd.DataFrame, key: str, assembly: Assembly) -> None:
+    """Draw λ over one key, on the ranges of mechanisms."""
+    x, y = (shown[name].to_numpy(dtype=float) for name in (key, "load_factor"))
+    kind = (
+        _layouts(shown) if "labelling" in shown else shown["mechanism"].where(shown["mechanism"] != "", shown["status"])
+    )
+    names = _few(kind.to_numpy(dtype=object))
+    middle = 0.5 * (x[1:] + x[:-1])
+    ends = np.concatenate([x[:1], middle, x[-1:]])
+    for k, name in enumerate(dict.fromkeys(names)):
+        for j in np.flatnonzero(names == name):
+            ax.axvspan(
+                ends[j], ends[j + 1], fc=look.TINTS[k % len(look.TINTS)], hatch=_HATCHES[k % _MOST], ec="#FFFFFF", lw=0
+            )
+    (line,) = ax.plot(x, y, color=look.INK, lw=1.6, label="λ by faces")
+    drawn: list[Any] = [line]
+    if "fields_lo" in shown:
+        low, high = (shown[name].to_numpy(dtype=float) for name in ("fields_lo", "fields_hi"))
+        drawn.append(ax.fill_between(x, low, high, color=look.PRESS, alpha=0.4, lw=0, label="λ by fields"))
+    ax.set_xlabel(label_of(key, assembly.units), fontsize=9)
+    ax.set_ylabel("load factor λ", fontsize=9)
+    _legend(ax, list(dict.fromkeys(names)), drawn)
+
+
+def _contours(figure: Figure, ax: Axes, grid: list[Floats], values: Floats) -> None:
+    """Draw λ as filled contours."""
+    field = np.ma.masked_invalid(values.reshape(len(grid[0]), len(grid[1])).T)
+    if field.count() and np.ptp(field.compressed()) > 0.0:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a level may lie outside
+            drawn = ax.contourf(*grid, field, levels=12, cmap="viridis")
+            lines = ax.contour(*grid, field, levels=drawn.levels, colors="#FFFFFF", linewidths=0.6)
+        ax.clabel(lines, fontsize=7)
+        bar = figure.colorbar(drawn, cax=figure.add_axes((0.44, 0.26, 0.012, 0.64)))
+        bar.ax.tick_params(labelsize=7)
+    ax.set_title("load factor λ", fontsize=10)
+
+
+def _few(kinds: Any) -> Any:
+    """Return kinds with the rarest beyond `_MOST` as one."""
+    names, counts = np.unique(kinds.astype(str), return_counts=True)
+    kept = names[np.argsort(-counts, kind="stable")][: _MOST if len(names) <= _MOST else _MOST - 1]
+    return np.where(np.isin(kinds.astype(str), kept), kinds, _OTHER)
+
+
+def _regions(ax: Axes, grid: list[Floats], kinds: Any, title: str) -> None:
+    """Draw regions of equal kinds, each with its name where it is widest."""
+    field = _few(kinds).reshape(len(grid[0]), len(grid[1])).T
+    names = list(dict.fromkeys(field.ravel().tolist()))
+    names.sort(key=lambda one: -int((field == one).sum()))
+    place = np.vectorize(names.index)(field)
+    edges = [np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]) for x in grid]
+    colours = ListedColormap([look.TINTS[k % len(look.TINTS)] for k in range(len(names))])
+    ax.pcolormesh(*edges, place, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5, rasterized=True)
+    for k, name in enumerate(names):
+        mask = field == name
+        if _HATCHES[k] and min(mask.shape) > 1:
+            drawn = ax.contourf(*grid, mask.astype(float), levels=[0.5, 1.5], colors="none", hatches=[_HATCHES[k]])
+            drawn.set_edgecolor("#A9A9A9")
+            drawn.set_linewidth(0.0)
+        row, column, wide = _widest(mask)
+        if mask.sum() >= 0.04 * mask.size and wide > 0.03 * len(name) * mask.shape[1] / 2:
+            box = {"fc": "#FFFFFF", "ec": "none", "alpha": 0.85, "pad": 1.5}
+            ax.text(grid[0][column], grid[1][row], name, ha="center", va="center", fontsize=8, bbox=box)
+    ax.set_title(title, fontsize=10)
+    _legend(ax, names)
+
+
+def _widest(mask: Any) -> tuple[int, int, int]:
+    """Return the middle and length of the longest run of a mask (rows, columns) in the row nearest to its middle."""
+    rows, columns = np.nonzero(mask)
+    row = int(rows[np.argmin(abs(rows - np.median(rows)))])
+    own = columns[rows == row]
+    runs = np.split(own, np.flatnonzero(np.diff(own) > 1) + 1)
+    longest = max(runs, key=len)
+    return row, int(longest[len(longest) // 2]), len(longest)
+
+
+def _legend(ax: Axes, names: list[str], drawn: Sequence[Any] = ()) -> None:
+    handles: list[Any] = [
+        Patch(fc=look.TINTS[k % len(look.TINTS)], hatch=_HATCHES[k % _MOST], ec="#A9A9A9", lw=0.4, label=name)
+        for k, name in enumerate(names)
+    ]
+    ax.legend(
+        handles=[*drawn, *handles], loc="upper right", bbox_to_anchor=(1.0, -0.13), ncols=2, fontsize=8, frameon=False
+    )
+
+
+def figure_of_layouts(table: pd.DataFrame, assembly: Assembly) -> Figure | None:
+    """Draw the layouts that are the strongest somewhere, most often first, at most six."""
+    names = _layouts(table)
+    texts = table["labelling"].dropna().value_counts().index[:6]
+    if not len(texts):
+        return None
+    figure, axes = figures.figure_for(assembly, len(texts), 3)
+    for ax, text in zip(axes, texts, strict=True):
+        figures.draw_assembly(ax, assembly, from_string(text), plain=True)
+        own = names[table["labelling"] == text]
+        ax.set_title(f"{own.iloc[0]}: strongest at {len(own)} of {len(table)}", fontsize=9)
+    figures.finish(figure, axes, "strongest layouts", 3)
+    return figure
 
 
 def map_(

@@ -2,17 +2,403 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import shapely
 
-from jld_core import Assembly, Bits, InputError, Model, ParameterError, Scene, build_assembly, parse_scene
+from jld_core import Assembly, Bits, Floats, InputError, Model, ParameterError, Scene, build_assembly, parse_scene
 from jld_core.mechanics import require_materials
 from jld_core.models import limit_analysis
-from jld_maps.middle import Middles, middles_of
+
+_NEAR: Final = 1e-6  # distance, relative to the size of a structure, up to which points are one
+_SHARP: Final = 0.6  # turn of an outline, radians, from which on it is a corner
+
+Map = Callable[[Floats], Floats]
+"""Points (k, 2) on the middle line for points of a structure."""
+
+Sizes = tuple[float, float]
+"""Least and largest thickness."""
+
+
+@dataclass(frozen=True)
+class Middles:
+    """Points of each element, those halfway through the thickness, and what the thickness is."""
+
+    points: list[Floats]
+    middle: list[Floats]
+    thickness: tuple[float, float]
+    across: str
+    near: float
+
+    def scaled(self, element: int, points: Floats, scale: float) -> Floats:
+        """Return where points on the outline of an element are when the thickness is scaled."""
+        middle = _between(points, self.points[element], self.middle[element], self.near)
+        return middle + scale * (points - middle)
+
+
+def middles_of(assembly: Assembly) -> Middles:
+    """Find the middle line or surface; raise InputError where there is none."""
+    planar, near = assembly.dimension == 2, _NEAR * assembly.size
+    try:
+        found = _chain(assembly, near) if planar else _extruded(assembly, near)
+    except InputError:
+        found = _whole(assembly, near) if planar else _by_blocks(assembly, near)
+    _carry_supports(assembly, found)
+    return found
+
+
+def _carry_supports(assembly: Assembly, found: Middles) -> None:
+    """Let supports grow with the blocks that they meet."""
+    support = assembly.elements.support
+    vertices, middles = (
+        np.concatenate([one for one, held in zip(part, support, strict=True) if not held])
+        for part in (found.points, found.middle)
+    )
+    for k in np.flatnonzero(support).tolist():
+        away = np.linalg.norm(found.points[k][:, None] - vertices, axis=2)
+        meets = away.min(axis=1) <= found.near
+        found.middle[k][meets] = middles[away.argmin(axis=1)][meets]
+
+
+def _between(points: Floats, corners: Floats, middle: Floats, near: float) -> Floats:
+    """Return the middles of points on an outline: those of its corners, and of edges in the same proportion."""
+    away = np.linalg.norm(points[:, None] - corners, axis=2)
+    found = np.array(middle[away.argmin(axis=1)])
+    for k in np.flatnonzero(away.min(axis=1) > near).tolist():
+        best = np.inf
+        for i, j in itertools.combinations(range(len(corners)), 2):
+            edge = corners[j] - corners[i]
+            part = float(np.clip((points[k] - corners[i]) @ edge / (edge @ edge), 0.0, 1.0))
+            off = float(np.linalg.norm(corners[i] + part * edge - points[k]))
+            if off < best:
+                best, found[k] = off, (1.0 - part) * middle[i] + part * middle[j]
+    return np.asarray(found)
+
+
+# --- blocks one after the other ----------------------------------------------------------------------------
+
+
+def _chain(assembly: Assembly, near: float) -> Middles:
+    """Blocks one after the other, each between two joints that are whole sides of it."""
+    elements, faces = assembly.elements, assembly.interfaces
+    middle = [points.copy() for points in elements.shape]
+    for k in elements.free.tolist():
+        own = np.flatnonzero((faces.a == k) | (faces.b == k)).tolist()
+        joints = [faces.polygon[face] for face in own if face < assembly.faces]
+        middle[k] = _middle_line(elements.shape[k], joints, near, f"element {elements.ids[k]!r}")
+    sizes = faces.l1[: assembly.faces]
+    return Middles(list(elements.shape), middle, (float(sizes.min()), float(sizes.max())), "blocks", near)
+
+
+def _middle_line(points: Floats, joints: list[Floats], near: float, where: str) -> Floats:
+    """Return the points (k, 2) of a block between two joints that are halfway to its other side."""
+    count = len(points)
+    edges = [
+        i
+        for joint in joints
+        for i in range(count)
+        if {0, 1} == {int(np.argmin(np.linalg.norm(joint - p, axis=1))) for p in (points[i], points[(i + 1) % count])}
+        and all(np.linalg.norm(joint - p, axis=1).min() <= near for p in (points[i], points[(i + 1) % count]))
+    ]
+    if len(edges) == len(joints) == 1 and count == 4:
+        edges.append((edges[0] + 2) % 4)  # a free end
+    if len(edges) != 2 or len(joints) > 2:
+        problem = f"it has {len(joints)} joints, {len(edges)} of which are whole sides of it: no middle line"
+        raise InputError(where, problem, "blocks one after the other, each between two joints across the thickness")
+    first, second = edges
+    one = [(first + 1 + j) % count for j in range((second - first - 1) % count + 1)]
+    two = [(first - j) % count for j in range((first - second - 1) % count + 1)]
+    middle = points.copy()
+    for side, other in itertools.permutations((one, two)):
+        own, far = (_along(points[indices]) for indices in (side, other))
+        across = np.column_stack([np.interp(own, far, points[other][:, axis]) for axis in (0, 1)])
+        middle[side] = 0.5 * (points[side] + across)
+    return middle
+
+
+def _along(line: Floats) -> Floats:
+    """Return the positions (k,) of the points of a line along it, from 0 to 1."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    return np.asarray(length / (length[-1] or 1.0))
+
+
+# --- several blocks through the thickness ------------------------------------------------------------------
+
+
+def _whole(assembly: Assembly, near: float) -> Middles:
+    """Find the middle of a wall, a beam or an arch of several blocks through the thickness, in the plane."""
+    elements, faces = assembly.elements, assembly.interfaces
+    support = elements.support
+    own = np.flatnonzero((support[faces.a] | support[faces.b])[: assembly.faces]).tolist()
+    outlines = [elements.shape[k] for k in elements.free.tolist()]
+    middle_of, thickness, across = _of_body(outlines, [faces.polygon[face] for face in own], near)
+    exact = _exact(middle_of, outlines, near)
+    middle = [exact(points) if across == "wall" or not held else points.copy()
+              for points, held in zip(elements.shape, support, strict=True)]  # fmt: skip
+    return Middles(list(elements.shape), middle, thickness, across, near)
+
+
+def _exact(middle_of: Map, outlines: Sequence[Floats], near: float) -> Map:
+    """Let corners of a block that lie on sides of others stay there."""
+    starts = np.concatenate(outlines)
+    ends = np.concatenate([np.roll(one, -1, axis=0) for one in outlines])
+    edges, size = ends - starts, np.linalg.norm(ends - starts, axis=1)
+
+    def middles(points: Floats, depth: int = 8) -> Floats:
+        found = middle_of(points)
+        for k, point in enumerate(points) if depth else ():
+            part = ((point - starts) * edges).sum(axis=1) / size**2
+            off = np.linalg.norm(starts + part[:, None] * edges - point, axis=1)
+            inside = np.flatnonzero((off <= near) & (part * size > near) & ((1.0 - part) * size > near))
+            if len(inside):
+                edge = int(inside[size[inside].argmax()])
+                one, two = middles(np.stack([starts[edge], ends[edge]]), depth - 1)
+                found[k] = (1.0 - part[edge]) * one + part[edge] * two
+        return found
+
+    return middles
+
+
+def _of_body(outlines: Sequence[Floats], contacts: Sequence[Floats], near: float) -> tuple[Map, Sizes, str]:
+    """Return the middle line of a body on supports, its least and largest thickness, and what it is."""
+    body = shapely.union_all([shapely.Polygon(one) for one in outlines], grid_size=1e-3 * near)
+    lines = shapely.line_merge(shapely.union_all([shapely.LineString(one) for one in contacts], grid_size=1e-3 * near))
+    parts = [np.array(part.coords) for part in getattr(lines, "geoms", [lines])]
+    if body.geom_type != "Polygon":
+        raise InputError("elements", "free elements are in several parts: no middle line", "one body on its supports")
+    if any(abs(_in_frame(part, part[0], part[-1])[:, 1]).max() > near for part in parts):
+        raise InputError("elements", "a contact with supports is bent: no middle line", "straight contacts")
+    ends = [part[[0, -1]] for part in parts]
+    outline = np.array(body.exterior.simplify(1e-2 * near).coords)[:-1]
+    if len(ends) == 1:
+        return (*_wall(outline, ends[0], near), "wall")
+    base, way = ends[0][0], _unit(ends[0][1] - ends[0][0])
+    (reach, off), heights = _in_frame(np.concatenate(ends), *ends[0]).T, _in_frame(outline, *ends[0])[:, 1]
+    underside = shapely.LineString(base + np.outer([reach.min(), reach.max()], way))
+    if abs(off).max() <= near and body.exterior.buffer(near).covers(underside):
+        depth = float(np.ptp(heights))
+        return lambda points: base + np.outer((points - base) @ way, way), (depth, depth), "beam"
+    if len(ends) > 2:
+        raise InputError("elements", f"it rests on supports at {len(ends)} places: no middle line", "one or two")
+    return (*_arch(body, outline, ends, near), "arch")
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _in_frame(points: Floats, start: Floats, end: Floats) -> Floats:
+    """Return points (k, 2) along a line and to the left of it."""
+    way = _unit(end - start)
+    return np.asarray((points - start) @ np.array([way, [-way[1], way[0]]]).T)
+
+
+def _wall(outline: Floats, base: Floats, near: float) -> tuple[Map, Sizes]:
+    """Return the middle of each course of a wall on one support; outline: (k, 2)."""
+    if _in_frame(outline, *base)[:, 1].mean() < 0.0:
+        base = base[::-1]
+    x, y = _in_frame(outline, *base).T
+    if (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() < 0.0:
+        x, y = x[::-1], y[::-1]
+    low, high = (np.flatnonzero(abs(y - end) <= near) for end in (0.0, y.max()))
+
+    def side(first: int, last: int) -> Any:
+        return (first + np.arange((last - first) % len(x) + 1)) % len(x)
+
+    reach = _in_frame(base, *base)[:, 0]
+    if abs(np.sort(reach) - [x[low].min(initial=0.0), x[low].max(initial=0.0)]).max() > near:
+        raise InputError("elements", "it does not stand on a whole side: no middle line", "a wall on its support")
+    right = side(low[x[low].argmax()], high[x[high].argmax()])
+    left = side(high[x[high].argmin()], low[x[low].argmin()])[::-1]
+    if y.min() < -near or any((np.diff(y[one]) <= near).any() for one in (left, right)):
+        problem = "its outline has steps, or hangs over its support: no middle line"
+        raise InputError("elements", problem, "a wall with two sides from its support to its top")
+    way, levels = _unit(base[1] - base[0]), np.concatenate([y[left], y[right]])
+
+    def halves(height: Floats) -> list[Floats]:
+        return [np.interp(height, y[one], x[one]) for one in (left, right)]
+
+    def middle(points: Floats) -> Floats:
+        along, height = _in_frame(points, *base).T
+        return np.asarray(points + np.outer(0.5 * sum(halves(height)) - along, way))
+
+    widths = np.subtract(*halves(levels)[::-1])
+    return middle, (float(widths.min()), float(widths.max()))
+
+
+def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tuple[Map, Sizes]:
+    """Return the middle line of an arch or frame between its contacts (2, 2) with two supports; outline: (k, 2).
+
+    The outline has two sides between the contacts. Corners of both, equally many, are paired, and points between them
+    by their share of length: this gives chords, and the middle of a point is that of the chord through it.
+    """
+    points = np.concatenate([*ends, outline])
+    owner = np.repeat([0, 1, -1], [2, 2, len(outline)])  # contacts may end within a side of the outline
+    order = np.argsort([body.exterior.project(shapely.Point(one)) for one in points], kind="stable")
+    again = np.linalg.norm(points[order] - np.roll(points[order], 1, axis=0), axis=1) <= near
+    order = order[~(again & (owner[order] < 0))]
+    stops, sides = np.flatnonzero(owner[order] >= 0), []
+    for first, last in zip(stops, np.roll(stops, -1), strict=True):
+        if owner[order[first]] != owner[order[last]]:
+            line = points[order[(first + np.arange((last - first) % len(order) + 1)) % len(order)]]
+            sides.append(line[:: 1 if owner[order[first]] == 0 else -1])
+    corners = [_corners(side) for side in sides]
+    if len(sides) != 2 or len(corners[0]) != len(corners[1]):
+        problem = "the corners of its two sides do not match: no middle line"
+        raise InputError("elements", problem, "an arch or a frame on two supports")
+    places = []
+    for side, own in zip(sides, corners, strict=True):
+        pieces = itertools.pairwise([0, *own, len(side) - 1])
+        parts = [k + _along(side[i : j + 1]) for k, (i, j) in enumerate(pieces)]
+        places.append(np.concatenate([parts[0], *(one[1:] for one in parts[1:])]))
+    marks = np.unique(np.concatenate(places))
+
+    def chord(place: Floats) -> tuple[Floats, Floats]:
+        """Return the points (k, 2) of both sides at places along them."""
+        one, two = (
+            np.column_stack([np.interp(place, own, side[:, axis]) for axis in (0, 1)])
+            for own, side in zip(places, sides, strict=True)
+        )
+        return one, two
+
+    def halfway(point: Floats) -> Floats:
+        """Return the middle of the chord through a point; itself outside of the arch."""
+
+        def beside(place: Floats) -> Floats:
+            one, two = chord(place)
+            way, off = two - one, point - one
+            return np.asarray(way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0])
+
+        signs = beside(marks)
+        crossed = np.flatnonzero(signs[:-1] * signs[1:] <= 0.0)
+        low, high, sign = marks[crossed], marks[crossed + 1], np.sign(signs[crossed])
+        for _ in range(60):  # halving to rounding
+            half = 0.5 * (low + high)
+            same = np.sign(beside(half)) == sign
+            low, high = np.where(same, half, low), np.where(same, high, half)
+        one, two = chord(np.concatenate([low, high, marks[abs(signs) <= near * body.length]]))
+        part = np.clip(((point - one) * (two - one)).sum(axis=1) / ((two - one) ** 2).sum(axis=1), 0.0, 1.0)
+        off = np.linalg.norm(one + part[:, None] * (two - one) - point, axis=1)
+        best = int(off.argmin()) if len(off) else -1
+        return 0.5 * (one[best] + two[best]) if best >= 0 and off[best] <= 10.0 * near else point
+
+    sizes = np.linalg.norm(np.subtract(*chord(marks)), axis=1)
+    return lambda given: np.array([halfway(one) for one in given]), (float(sizes.min()), float(sizes.max()))
+
+
+def _corners(line: Floats) -> list[int]:
+    """Return where a line turns sharply."""
+    ways = np.diff(line, axis=0)
+    turns = abs(np.angle(np.exp(1j * np.diff(np.arctan2(ways[:, 1], ways[:, 0])))))
+    return (np.flatnonzero(turns > _SHARP) + 1).tolist()
+
+
+# --- space -------------------------------------------------------------------------------------------------
+
+
+def _extruded(assembly: Assembly, near: float) -> Middles:
+    """Prisms along one direction: a wall, vault or beam that has one outline all along."""
+    elements, faces = assembly.elements, assembly.interfaces
+    free, support = elements.free.tolist(), elements.support
+    corners = np.concatenate([elements.shape[k] for k in free])
+    body = elements.shape[free[0]]
+    tried = [
+        _unit(body[j] - body[i]) for face in elements.faces[free[0]] for i, j in itertools.pairwise((*face, face[0]))
+    ]
+    best: tuple[float, Floats] | None = None
+    for way in tried:
+        reach = float(np.ptp(corners @ way))
+        if (best is None or reach > best[0] * (1 + 1e-9)) and all(_end(assembly, k, way, near) for k in free):
+            best = reach, way
+    if best is None:
+        raise InputError("elements", "they are no prisms along one direction", "prisms across the thickness")
+    reach, way = best
+    axis = np.eye(3)[int(abs(way).argmin())]
+    frame = np.array([_unit(axis - (axis @ way) * way), np.zeros(3)])
+    frame[1] = np.cross(way, frame[0])
+    own = np.flatnonzero((support[faces.a] | support[faces.b])[: assembly.faces]).tolist()
+    contacts = []
+    for face in own:
+        if abs(faces.normal[face] @ way) > _NEAR:
+            raise InputError("elements", "a contact with a support is no strip along its prisms", "whole strips")
+        along = faces.polygon[face] @ np.cross(way, faces.normal[face])
+        contacts.append(faces.polygon[face][[along.argmin(), along.argmax()]] @ frame.T)
+    outlines = [elements.shape[k][list(_end(assembly, k, way, near))] @ frame.T for k in free]
+    middle_of, thickness, across = _of_body(outlines, contacts, near)
+    length = shapely.union_all([shapely.LineString(one) for one in contacts], grid_size=1e-3 * near).length
+    if abs(faces.area[own].sum() - reach * length) > 1e-3 * reach * length:
+        raise InputError("elements", "it does not rest on supports all along: no middle line", "a straight wall")
+    exact = _exact(middle_of, outlines, near)
+    middle = []
+    for points, held in zip(elements.shape, support, strict=True):
+        flat = points @ frame.T
+        moved = flat if held and across != "wall" else exact(flat)
+        middle.append(points + (moved - flat) @ frame)
+    return Middles(list(elements.shape), middle, thickness, across, near)
+
+
+def _end(assembly: Assembly, element: int, way: Floats, near: float) -> tuple[int, ...]:
+    """Return the corners of an end of a prism along a direction; () where it is none."""
+    points = assembly.elements.shape[element]
+    place = points @ way
+    low = place <= place.min() + near
+    if not (low | (place >= place.max() - near)).all() or 2 * low.sum() != len(points):
+        return ()
+    shift = (place.max() - place.min()) * way
+    if np.linalg.norm(points[low][:, None] + shift - points[~low], axis=2).min(axis=1).max() > near:
+        return ()
+    return next((face for face in assembly.elements.faces[element] if low[list(face)].all()), ())
+
+
+def _by_blocks(assembly: Assembly, near: float) -> Middles:
+    """Blocks of a shell, each scaled to the middle of two free faces opposite each other."""
+    elements, faces = assembly.elements, assembly.interfaces
+    middle = [points.copy() for points in elements.shape]
+    for k in elements.free.tolist():
+        own = np.flatnonzero((faces.a == k) | (faces.b == k)).tolist()
+        joints = [faces.polygon[face] for face in own if face < assembly.faces]
+        outline = [list(face) for face in elements.faces[k]]
+        middle[k] = _middle_surface(elements.shape[k], outline, joints, near, f"element {elements.ids[k]!r}")
+    depths = np.concatenate([2.0 * np.linalg.norm(elements.shape[k] - middle[k], axis=1) for k in elements.free])
+    depths = depths[depths > near]
+    return Middles(list(elements.shape), middle, (float(depths.min()), float(depths.max())), "blocks", near)
+
+
+def _middle_surface(points: Floats, faces: list[list[int]], joints: list[Floats], near: float, where: str) -> Floats:
+    """Return the points (k, 3) halfway to the opposite free face; of several pairs of faces the nearest."""
+    free = []
+    for face in faces:
+        corner, normal = points[face[0]], np.zeros(3)
+        for one, two in itertools.pairwise(face[1:]):
+            normal += np.cross(points[one] - corner, points[two] - corner)
+        normal /= np.linalg.norm(normal)
+        if not any(abs((joint - corner) @ normal).max() <= near for joint in joints):
+            free.append(face)
+    edges = {frozenset(pair) for face in faces for pair in zip(face, face[1:] + face[:1], strict=True)}
+    best: tuple[float, Floats] | None = None
+    for inside, outside in itertools.combinations(free, 2):
+        if set(inside) & set(outside) or len(inside) + len(outside) != len(points):
+            continue
+        links = [[b for b in outside if frozenset((a, b)) in edges] for a in inside]
+        if any(len(link) != 1 for link in links) or len({link[0] for link in links}) != len(outside):
+            continue
+        middle = points.copy()
+        for a, (b,) in zip(inside, links, strict=True):
+            middle[[a, b]] = 0.5 * (points[a] + points[b])
+        size = float(np.linalg.norm(points - middle, axis=1).mean())
+        if best is None or size < best[0]:
+            best = size, middle
+    if best is None:
+        problem = "no two free faces lie opposite each other: no middle surface"
+        raise InputError(where, problem, "prisms across the thickness")
+    return best[1]
+
 
 _TOLERANCE: Final = 1e-6  # relative width of the bracket to aim at
 _FIRST: Final = ((1.0, 2.0, 4.0, 8.0), tuple(0.5**k for k in range(11)))  # scales tried where it falls, and stands

@@ -19,10 +19,9 @@ from collections.abc import Callable
 from typing import Final
 
 from jld_core import Scene
-from jld_samples.corners import corner, room
 from jld_samples.planar import arch, buttress, flat_arch, grid, wall
 from jld_samples.stone import Stone, box
-from jld_samples.vaults import dome, vault
+from jld_samples.vaults import corner, dome, room, vault
 
 KINDS: Final[dict[str, Callable[..., Scene]]] = {
     "arch": arch,

@@ -450,11 +450,8 @@ def table_of(
     import pandas as pd  # here and below: slow to import and needed for tables only
 
     count, sense = axes[0]
-    texts = results["labelling"].astype(str)
-    rows = [labelling.dry_of(text) for text in texts]
-    bits = np.array(rows, dtype=bool).reshape(len(results), assembly.faces)
-    nothing = [labelling.beside_nothing(text) for text in texts]
-    beside = np.array(nothing if np.any(nothing) else [])
+    bits, nothing = labelling.of_texts(results["labelling"].astype(str).tolist(), assembly.faces)
+    beside = nothing if nothing.any() else np.zeros((0, assembly.faces), dtype=bool)
     evidence = pd.Series("visited", index=results.index, dtype=object)
     known = front.index.intersection(results.index)
     evidence.loc[known] = front.loc[known, "evidence"].astype(str)
@@ -471,7 +468,7 @@ def table_of(
         "columns": columns,
         "labellings": base64.b64encode(labelling.pack(bits).tobytes()).decode("ascii"),
         "evidence": cast(list[Any], evidence.tolist()),
-        "beside": base64.b64encode(labelling.pack(beside.astype(bool)).tobytes()).decode("ascii"),
+        "beside": base64.b64encode(labelling.pack(beside).tobytes()).decode("ascii"),
         "count": count,
         "sense": "max" if sense == "max" else "min",
         "line": len(axes) == 1,
@@ -496,10 +493,10 @@ def _values(values: pd.Series[Any], digits: int) -> tuple[Literal["integer", "nu
     import pandas as pd
 
     if pd.api.types.is_integer_dtype(values):
-        return "integer", [None if pd.isna(v) else int(v) for v in values]
+        return "integer", values.astype(object).where(values.notna(), None).tolist()
     if pd.api.types.is_float_dtype(values):
         return "number", rounded(values.to_numpy(dtype=float, na_value=np.nan), digits)
-    return "text", ["" if pd.isna(v) else str(v) for v in values]
+    return "text", list(map(str, values.astype(object).where(values.notna(), "").tolist()))
 
 
 def _title(name: str, assembly: Assembly) -> str:

@@ -35,8 +35,9 @@ _LEAST_SEEN: Final = 0.008
 def as_written(figure: Figure) -> Iterator[None]:
     """Make figures drawn inside this context show all text literally."""
     # Dollar signs do not begin formulas, unprintable characters become blanks, and missing glyphs cause no warning.
-    ticks = {id(text) for tick in figure.findobj(Tick) for text in tick.findobj(Text)}  # numbers made by matplotlib
-    for text in figure.findobj(Text):
+    found = figure.findobj(lambda artist: isinstance(artist, Tick | Text))
+    ticks = {id(text) for tick in found if isinstance(tick, Tick) for text in (tick.label1, tick.label2)}
+    for text in found:  # but for numbers made by matplotlib
         if isinstance(text, Text) and id(text) not in ticks:
             text.set_parse_math(False)
             text.set_text(files.printable(text.get_text()))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
+import inspect
 import json
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from tools.scene_meanings import MEANINGS
 from command import ROOT, app
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.program import ConicProgram, Template
+from jld_explore import ExploreSettings, explore
 from jld_formats import FORMATS
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
@@ -33,6 +36,18 @@ GOOD: dict[str, Any] = {
 def test_files_are_current() -> None:
     for path, text in files().items():
         assert path.read_text("utf-8") == text, f"{path.name} is stale: python -m tools.scene_format"
+
+
+def test_keywords_of_python_are_the_settings() -> None:
+    """Settings are stated once: keywords of `explore`, flags and docs/settings.md follow from the fields."""
+    known = {one.name for one in dataclasses.fields(ExploreSettings)}
+    keywords = {
+        name
+        for name, one in inspect.signature(explore).parameters.items()
+        if one.kind is inspect.Parameter.KEYWORD_ONLY
+    }
+    assert keywords - known == {"objective", "started"}
+    assert {"check_fields", "reliability", "csv", "small", "by_experiment", "own_objective"} == known - keywords
 
 
 def test_every_key_has_a_meaning_and_no_meaning_is_left_over() -> None:

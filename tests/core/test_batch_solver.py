@@ -240,16 +240,16 @@ def test_settings_for_large_assemblies_give_the_same_bounds(kernel: str, name: s
 
 
 def test_many_cells_need_one_pass(kernel: str) -> None:
-    """Of 64 layouts of 22 x 22 cells in blocks of up to four, 60 converge in the first pass (54 in that of `TRIES`).
+    """Of 24 layouts of 22 x 22 cells in blocks of up to four all but one converge in the first pass.
 
     Passes that begin where it ended need few iterations for the others, and a factor that breaks down ends nothing.
     """
     analysis = LimitAnalysis(grid_assembly(["a" * 22] * 22 + ["#" * 22], tension=2e6, shear=2e6, friction=0.75))
-    asked = np.array([cases.small_blocks(analysis.assembly, seed) for seed in range(64)])
+    asked = np.array([cases.small_blocks(analysis.assembly, seed) for seed in range(24)])
     made = lanes_of(analysis, kernel, tries=LARGE_TRIES[:5], sampled_start=False)
     found = made.solve(asked, vectors=True)
     once = (found.verdict == batch_solver.PROVEN) & (found.tries == 1)
-    assert int((found.verdict == batch_solver.PROVEN).sum()) >= 60
+    assert int((found.verdict == batch_solver.PROVEN).sum()) >= 22
     assert_proven(analysis, asked[~once], made.solve(asked[~once], vectors=True), LAST_DIGITS)
 
 

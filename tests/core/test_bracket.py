@@ -19,7 +19,6 @@ from cases import CASES, ROUTE, Document, all_inner, box, grid_assembly, grid_do
 from cases import assembly_in_space as assembly
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scene, solve, solve_many
 from jld_core.batch import chosen
-from jld_core.limit.batch import BatchAnalysis
 from jld_core.solvers import ClarabelSolver
 from jld_core.views import facts_of_result
 from jld_explore.report.tables import _ties, is_ahead
@@ -29,7 +28,7 @@ NAMES = ["wall", "beam", "arch", "crushable wall", "cantilever", "no friction", 
 ANALYSES = {name: LimitAnalysis(grid_assembly(CASES[name][0], **CASES[name][1])) for name in NAMES}
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
+@settings(max_examples=70, deadline=None, derandomize=True)
 @given(st.sampled_from(NAMES), st.sampled_from([1e-2, 1e-4, 1e-6]), st.integers(0, 2**31))
 def test_bracket_contains_the_true_value_under_noise(name: str, level: float, seed: int) -> None:
     analysis = ANALYSES[name]
@@ -215,19 +214,16 @@ def test_a_wide_bracket_is_a_collapse_that_says_how_wide_it_is() -> None:
 
 def test_ranks_count_what_is_proven_stronger() -> None:
     """A wide bracket shares the rank of all that it overlaps, and keeps nothing else from its place."""
-    value, low, high = np.array(
-        [
-            [2.0, 2.0, 2.0],
-            [1.5, 1.5, 1.5],
-            [0.2, 0.2, 3.4],
-            [1.5, 1.5 - 1e-9, 1.5 + 1e-9],
-            [1.0, 1.0, 1.2],
-            [math.nan] * 3,
-        ]
-    ).T
+    narrow, rest = [[2.0] * 3, [1.5] * 3, [0.2, 0.2, 3.4], [1.5, 1.5 - 1e-9, 1.5 + 1e-9]], [[1.0, 1.0, 1.2]]
+    value, low, high = np.array([*narrow, *rest, [math.nan] * 3]).T
     group, level = _ties(value, low, high)
     assert group.tolist() == [1, 2, 1, 2, 4, 0]
     assert level.tolist() == [1, 2, 4, 2, 3, 0]
+    # chains share no rank: a tie is with the best of its group; a missing end is λ itself
+    value = np.array([5.0, 4.9, 4.8, 3.0, np.nan, 3.0])
+    low = np.array([4.85, 4.75, 4.7, 3.0, np.nan, np.nan])
+    high = np.array([5.1, 4.95, 4.84, 3.0, np.nan, np.nan])
+    assert _ties(value, low, high)[0].tolist() == [1, 1, 2, 4, 0, 4]
     table = pd.DataFrame({"rank": [1, 1, 3], "bracket_lo": [2.0, 0.2, 1.5], "bracket_hi": [2.0, 3.4, 1.5]})
     assert not is_ahead(table, None, 1e-6)
     assert is_ahead(table, 2.0, 1e-6)
@@ -297,10 +293,8 @@ def test_small_share_of_the_live_load_is_not_taken_as_rounding(make: Make, share
 def test_batch_solver_takes_no_small_share_as_rounding(make: Make, share: float, friction: float) -> None:
     """Shares of 1e-12 and less were locked by the compiled batch solver."""
     assembly = make(share, friction)
-    batch = BatchAnalysis.of(LimitAnalysis(assembly))
-    if batch is None:
-        pytest.skip("no compiled kernel")
-    assert not batch.prove(np.ones((1, len(assembly.interfaces)), dtype=bool)).locked[0]
+    found = solve_many(assembly, np.ones((1, len(assembly.interfaces)), dtype=bool))
+    assert found.status[0] is not Status.LOCKED
 
 
 @pytest.mark.parametrize("make", [planar, spatial])

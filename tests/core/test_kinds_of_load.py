@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from cases import box, dry_and_inner
-from jld_core import InputError, build_assembly, geometry_sensitivities, parse_scene, solve
-from jld_core.loads import Traction, resultants
+from jld_core import InputError, build_assembly, geometry_sensitivities, parse_scene, resultants, solve
+from jld_core.loads import Traction
 
 
 def squares(low: np.ndarray, high: np.ndarray, count: int) -> tuple[np.ndarray, float]:

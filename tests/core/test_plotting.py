@@ -48,8 +48,7 @@ from jld_core.strengths import FaceStrengths
 from jld_practice.laying import assembly_order
 from jld_practice.reactions import settle, thrust_ranges
 from jld_samples import box
-from jld_views import figures, look, moved_joints, quantities, structure, writing
-from jld_views.annotations import legend_inches
+from jld_views import annotations, figures, look, moved_joints, quantities, structure, writing
 
 
 def axes() -> Axes:
@@ -329,7 +328,7 @@ def test_nothing_is_drawn_over_the_structure(name: str) -> None:
         assert not box.overlaps(ax.bbox)
         assert whole.x0 <= box.x0 < box.x1 <= whole.x1
         assert whole.y0 <= box.y0
-        assert legend_inches(ax) > 0.5
+        assert annotations.legend_inches(ax) > 0.5
     for left, right in zip(figure.axes[:-1], figure.axes[1:], strict=True):
         one, other = left.get_legend(), right.get_legend()
         assert one.get_window_extent().x1 < other.get_window_extent().x0
@@ -644,7 +643,6 @@ def test_jld_plot_writes_the_requested_format(tmp_path: Path, monkeypatch: pytes
 
 def test_the_rules_of_drawing_are_those_of_the_pictures() -> None:
     """One place: what a page is told is what matplotlib draws with."""
-    from jld_views import annotations
 
     found = look.rules()
     wall = load_scene(WALL)

@@ -28,8 +28,6 @@ from jld_core import (
     solve,
 )
 from jld_core.fields import problem
-from jld_core.limit import result_of
-from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.refinement import arrangement, crack_cells, refine
 from jld_explore import search_space
 from jld_practice.design import DesignOptions, read_outline, with_loads
@@ -517,10 +515,10 @@ def test_joints_are_normal_to_the_resultant_of_the_stresses(tmp_path: Path) -> N
 # Rigid blocks, cracked on demand, give the full model's λ and brackets (docs/method.md (7.2)).
 
 
-def condensed(analysis: LimitAnalysis, labels: np.ndarray) -> LimitAnalysisResult | None:
+def condensed(assembly: Assembly, labels: np.ndarray) -> LimitAnalysisResult | None:
     """The result by rigid blocks alone."""
-    proof = prove_condensed(analysis, labels)
-    return None if proof is None else result_of(analysis.template, labels, analysis.options, proof, elapsed=0.0)
+    result = solve(assembly, labels, condense="on")
+    return result if "rigid_blocks" in result.facts else None
 
 
 def random_segmentation(assembly: Assembly, blocks: int, rng: np.random.Generator) -> np.ndarray:
@@ -542,15 +540,16 @@ STRENGTHS = (2e6, 2e5, 2e4, 4e3)
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("strength", STRENGTHS)
 def test_condensed_equals_full_on_random_segmentations(strength: float) -> None:
-    """20 segmentations at each of four strengths, λ to 1e-7 and brackets as narrow as asked."""
-    assembly = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=strength, shear=strength)
+    """20 segmentations at each of four strengths, λ to 1e-7 and brackets as narrow as asked; a force off the middle."""
+    live = [{"body": [1, 0]}, {"element": "c2r0", "force": [3, -1], "at": [0.27, 0.39]}]
+    assembly = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=strength, shear=strength, live=live)
     analysis = LimitAnalysis(assembly)
     rng = np.random.default_rng(int(strength))
     exact = 0
     for _ in range(20):
         labels = random_segmentation(assembly, int(rng.integers(2, 7)), rng)
         full = analysis.solve(labels, stands=False)
-        rigid = condensed(analysis, labels)
+        rigid = condensed(assembly, labels)
         if rigid is None:
             continue
         exact += 1
@@ -570,7 +569,7 @@ def test_condensed_equals_full_in_space() -> None:
     proven = 0
     for _ in range(10):
         labels = random_segmentation(assembly, 5, rng)
-        full, rigid = analysis.solve(labels), condensed(analysis, labels)
+        full, rigid = analysis.solve(labels), condensed(assembly, labels)
         if rigid is not None and full.status is Status.COLLAPSE:
             proven += 1
             assert rigid.load_factor == pytest.approx(full.load_factor, rel=1e-6)
@@ -584,7 +583,6 @@ def test_very_large_strengths_keep_brackets_narrow(strength: float) -> None:
     assembly = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=strength, shear=strength)
     labels = random_segmentation(assembly, 5, np.random.default_rng(8))
     result = solve(assembly, labels)
-    assert worth_condensing(LimitAnalysis(assembly).template, labels)
     assert "rigid_blocks" in result.facts
     assert result.gap < 1e-8
     moderate = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=2e6, shear=2e6)
@@ -601,14 +599,3 @@ def test_mechanism_of_blocks_is_rigid_and_does_unit_work() -> None:
     jumps = (equilibrium_matrix(assembly).T @ u).reshape(-1, 3)
     assert abs(jumps[~labels]).max() < 1e-12 * abs(u).max()
     assert load_vectors(assembly)[1] @ u == pytest.approx(1.0, rel=1e-9)
-
-
-def test_loads_of_a_block_are_those_of_its_elements() -> None:
-    assembly = grid_assembly(["aaa", "aaa", "###"], live=[{"element": "c2r0", "force": [3, -1], "at": [0.7, 0.9]}])
-    rigid = rigid_blocks(assembly, assembly.labels, np.zeros(0, dtype=np.int64))
-    assert len(rigid.assembly.elements.free) == 1
-    block = rigid.assembly.elements.free[0]
-    centre = rigid.assembly.elements.centroid[block]
-    arm = np.array([0.7, 0.9]) - centre
-    assert rigid.assembly.live[block] == pytest.approx([3.0, -1.0, arm[0] * -1.0 - arm[1] * 3.0])
-    assert rigid.assembly.dead[block] == pytest.approx([0.0, assembly.dead[:, 1].sum(), 0.0], abs=1e-12)

@@ -202,17 +202,24 @@ def test_schur_complements_follow_an_inaccurate_answer() -> None:
     assert found.high - found.low <= 1e-6 * found.high
 
 
-def test_corrected_directions_of_linear_programs_remove_all_residuals() -> None:
-    # Equations (8.4) with steps of their own for forces and motion: correctors change complementarity alone.
+def begun(far: int = 0) -> tuple[ConicProgram, Newton]:
+    """The linear program of a small wall at a random iterate, some of whose rows are far from the mean."""
     built = grid_assembly(["aab", "ccd", "###"])
     program = Template(built).program(built.labels)
     edge, rng = program.structure.equalities, np.random.default_rng(3)
     system = SchurSystem(program.structure)
     system.load(program)
     rows, columns = program.structure.shape
-    given = program.objective, program.rhs[:edge], program.rhs[edge:]
     x, u, s, v = (rng.standard_normal(n) for n in (columns, edge, rows - edge, rows - edge))
-    newton = Newton(system, given, Iterate(x, u, np.exp(s), np.exp(v), 1.0, 0.0))
+    s[:far], v[:far] = -25.0, -5.0
+    given = program.objective, program.rhs[:edge], program.rhs[edge:]
+    return program, Newton(system, given, Iterate(x, u, np.exp(s), np.exp(v), 1.0, 0.0))
+
+
+def test_corrected_directions_of_linear_programs_remove_all_residuals() -> None:
+    # Equations (8.4) with steps of their own for forces and motion: correctors change complementarity alone.
+    program, newton = begun()
+    edge = program.structure.equalities
     way = newton.corrected()
     assert newton.apart
     matrix = program.matrix
@@ -247,16 +254,8 @@ def test_an_iterate_jammed_at_the_boundary_of_its_cones_is_centred() -> None:
 
 def test_a_centring_direction_takes_all_complementarity_products_near_their_mean() -> None:
     # Equation (8.4) with nine tenths of μ as target, no corrector, and a tenth of the residuals removed.
-    built = grid_assembly(["aab", "ccd", "###"])
-    program = Template(built).program(built.labels)
-    edge, rng = program.structure.equalities, np.random.default_rng(3)
-    system = SchurSystem(program.structure)
-    system.load(program)
-    rows, columns = program.structure.shape
-    x, u, s, v = (rng.standard_normal(n) for n in (columns, edge, rows - edge, rows - edge))
-    s[:5], v[:5] = -25.0, -5.0
-    given = program.objective, program.rhs[:edge], program.rhs[edge:]
-    newton = Newton(system, given, Iterate(x, u, np.exp(s), np.exp(v), 1.0, 0.0))
+    program, newton = begun(far=5)
+    edge = program.structure.equalities
     way, lam = newton.corrected(), newton.scaling.point
     assert np.allclose(lam * (lam + way.ws + way.wv), 0.9 * newton.mu)
     assert np.allclose(program.matrix[:edge] @ way.x, -0.1 * newton.res_u, atol=1e-8)

@@ -376,7 +376,7 @@ def test_bounds_hold_for_every_segmentation(case: Case) -> None:
     rng = np.random.default_rng(2)
     most = 1e3
     finite = 0
-    for turn in range(12 if case.wedges else 5):
+    for turn in range(7 if case.wedges else 4):
         allowed = np.ones(len(case.blocks), dtype=bool) if turn == 0 else rng.random(len(case.blocks)) < 0.8
         mine = [(load, c) for load, c in zip(case.load, case.choices, strict=True) if allowed[c].all() and load < most]
         best = max((load for load, _ in mine), default=-np.inf)

@@ -1,11 +1,13 @@
-"""Cutting solids: exact cells and joints, closed forms of λ, files that are read again, bad input."""
+"""Cutting solids: exact cells and joints, closed forms of λ, all layouts of parts, files read again, bad input."""
 
 from __future__ import annotations
 
 import json
+import time
 import zipfile
 from dataclasses import replace
 from itertools import pairwise
+from math import comb
 from pathlib import Path
 from typing import Any
 
@@ -13,29 +15,33 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
-from manifold3d import Manifold, OpType
+from manifold3d import Manifold, Mesh64, OpType
 
-from jld_core import InputError, ParameterError
+from jld_core import InputError, ParameterError, build_assembly, parse_scene
 from jld_cut import Options, cut
-from jld_cut.cells import Cutting, Limits, concave_edges, convex_parts, joints_of, union
+from jld_cut.cells import BENT, Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union
 from jld_cut.cut import verdict
 from jld_cut.elastic import compressed
 from jld_cut.families import axis_of
+from jld_cut.fields import scene_of_parts
 from jld_cut.loads import outside, parse_load, shares
+from jld_cut.marks import mark, tenons
 from jld_cut.meshes import (
     as_read,
     as_written,
-    doubled_edges,
+    moments,
     open_edges,
+    pieces_of,
     read_solid,
-    solid_of,
     stl_bytes,
-    surface_of,
     volume_of,
     write_3mf,
 )
-from jld_cut.parts import Part, lay, plain_surface, write_parts
-from jld_cut.scene import Matter
+from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
+from jld_cut.parts import Part, different, lay, plain_surface, write_parts
+from jld_cut.scene import scene_of
+from jld_cut.search import Family, Truth, body_of, family_of
+from jld_explore import ExploreSettings, explore
 
 DOWN = ("0,0,-1000",)
 
@@ -48,8 +54,21 @@ def bench() -> Any:
     return box(1.8, 0.4, 0.1, (0, 0, 0.4)) + box(0.2, 0.4, 0.41, (0.1, 0, 0)) + box(0.2, 0.4, 0.41, (1.5, 0, 0))
 
 
+def mesh_of(solid: Any) -> trimesh.Trimesh:
+    """The surface of a solid."""
+    mesh = solid.to_mesh64()
+    return trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts, process=False)
+
+
+def is_closed(solid: Any) -> bool:
+    """Whether two faces meet at each edge of a solid in its file."""
+    points, triangles = as_read(stl_bytes(*as_written(solid, 1.0)))
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all()) and len(points) > 0
+
+
 def written(solid: Any, path: Path) -> Path:
-    path.write_bytes(stl_bytes(*surface_of(solid)))
+    mesh_of(solid).export(path)
     return path
 
 
@@ -60,12 +79,14 @@ def test_a_pillar_in_two_parts_tips_as_in_closed_form(tmp_path: Path, load: str,
     With less friction a base of two faces carries less of an oblique load: each face's friction also bears torsion.
     """
     options = Options((1.2,) * 3, (load,), require=0.1, families=("grid",), cells=4, seconds=3.0)
-    options = replace(options, matter=Matter(friction_angle=angle, tensile=1e6))
+    options = replace(options, matter=replace(options.matter, friction_angle=angle, tensile=1e6))
     found = cut(written(box(1.0, 1.0, 2.0), tmp_path / "pillar.stl"), options, tmp_path / "out")
     assert found["parts"] == 2
     assert found["fits"]
     assert found["can_be_laid"]
     assert found["load_factor"] == pytest.approx(factor, rel=1e-4)
+    # both parts touch in one file, which holds them in millimetres
+    assert read_solid(tmp_path / "out" / "parts.3mf", 1.0).volume() == pytest.approx(2.0, rel=1e-6)
 
 
 def _round_table() -> Any:
@@ -93,14 +114,14 @@ def test_a_part_of_cells_of_different_cuts_is_closed(made: Any) -> None:
         chosen += near[:1]
         body = union([cutting.cells[k] for k in chosen])
         assert body.volume() == pytest.approx(sum(cutting.cells[k].volume() for k in chosen), rel=1e-9)
-        assert doubled_edges(*as_read(stl_bytes(*as_written(body, 1.0)))) == 0
+        assert is_closed(body)
     # as for a STEP file, with plane faces: the same volume, and two faces at each edge
     surface = plain_surface(body)
     fans = np.array([(face[0], *pair) for face in surface.faces for pair in pairwise(face[1:])])
     assert volume_of(surface.points, fans) == pytest.approx(body.volume(), rel=1e-6)
     assert len(open_edges(fans)) == 0
     everything = union(cutting.cells)
-    assert doubled_edges(*as_written(everything, 1.0)) == 0
+    assert is_closed(everything)
     assert everything.volume() == pytest.approx(made().volume(), rel=1e-9)
 
 
@@ -119,11 +140,6 @@ def test_a_faulty_file_is_named(tmp_path: Path) -> None:
     write_parts(tmp_path, [part], 1.0)
     assert not part.watertight
     assert part.fault == "part 3 has 1 edges that other than two faces meet at"
-    told = {"parts": 3, "bracket": [2.0, 2.0], "locked": False, "uncut": [2.0, 2.0], "require": 1.0, "meets": True}
-    told |= {"too_large": [2], "can_be_laid": True, "coarse_truth": "", "faulty_files": [part.fault]}
-    assert "not watertight: part 3" in verdict(told)
-    assert "do not fit the box: 2" in verdict(told)
-    assert "λ of the cells of the search" in verdict(told | {"coarse_truth": "no face"})
 
 
 def test_a_bench_is_cut_to_whole_files(tmp_path: Path) -> None:
@@ -141,7 +157,7 @@ def test_a_bench_is_cut_to_whole_files(tmp_path: Path) -> None:
     meshes = [trimesh.load_mesh(out / name) for name in table["file"]]
     assert all(mesh.is_watertight for mesh in meshes)
     assert [mesh.volume for mesh in meshes] == pytest.approx(table["volume_with_clearance"].tolist(), rel=1e-6)
-    solids = [solid_of(mesh.vertices, mesh.faces) for mesh in meshes]
+    solids = [Manifold(Mesh64(mesh.vertices, mesh.faces.astype(np.uint64))) for mesh in meshes]
     assert all((a ^ b).volume() < 1e-9 for k, a in enumerate(solids) for b in solids[:k])
     assert sorted(table["step"]) == list(range(1, len(table) + 1))
     for name in ("parts.3mf", "parts.step", "parts.png", "order.png", "report.html", "scene.json"):
@@ -151,8 +167,8 @@ def test_a_bench_is_cut_to_whole_files(tmp_path: Path) -> None:
 
 def test_cells_and_joints_are_exact() -> None:
     solid = bench()
-    points, triangles = surface_of(solid)
-    assert volume_of(points + 1e3, triangles) == pytest.approx(solid.volume(), rel=1e-12)
+    mesh = mesh_of(solid)
+    assert volume_of(mesh.vertices + 1e3, mesh.faces) == pytest.approx(solid.volume(), rel=1e-12)
     cutting = Cutting(solid)
     for normal, at in ((np.array([1.0, 0, 0]), 0.9), (np.array([0, 0, 1.0]), 0.4), (np.array([0.6, 0, 0.8]), 0.5)):
         cutting.through(normal, at)
@@ -216,26 +232,19 @@ def test_loads_are_alike_for_all_cuts() -> None:
     assert wholes[0][:3] == pytest.approx([0, 0, -6])
 
 
-def test_files_of_all_kinds_hold_the_same_solid(tmp_path: Path) -> None:
-    points, triangles = surface_of(bench())
-    volume = bench().volume()
-    write_3mf(tmp_path / "b.3mf", [("b", 1e3 * points, triangles)])
-    lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles]
-    (tmp_path / "b.obj").write_text("\n".join(lines), encoding="utf-8")
-    # turned inwards as a whole, it is the same solid
-    (tmp_path / "b.stl").write_bytes(stl_bytes(points, triangles[:, ::-1]))
-    for name in ("b.3mf", "b.obj", "b.stl"):
-        assert read_solid(tmp_path / name, 1.0).volume() == pytest.approx(volume, rel=1e-6)
-
-
 def _ascii(space: str, end: str, upper: bool) -> bytes:
-    points, triangles = surface_of(box(1, 1, 2))
     lines = ["solid a"]
-    for face in points[triangles]:
+    for face in mesh_of(box(1, 1, 2)).triangles:
         corners = [space.join(["", "vertex", *map(repr, corner)]) for corner in face.tolist()]
         lines += [f"{space}facet normal{space}0 0 0", f"{space}outer loop", *corners, "endloop", "endfacet"]
     text = end.join([*lines, "endsolid a", ""])
     return (text.upper() if upper else text).encode()
+
+
+def _twice() -> bytes:
+    """A binary file with a triangle that is there again, and one without area."""
+    mesh = mesh_of(box(1, 1, 2))
+    return stl_bytes(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[:1, [1, 2, 0]], [[0, 0, 1]]]))
 
 
 @pytest.mark.parametrize(
@@ -245,18 +254,12 @@ def _ascii(space: str, end: str, upper: bool) -> bytes:
         _ascii("\t  ", "\r\n", True),
         _ascii("  ", "\n\n \n", False),
         b"\xef\xbb\xbf" + _ascii(" ", "\r", False),
+        _twice(),
     ],
 )
-def test_text_files_are_read_however_they_are_spaced(tmp_path: Path, data: bytes) -> None:
+def test_files_are_read_however_they_are_spelled(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "a.stl"
     path.write_bytes(data)
-    assert read_solid(path, 1.0).volume() == pytest.approx(2.0)
-
-
-def test_a_triangle_that_is_there_twice_is_one(tmp_path: Path) -> None:
-    points, triangles = surface_of(box(1, 1, 2))
-    path = tmp_path / "a.stl"
-    path.write_bytes(stl_bytes(points, np.concatenate([triangles, triangles[:1, [1, 2, 0]], [[0, 0, 1]]])))
     assert read_solid(path, 1.0).volume() == pytest.approx(2.0)
 
 
@@ -278,9 +281,8 @@ _BOTH = '<component objectid="1"/><component objectid="1" transform="-1 0 0 0 1 
     ],
 )
 def test_objects_of_a_3mf_file_stand_where_it_builds_them(tmp_path: Path, build: str, more: str, found: Any) -> None:
-    path = tmp_path / "a.3mf"
-    points, triangles = surface_of(box(1, 1, 2))
-    write_3mf(path, [("a", 1e3 * points, triangles)])
+    path, mesh = tmp_path / "a.3mf", mesh_of(box(1, 1, 2))
+    write_3mf(path, [("a", 1e3 * mesh.vertices, mesh.faces)])
     with zipfile.ZipFile(path) as archive:
         model = archive.read("3D/3dmodel.model").decode()
     start, end = model.index("<build>"), model.index("</build>")
@@ -294,29 +296,27 @@ def test_objects_of_a_3mf_file_stand_where_it_builds_them(tmp_path: Path, build:
         assert read_solid(path, 1.0).bounding_box() == pytest.approx(found)
 
 
-def _open(points: Any, triangles: Any) -> tuple[Any, Any]:
-    return points, triangles[1:]
+def _open(mesh: Any) -> None:
+    mesh.faces = mesh.faces[1:]
 
 
-def _turned(points: Any, triangles: Any) -> tuple[Any, Any]:
-    return points, np.concatenate([triangles[:1, ::-1], triangles[1:]])
+def _turned(mesh: Any) -> None:
+    mesh.faces = np.concatenate([mesh.faces[:1, ::-1], mesh.faces[1:]])
 
 
-def _crossed(points: Any, triangles: Any) -> tuple[Any, Any]:
-    moved = points.copy()
-    moved[(points == [1, 1, 1]).all(axis=1)] = [-0.5, -0.5, -1.0]
-    return moved, triangles
+def _crossed(mesh: Any) -> None:
+    mesh.vertices = np.where((mesh.vertices == 1.0).all(axis=1)[:, None], [-0.5, -0.5, -1.0], mesh.vertices)
 
 
 @pytest.mark.parametrize(("spoil", "told"), [(_open, "open"), (_turned, "turn against"), (_crossed, "crosses itself")])
 def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any, told: str) -> None:
-    path = tmp_path / "poor.stl"
-    path.write_bytes(stl_bytes(*spoil(*surface_of(box(1, 1, 1)))))
+    mesh = mesh_of(box(1, 1, 1))
+    spoil(mesh)
+    mesh.export(tmp_path / "poor.stl")
     with pytest.raises(InputError, match=told) as error:
-        read_solid(path, 1.0)
-    assert "(" in str(error.value)
-    assert "expected" in str(error.value)
-    assert "\n" not in str(error.value)
+        cut(tmp_path / "poor.stl", Options((1.2,) * 3, DOWN), tmp_path / "out")
+    for words, there in (("(", True), ("expected", True), ("\n", False)):
+        assert (words in str(error.value)) is there
 
 
 @pytest.mark.parametrize(
@@ -345,3 +345,226 @@ def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: 
     with pytest.raises((InputError, ParameterError), match=told) as error:
         cut(written(box(0.4, 0.4, 2.0), tmp_path / "a.stl"), options, tmp_path / "out")
     assert "\n" not in str(error.value)
+
+
+# All layouts of parts that fit: numbers, boxes turned in space, parity with the exact driver, marks and tenons.
+
+
+def chain(count: int) -> list[int]:
+    return [sum(1 << j for j in (k - 1, k + 1) if 0 <= j < count) for k in range(count)]
+
+
+def sets_of(cells: list[Any], around: list[int], fit: tuple[float, float, float], together: list[int]) -> list[int]:
+    turned = frames(np.eye(3))
+    boxes = Boxes.of([mesh_of(one).vertices for one in cells], np.array([moments(one) for one in cells]), turned)
+    return connected_sets(boxes, around, Limits(np.sort(np.array(fit)), np.inf), together, time.time() + 60)
+
+
+@pytest.mark.parametrize(
+    ("fit", "together", "most", "number"),
+    [
+        # a row of eight cells: cuts at k − 1 of 7 places
+        ((9.0, 1.0, 1.0), [], 9, [comb(7, k - 1) for k in range(1, 5)]),
+        ((1.0, 2.0, 1.0), [], 2, [0, 0, 0, 1, 10]),  # pairs and singles
+        ((1.0, 2.0, 1.0), [0b110], 2, [0, 0, 0, 0, 6]),  # 1 and 2 stay together: one, a pair, then five in three parts
+        ((1.0, 0.9, 1.0), [], 0, [0, 0]),
+    ],
+)
+def test_all_layouts_of_a_row_of_cells(
+    fit: tuple[float, float, float], together: list[int], most: int, number: list[int]
+) -> None:
+    cells = [box(1, 1, 1, (k, 0, 0)) for k in range(8)]
+    sets = sets_of(cells, chain(8), fit, together)
+    assert max((one.bit_count() for one in sets), default=0) == min(most, 8)
+    found = [len(list(covers(sets, 8, parts))) if sets else 0 for parts in range(1, 1 + len(number))]
+    if together:
+        assert found[:4] == [0, 0, 0, 0]
+        assert all(any(one & 0b110 == 0b110 for one in way) for way in covers(sets, 8, 5))
+    else:
+        assert found == number
+
+
+@pytest.mark.parametrize(("turn", "fits"), [(0.0, True), (30.0, True), (45.0, True), (82.5, True)])
+def test_a_turned_bar_fits_a_box_of_three_sides(turn: float, fits: bool) -> None:
+    bar = box(2.0, 0.5, 0.2).rotate((0, 0, turn)).rotate((90, 0, 0))
+    assert bool(sets_of([bar], [0], (0.21, 2.01, 0.51), [])) is fits
+    assert not sets_of([bar], [0], (0.21, 1.9, 0.51), [])
+    # along the diagonal of a cube
+    rod = box(1.6, 0.02, 0.02).rotate((0, -float(np.degrees(np.arcsin(3**-0.5))), 45))
+    assert sets_of([rod], [0], (1.0, 1.0, 1.0), [])
+
+
+def test_all_layouts_prove_what_the_exact_driver_proves(tmp_path: Path) -> None:
+    load = ("0,0,-1000@0.6,-1,0.49,1.2,1,0.51",)
+    wish = Options((0.95, 0.95, 0.95), load, cells=9, families=("grid",)).wish()
+    family = family_of("grid", "bench", body_of(bench(), wish), wish)
+    assert family is not None
+    end = time.time() + 60
+    found = search(family.document, family.boxes(), family.around, wish.limits, [], Asked(1.0, 3, end, end))
+    fewest = next(n for n, one in sorted(found.of.items()) if len(one.low))
+    limits = {"block_extent": [None, 0.95], "blocks": [None, fewest]}
+    document = family.document | {"search": limits}
+    proven = explore(document, tmp_path / "exact", ExploreSettings(check_fields=0, pictures=False, driver="exact"))
+    assert found.proven(fewest)
+    assert proven.summary.proven
+    assert found.of[fewest].low[0] == pytest.approx(proven.summary.best, rel=1e-5)
+    assert found.bound(fewest) == pytest.approx(proven.summary.best, rel=1e-5)
+    # two shapes at most: the layouts of the symmetric bench are among all
+    alike = search(family.document, family.boxes(), family.around, wish.limits, [], Asked(1.0, 4, end, end, 1))
+    assert all(one.solved <= found.of[n].solved for n, one in alike.of.items() if n in found.of)
+    for one in alike.of.values():
+        for block in one.blocks:
+            wholes = [sum(family.boxes().moments[block == name]) for name in set(block.tolist())]
+            assert len({round(float(whole[0]), 9) for whole in wholes}) == 1
+
+
+@pytest.mark.parametrize("number", [3, 12])
+def test_a_number_is_engraved_in_a_closed_part(number: int) -> None:
+    whole = box(0.3, 0.4, 0.5)
+    part = Part(number, [0], whole, whole, 1.0)
+    assert mark(part, 1.0)
+    taken = 1.0 - part.solid.volume() / whole.volume()
+    assert 1e-4 < taken < 0.02
+    assert is_closed(part.solid)
+
+
+def test_a_tenon_fits_its_mortise_and_the_box() -> None:
+    low, high = box(1, 1, 1), box(1, 1, 1, (0, 0, 1))
+    square = np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1.0]])
+    joint = Joint(0, 1, square, np.array([0, 0, 1.0]), 1.0)
+    for fit, clearance, number in ((1.0, 0.004, 0), (1.5, 0.004, 1), (1.5, 0.0, 1)):
+        below = Part(1, [0], low, low, 1.0, step=1)
+        above = Part(2, [1], high, high, 1.0, step=2, direction=np.array([0, 0, -1.0]))
+        made = tenons([below, above], np.array([0, 1]), [joint], clearance, np.full(3, fit), 1.0)
+        assert made == number
+        if not made:
+            continue
+        assert above.solid.volume() == pytest.approx(1.0 + 0.2**3, rel=1e-6)
+        assert below.solid.volume() == pytest.approx(1.0 - (0.2 + clearance) ** 2 * (0.2 + clearance), rel=1e-6)
+        for height in (0.0, 0.1, 0.3):
+            assert (above.solid.translate((0, 0, height)) ^ below.solid).volume() < 1e-12
+        assert above.box.max() == pytest.approx(1.2)
+
+
+def test_parts_alike_are_counted_once() -> None:
+    corner = box(1, 1, 1) + box(2, 1, 0.5)
+    bodies = [corner, corner.rotate((0, 0, 90)).translate((5, 0, 0)), corner.mirror((1, 0, 0)), box(1, 1, 2)]
+    assert different([Part(k, [k], one, one, 1.0) for k, one in enumerate(bodies, 1)]) == 2
+
+
+def test_cells_keep_closed_cavities() -> None:
+    hollow = box(3, 1, 1) - box(0.4, 0.4, 0.4, (0.3, 0.3, 0.3))
+    assert [one.volume() for one in pieces_of(hollow)] == [pytest.approx(3.0 - 0.4**3)]
+    cutting = Cutting(hollow)
+    cutting.through(np.array([1.0, 0, 0]), 2.0)
+    assert sum(one.volume() for one in cutting.cells) == pytest.approx(3.0 - 0.4**3, rel=1e-12)
+
+
+def _of(*bodies: Any) -> Any:
+    return trimesh.util.concatenate([mesh_of(one) for one in bodies])
+
+
+def _inwards(solid: Any) -> Any:
+    mesh = mesh_of(solid)
+    mesh.invert()
+    return mesh
+
+
+@pytest.mark.parametrize("kind", ["stl", "obj"])
+@pytest.mark.parametrize(
+    ("made", "volume"),
+    [
+        (lambda: trimesh.creation.torus(2.0, 0.5), 9.7434),
+        (lambda: _of(box(1, 1, 1), box(1, 1, 1, (1, 0, 0))), 2.0),  # they touch
+        (lambda: _of(box(1, 1, 1), box(1, 1, 1, (0.5, 0.2, 0.1))), 2.0 - 0.5 * 0.8 * 0.9),  # they overlap
+        (lambda: trimesh.util.concatenate([_of(box(2, 2, 2)), _inwards(box(1, 1, 1, (0.5, 0.5, 0.5)))]), 7.0),
+        (lambda: _of(bench()), 1.8 * 0.4 * 0.1 + 2 * 0.2 * 0.4 * 0.4),
+        (lambda: _inwards(bench()), 1.8 * 0.4 * 0.1 + 2 * 0.2 * 0.4 * 0.4),  # turned inwards as a whole, the same
+        (lambda: _of(box(2, 2, 2), box(1, 1, 1, (0.5, 0.5, 0.5))), 8.0),  # one within the other, both outwards
+        (lambda: _of(box(1, 1, 1), box(1, 1, 1, (3, 0, 0))), None),
+    ],
+)
+def test_meshes_of_other_makes(tmp_path: Path, kind: str, made: Any, volume: float | None) -> None:
+    path = tmp_path / f"a.{kind}"
+    made().export(path)
+    if volume is None:
+        with pytest.raises(InputError, match="2 solids that do not touch"):
+            read_solid(path, 1.0)
+        return
+    assert read_solid(path, 1.0).volume() == pytest.approx(volume, rel=1e-4)
+    assert read_solid(path, 1e-3).volume() == pytest.approx(1e-9 * volume, rel=1e-4)
+
+
+TOLD = {"parts": 3, "bracket": [2.0, 2.0], "locked": False, "uncut": [1.5, 1.5], "require": 1.0, "meets": True}
+TOLD |= {"too_large": [], "can_be_laid": True, "coarse_truth": "", "faulty_files": [], "proven": True}
+
+
+@pytest.mark.parametrize(
+    ("change", "said", "unsaid"),
+    [
+        ({}, ["no fewer parts", "opens over its whole depth"], "crushing"),
+        ({"only_crushing": True}, ["only crushing limits it"], "watertight"),
+        ({"load_factor_of_cells": 2.0, "bound": 3.0}, ["no layout of as many exceeds 3 on them"], "watertight"),
+        ({"proven": False, "uncut": [2.0, 2.0]}, ["carry at least 2 times"], "no fewer parts"),
+        ({"faulty_files": ["part 3 has 1 edges"], "too_large": [2]}, ["not watertight: part 3", "fit the box: 2"], "λ"),
+        ({"coarse_truth": "no face"}, ["λ of the cells of the search"], "fit the box"),
+    ],
+)
+def test_the_verdict_says_what_limits_and_what_is_proven(change: Any, said: list[str], unsaid: str) -> None:
+    words = verdict(TOLD | change)
+    assert all(one in words for one in said)
+    assert unsaid not in words
+
+
+def test_a_part_within_another_is_named() -> None:
+    """A core within a shell of one part has no way out; a shell of two parts lets it in."""
+    wish = Options((1.0, 1.0, 1.0), ("0,0,-1000",), cells=27, families=("grid",)).wish()
+    family = family_of("grid", "cube", body_of(box(3, 3, 3), wish), wish)
+    assert family is not None
+    middles = np.array([np.array(one.bounding_box()).reshape(2, 3).mean(axis=0) for one in family.cutting.cells])
+    core = np.abs(middles - 1.5).max(axis=1) < 0.1
+    truth = Truth(family, wish.setting)
+    assert truth.order(core.astype(np.int64), 60.0) is False
+    assert int(np.flatnonzero(core)[0]) in truth.locking(core.astype(np.int64), 60.0)
+    assert len(truth.order(np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0)), 60.0).steps) == 3
+
+
+def test_a_part_with_a_hook_slides_out() -> None:
+    """A rail of T section within two other parts, one on each side, leaves along itself although its hull would not."""
+    solid = box(3, 3, 2)
+    wish = Options((3.0,) * 3, ("0,0,-1000",), cells=8, families=("grid",)).wish()
+    cutting = Cutting(solid, [(box(1, 3, 1, (1, 0, 0)) + box(2, 3, 0.5, (0.5, 0, 1)))])
+    cutting.cells.append(solid - cutting.cells[0])
+    cutting.planes = [np.array(p) for p in ((1.0, 0, 0, 1), (1, 0, 0, 2), (0, 0, 1, 1), (1, 0, 0, 0.5), (1, 0, 0, 2.5))]
+    cutting.planes.append(np.array([0, 0, 1, 1.5]))
+    joints = cutting.tidy(wish.limits)
+    document = scene_of("rail", cutting, joints, wish.setting, BENT, cutting.planes)
+    truth = Truth(Family("grid", cutting, joints, document, []), wish.setting)
+    assert truth.convex
+    steps = truth.order(np.array([0, 1]), 60.0).steps
+    assert abs(steps[-1].direction @ [0, 1, 0]) == pytest.approx(1.0)
+
+
+def test_parts_are_a_few_convex_pieces_for_fields() -> None:
+    """An L of two parts is three pieces that hold its volume, joined along one bisector; a bowl is none of a few."""
+    solid = box(3, 1, 1) + box(1, 1, 3)
+    wish = Options((3.0,) * 3, ("0,0,-1000",)).wish()
+    cutting = Cutting(solid)
+    cutting.through(np.array([1.0, 0, 0]), 2.0)
+    assembly = build_assembly(parse_scene(scene_of_parts("L", cutting, cutting.cells, wish.setting)))
+    free = assembly.elements.free
+    assert len(free) == 3
+    assert assembly.elements.volume[free].sum() == pytest.approx(5.0, rel=1e-9)
+    assert sorted(assembly.interfaces.area.round(9).tolist())[:2] == [1.0, 1.0]
+    with pytest.raises(InputError, match="convex pieces"):
+        scene_of_parts("bowl", Cutting(_bowl()), [_bowl()], wish.setting)
+
+
+def test_regions_stay_whole() -> None:
+    wish = Options((1.2,) * 3, ("0,0,-1000",), cells=6, families=("grid",), keep_whole=("0,0,0.5,0.4,0.4,1.5",)).wish()
+    pillar = box(0.4, 0.4, 2.0)
+    family = family_of("grid", "pillar", body_of(pillar, wish), wish)
+    assert family is not None
+    assert family.together
+    free = replace(wish, whole=())
+    assert not family_of("grid", "pillar", body_of(pillar, free), free).together  # type: ignore[union-attr]

@@ -15,6 +15,7 @@ import pytest
 from cases import ROUTE, dry_and_inner, solid_of
 from command import Command
 from jld_core import Deadline, InputError, Layout, Scene, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core.fields import governing_bounds
 from jld_core.refinement import refine
 from jld_explore import ExploreSettings, Interrupted, explore
 from jld_practice.design import (
@@ -31,8 +32,8 @@ from jld_practice.design import (
     write_design,
 )
 from jld_practice.design import trials as checks
-from jld_practice.design.page import gain_of, verdict, words_of
-from jld_practice.design.trials import NONE, at_low_friction, field_bounds, labelled, one_case
+from jld_practice.design.page import words_of
+from jld_practice.design.trials import at_low_friction, labelled, one_case
 from jld_practice.laying.command import start_of_design
 from jld_samples import box
 
@@ -46,6 +47,22 @@ def arch_outline() -> str:
     points = [(0.0, 0.0), *zip((1.0 + 0.7 * np.cos(angles)).round(9), (0.7 * np.sin(angles)).round(9), strict=True)]
     points += [(2.0, 0.0), (2.0, 1.2), (0.0, 1.2)]
     return "id,x,y\n" + "".join(f"w,{x},{y}\n" for x, y in points)
+
+
+NONE = (-np.inf, np.inf)
+
+
+def tried(name: str, faces: tuple[float, float], fields: tuple[float, float] = NONE, **keys: Any) -> Any:
+    """A layout of a tessellation with its bounds by faces and by fields, of a scene that is yet to be known."""
+    keys = {"kind": "searched", "load_factor": faces[0], **keys}
+    return lambda scene: Trial(name, scene=scene, faces=faces, fields=fields, words="", **keys)
+
+
+def design_of(wall: Path, *found: Any, **keys: Any) -> Design:
+    """A design of the plain wall in which these layouts were found."""
+    options = DesignOptions(**ASKED)
+    outline = read_outline(wall, options)
+    return Design(options, outline, wall.parent, trials=[one(outline.scene) for one in found], **keys)
 
 
 @pytest.fixture
@@ -181,7 +198,7 @@ def test_a_layout_becomes_the_labels_of_its_scene(wall: Path) -> None:
     """The scene of a layout has its λ; another friction and a single case are those of the scene."""
     options = DesignOptions(**ASKED)
     outline = read_outline(wall, options)
-    scene = next(one.scene for one in tessellations.tessellations(outline.scene, options) if one.name == "stones")
+    scene = tessellations.tessellations(outline.scene, options, Deadline(0.0))[0].scene  # the bond alone
     assert scene is not None
     assembly = build_assembly(scene)
     labels = np.arange(len(assembly.interfaces)) % 3 > 0
@@ -201,7 +218,7 @@ def test_bounds_by_fields_hold_the_closed_form_of_a_sliding_wall(wall: Path) -> 
     options = DesignOptions(push=0.1, friction=0.6, tension=1e9, shear=1e9, thickness=0.3)
     scene = with_loads(read_outline(wall, options).scene, options)
     assembly = build_assembly(scene)
-    low, high = field_bounds(assembly, assembly.labels, 60.0)
+    low, high = governing_bounds(assembly, assembly.labels, 60.0)
     assert low <= 6.0 * (1.0 + 1e-6)
     assert high >= 6.0 * (1.0 - 1e-6)
     assert low == pytest.approx(6.0, rel=0.05)
@@ -209,45 +226,31 @@ def test_bounds_by_fields_hold_the_closed_form_of_a_sliding_wall(wall: Path) -> 
 
 def test_a_gain_compares_like_with_like(wall: Path) -> None:
     """The gain is the lower bound of the best over the upper one of the usual bond, never fields over faces."""
-    options = DesignOptions(**ASKED)
-    outline = read_outline(wall, options)
-    scene: Scene = outline.scene
-    usual = Trial("bond", "stated", scene, 2.0, (2.0, 2.0), NONE, "")
-    best = Trial("bond", "moved", scene, 9.0, NONE, (5.0, 6.0), "")
-    assert gain_of(Design(options, outline, wall.parent, trials=[usual, best])) is None
-    known = Trial("bond", "stated", scene, 2.0, (2.0, 2.0), (1.6, 2.0), "")
-    assert gain_of(Design(options, outline, wall.parent, trials=[known, best])) == pytest.approx(2.5)
+    for usual, gain in ((NONE, None), ((1.6, 2.0), pytest.approx(2.5))):
+        known = tried("bond", (2.0, 2.0), usual, kind="stated")
+        best = tried("bond", NONE, (5.0, 6.0), kind="moved", load_factor=9.0)
+        assert facts_of(design_of(wall, known, best))["gain"] == gain
 
 
 def test_a_gain_by_faces_that_fields_refute_is_not_claimed(wall: Path) -> None:
     """An upper bound by fields below λ by faces takes the claim away, and ranks the layout by what it can carry."""
-    options = DesignOptions(**ASKED)
-    outline = read_outline(wall, options)
-    denied = Trial("stones", "searched", outline.scene, 933.0, (933.0, 933.0), (-np.inf, 5.4), "")
-    plain = Trial("bond", "searched", outline.scene, 7.0, (7.0, 7.0), NONE, "")
-    known = Trial("voronoi", "searched", outline.scene, 3.0, (3.0, 3.0), (1.5, 3.0), "")
+    refuted = tried("stones", (933.0, 933.0), (-np.inf, 5.4))
+    work = design_of(wall, refuted, tried("bond", (7.0, 7.0)), tried("voronoi", (3.0, 3.0), (1.5, 3.0)))
+    denied = work.trials[0]
     assert (denied.proven, denied.most, denied.stands) == (-np.inf, 5.4, True)
-    work = Design(options, outline, wall.parent, trials=[denied, plain, known])
     assert [one.tessellation for one in work.allowed] == ["voronoi", "bond", "stones"]
     work.trials = [denied]
     assert "carries at most 5.4" in words_of(work)
     assert facts_of(work)["best"] is None
-    fallen = Trial("bond", "searched", outline.scene, 7.0, (7.0, 7.0), (-np.inf, -16.0), "")
-    work.trials = [fallen, denied]
-    assert work.winner is denied
-    usual = Trial("bond", "stated", outline.scene, 2.0, (2.0, 2.0), NONE, "", allowed=False)
-    assert gain_of(Design(options, outline, wall.parent, trials=[usual, denied])) is None
+    assert design_of(wall, tried("bond", (7.0, 7.0), (-np.inf, -16.0)), refuted).winner.tessellation == "stones"
+    usual = tried("bond", (2.0, 2.0), kind="stated", allowed=False)
+    assert facts_of(design_of(wall, usual, refuted))["gain"] is None
 
 
 @pytest.mark.parametrize(
     ("faces", "fields", "rival", "words"),
     [
-        (
-            (26.7, 26.7),
-            (1.6, 2.1),
-            None,
-            "carries at least 1.6 times your load wherever they crack; not decided between",
-        ),
+        ((26.7, 26.7), (1.6, 2.1), None, "at least 1.6 times your load wherever they crack; not decided between"),
         ((2.0, 2.0), NONE, None, "carries at least 2 times your load by the faces drawn; cracks elsewhere"),
         ((2.0, 2.0), (0.4, 0.5), None, "That is less than the load itself."),
         ((2.0, 2.0), (0.9, 1.5), None, "That the load is carried is not proven."),
@@ -260,17 +263,14 @@ def test_a_design_begins_with_its_verdict(
     wall: Path, faces: tuple[float, float], fields: tuple[float, float], rival: tuple[float, float] | None, words: str
 ) -> None:
     """What the best carries by the weakest model known, what is not decided, and who may carry more."""
-    options = DesignOptions(**ASKED)
-    outline = read_outline(wall, options)
-    trials = [Trial("bond", "searched", outline.scene, faces[0], faces, fields, "")]
-    trials += [] if rival is None else [Trial("voronoi", "searched", outline.scene, 9.0, (9.0, 9.0), rival, "")]
-    work = Design(options, outline, wall.parent, trials=trials)
-    told = verdict(work)
+    others = [] if rival is None else [tried("voronoi", (9.0, 9.0), rival)]
+    work = design_of(wall, tried("bond", faces, fields), *others)
+    facts = facts_of(work)
+    told = facts["verdict"]
     assert words in told
     assert ("not decided (voronoi" in told) is (rival is not None and rival[1] > 1.6)
     assert words_of(work).startswith(f"verdict      {told}")
-    facts = facts_of(work)
-    assert (facts["verdict"], len(facts["rivals"])) == (told, int("(voronoi" in told))
+    assert len(facts["rivals"]) == int("(voronoi" in told)
     write_design(work, pictures=False)
     page = (wall.parent / "report.html").read_text("utf-8")
     assert page.index(told.split(".")[0][:40]) < page.index("Loads:")
@@ -282,17 +282,12 @@ def test_a_design_begins_with_its_verdict(
         ("17 layouts, proven", True),
         ("1 layout, proven: none of them stands", True),
         ("48 layouts, not proven", False),
-        (
-            "search: no layout that satisfies the constraints was found within 2 s, nor a proof that there is none",
-            False,
-        ),
+        ("search: no layout was found within 2 s, nor a proof that there is none", False),
         ("no time was left", False),
     ],
 )
 def test_only_finished_searches_are_called_proven(wall: Path, searched: str, claimed: bool) -> None:
-    options = DesignOptions(**ASKED)
-    work = Design(options, read_outline(wall, options), wall.parent, searched={"bond": searched})
-    write_design(work, pictures=False)
+    write_design(design_of(wall, searched={"bond": searched}), pictures=False)
     assert ("Proven: of the cells of bond" in (wall.parent / "report.html").read_text("utf-8")) == claimed
 
 
@@ -308,12 +303,10 @@ def test_what_has_no_number_is_said_in_words(
     wall: Path, faces: tuple[float, float], load_factor: float, words: str
 ) -> None:
     """Locked layouts have a lower bound, unstable ones none; a gain below one is no gain."""
-    options = DesignOptions(**ASKED)
-    outline = read_outline(wall, options)
-    usual = Trial("bond", "stated", outline.scene, load_factor, faces, NONE, "", allowed=False)
-    assert usual.by_faces.startswith(words)
-    best = Trial("stones", "searched", outline.scene, 1.0, (1.0, 1.0), NONE, "")
-    told = words_of(Design(options, outline, wall.parent, trials=[usual, best]))
+    usual = tried("bond", faces, kind="stated", load_factor=load_factor, allowed=False)
+    work = design_of(wall, usual, tried("stones", (1.0, 1.0)))
+    assert work.trials[0].by_faces.startswith(words)
+    told = words_of(work)
     falls = "does not stand under its dead load; the best does"
     unproven = "it does not keep the limits, and that the best carries more is not proven"
     assert (falls if words == "does not stand" else unproven) in told
@@ -355,50 +348,36 @@ def test_a_design_leaves_page_scene_and_proven_load(jld: Command, tmp_path: Path
     for words in ("Not proven: that no stronger layout exists", "low friction 0.48", "supports below the lowest"):
         assert words in page
     assert (out / "blocks.csv").read_text().count("\n") > 1
-    assert {one["name"] for one in facts["checks"]} == {
-        "laying",
-        "experiment",
-        "by fields",
-        "low friction",
-        "without cuts",
-    }
+    checked = {"laying", "experiment", "by fields", "low friction", "without cuts"}
+    assert {one["name"] for one in facts["checks"]} == checked
 
 
 @pytest.mark.usefixtures("small")
-def test_a_signal_leaves_the_best_so_far(
-    jld: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wall: Path
+@pytest.mark.parametrize(
+    ("work", "said"),
+    [("check_winner", "the best so far is in"), ("tessellations", "stopped while the outline was cut")],
+)
+def test_a_signal_leaves_the_best_so_far_or_nothing(
+    jld: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wall: Path, work: str, said: str
 ) -> None:
-    """Interrupted in the checks, a design writes page and scene, and ends with exit code 3."""
+    """Interrupted in the checks, a design writes page and scene; before anything is solved, one line and no folder."""
 
     def stop(*_: object) -> None:
         raise Interrupted
 
-    monkeypatch.setattr(run, "check_winner", stop)
+    monkeypatch.setattr(run, work, stop)
     out = tmp_path / "out"
     done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "40", "--jobs", "1")
     assert done.code == 3
-    assert "the best so far is in" in done.err
+    assert said in done.err
+    assert out.exists() is (work == "check_winner")
+    if not out.exists():
+        assert done.err.count("\n") == 1
+        return
     facts = json.loads((out / "summary.json").read_text())
     assert facts["stop_reason"] == "interrupted"
     assert facts["best"] is not None
     assert (out / "report.html").exists()
-
-
-def test_a_signal_before_anything_is_solved_leaves_nothing(
-    jld: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, wall: Path
-) -> None:
-    """Interrupted while the outline is cut, a design says so in one line, and makes no folder."""
-
-    def stop(*_: object) -> None:
-        raise Interrupted
-
-    monkeypatch.setattr(run, "tessellations", stop)
-    out = tmp_path / "out"
-    done = jld("design", wall, "-o", out, "--push", "0.1", "--thickness", "0.3", "--seconds", "40", "--jobs", "1")
-    assert done.code == 3
-    assert "stopped while the outline was cut" in done.err
-    assert done.err.count("\n") == 1
-    assert not out.exists()
 
 
 def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wall: Path) -> None:
@@ -413,7 +392,7 @@ def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wa
     monkeypatch.setattr(checks, "_laid", lambda *_: checks.Check("laying", "laid"))
     monkeypatch.setattr(checks, "_begin_experiment", lambda *_: (experiment, "", ""))
     monkeypatch.setattr(checks, "_by_fields", fail)
-    work = Design(DesignOptions(**ASKED), read_outline(wall, DesignOptions(**ASKED)), wall.parent)
+    work = design_of(wall)
     with pytest.raises(Interrupted):
         checks.check_winner(work, Deadline(60.0), lambda _: None)
     assert experiment.stdout.closed

@@ -17,8 +17,7 @@ from jld_core.scene import design
 from jld_practice import languages
 from jld_practice.design_check import content_of, design_check, html_of, in_words, path_of, sheet_of, to_json
 from jld_practice.design_check.page import WORDS
-from jld_views import moved_joints, page_of_study
-from jld_views.page_data import solution_of
+from jld_views import moved_joints, page_data, page_of_study
 
 WALL = {
     "name": "wall <1>",
@@ -207,11 +206,11 @@ def test_moving_loads_are_plotted(jld: Command, tmp_path: Path) -> None:
     check = design_check(scene, None, design.partial_factors(scene.design), states=False)
     assert path_of(check)[0].middle == pytest.approx(0.9 * 10.0 / (1.5 * 2.0 * 2.0), rel=1e-9)
     assert "λ along the path" in texts(sheet_of(check, content_of(check)))
-    (picture,) = page_of_study.path_pictures(result.assembly, solution_of(result))
+    (picture,) = page_of_study.path_pictures(result.assembly, page_data.solution_of(result))
     assert "paths of moving loads" in picture["title"]
     assert base64.b64decode(picture["png"]).startswith(b"\x89PNG")
     pushed = solve(parse_scene(WALL))
-    assert page_of_study.path_pictures(pushed.assembly, solution_of(pushed)) == []
+    assert page_of_study.path_pictures(pushed.assembly, page_data.solution_of(pushed)) == []
     short = {**cart, "steps": 1, "both_directions": False}
     done = jld(
         "solve", file_of(tmp_path, elements=[ground, table], loads={"moving": [short]}), "--out", tmp_path / "solved"

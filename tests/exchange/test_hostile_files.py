@@ -8,6 +8,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import psutil
 import pytest
 
 from files.bombs import bombs
@@ -84,6 +85,10 @@ def test_beside_a_running_thread_no_process_is_forked(monkeypatch: pytest.Monkey
             test_results_and_errors_come_back,
         ):
             threads.submit(test).result()
+        for _ in range(2):  # a process that waits for a file and is killed is replaced
+            process = psutil.Process(threads.submit(libraries.in_own_process, os.getpid, seconds=60.0).result())
+            process.kill()
+            process.wait()
 
 
 @pytest.mark.parametrize("seed", range(4))

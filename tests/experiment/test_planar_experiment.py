@@ -17,7 +17,7 @@ from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
 from jld_core.mechanics import equilibrium_matrix, load_vectors
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
 from jld_experiment.driving import scout
-from jld_experiment.report import summary
+from jld_experiment.experiments import summary
 from jld_experiment.subcontacts import sub_contacts
 
 ASSOCIATIVE = Joints(dilation="friction", inner="plastic")

@@ -14,14 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from cases import every_layout, grid_assembly, grid_document
+from cases import counts_of, every_layout, grid_assembly, grid_document
 from command import Command
 from jld_core import Assembly, InputError, Scene, build_assembly, parse_scene, solve
 from jld_core import blocks_of as assembly_blocks
 from jld_explore import ExploreSettings, SearchSpace, explore, read_folder, search_space
 from jld_explore.report import words
 from jld_explore.space import cut, feasible, from_string, labelling, reasons_against
-from jld_explore.space.counts import counts
 from jld_explore.space.limits import block_sizes
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
@@ -109,17 +108,17 @@ def test_fixed_labels_bind() -> None:
 def test_counts_leave_supports_out() -> None:
     space = space_of(["ab", "cd", "##"], candidates="all+supports")
     texts = ("", "c0r0-c1r0 c0r0-c0r1 c0r1-c0r2 c1r1-c1r2", "c0r1-c0r2 c1r1-c1r2")
-    found = counts(space.assembly, batch(space, *texts), space.graph)
+    found = counts_of(space.assembly, batch(space, *texts), space.graph)
     assert found["dry_faces"].tolist() == [0, 2, 0]
     assert found["dry_length"].tolist() == pytest.approx([0, 0.2, 0])
     assert found["blocks"].tolist() == [1, 2, 1]
     assert found["largest_block_cells"].tolist() == [4, 3, 4]
-    assert np.array_equal(counts(space.assembly, batch(space, *texts))["blocks"], found["blocks"])
+    assert np.array_equal(counts_of(space.assembly, batch(space, *texts))["blocks"], found["blocks"])
 
 
 def test_counts_of_blocks_around_supports() -> None:
     space = space_of(["a#b"], candidates="all+supports")
-    found = counts(space.assembly, np.array([from_string("ii"), from_string("id"), from_string("dd")]))
+    found = counts_of(space.assembly, np.array([from_string("ii"), from_string("id"), from_string("dd")]))
     assert found["blocks"].tolist() == [1, 2, 2]
     assert found["largest_block_cells"].tolist() == [2, 1, 1]
     assert found["dry_faces"].tolist() == [0, 0, 0]
@@ -129,7 +128,7 @@ def test_no_rows() -> None:
     space = space_of(ROWS)
     none = np.empty((0, len(space.fixed)), dtype=bool)
     assert feasible(space, none).shape == (0,)
-    assert counts(space.assembly, none)["blocks"].shape == (0,)
+    assert counts_of(space.assembly, none)["blocks"].shape == (0,)
 
 
 @pytest.mark.parametrize(
@@ -469,9 +468,7 @@ def test_a_layout_with_cells_left_out_equals_the_scene_without_them(every: Any) 
             assert row["load_factor"] == pytest.approx(result.load_factor, rel=1e-6)
         space = search_space(scene, assembly)
         assert row["mass"] == pytest.approx(float(assembly.elements.mass[assembly.elements.free].sum()))
-        from jld_explore.space.counts import counts
-
-        for name, values in counts(assembly, labels[None], space.graph, space.limits.block_shapes).items():
+        for name, values in counts_of(assembly, labels[None], space.graph, space.limits.block_shapes).items():
             assert row[name] == pytest.approx(float(values[0])), name
 
 

@@ -14,14 +14,13 @@ import pytest
 from matplotlib.figure import Figure
 from pydantic import Field
 
-from cases import every_layout, grid_document
+from cases import counts_of, every_layout, grid_document
 from jld_core import Deadline, DeadlinePassed, InputError, Layout, Scene, build_assembly, parse_scene, samples
 from jld_core.scene import Search
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS
-from jld_explore.space import Count, Layouts, Terms, feasible, register, registered, unregister
-from jld_explore.space.counts import BlockShapes, counts, values_until
-from jld_explore.space.limits import MEASURES, SHAPED
+from jld_explore.space import Count, Layouts, Terms, feasible, register, registered, unregister, values_of
+from jld_explore.space.counts import BlockShapes, values_until
 from jld_practice import making_of, stones_of
 from jld_samples import vault
 from jld_views import pictures
@@ -79,19 +78,11 @@ def test_a_new_limit_alone_is_applied(count: Count, low: int | None, high: int |
     """Enumeration used to keep a list of limits of its own, and left out what was not in it."""
     space = limited_space(low, high)
     every = rows_of(replace(space, search=scene_of().search))
-    number = counts(space.assembly, every)[count.name]
+    number = values_of(count, space.assembly, every)
     wanted = every[(number >= (low or 0)) & (number <= (99 if high is None else high))]
     assert 0 < len(wanted) < len(every)
     assert np.array_equal(rows_of(space), wanted)
     assert feasible(space, every).sum() == len(wanted)
-
-
-def test_every_limit_of_a_scene_has_an_owner() -> None:
-    """A key with bounds under "search" is a measure of blocks or a count: no driver lists them again."""
-    bounds = {name for name, field in Search.model_fields.items() if field.default == [None, None]}
-    owned = {measure.key for measure in MEASURES} | {count.name for count in registered()} | set(SHAPED)
-    assert bounds <= owned
-    assert {measure.key for measure in MEASURES} <= bounds
 
 
 def test_the_exact_driver_proves_the_count_it_is_asked_for(count: Count, tmp_path: Path) -> None:
@@ -165,7 +156,7 @@ def test_shapes_are_counted_while_there_is_time() -> None:
     assert np.isnan(late[1:]).all()
     known = BlockShapes(assembly)
     values_until(count, assembly, rows[:100], space.graph, known, Deadline())
-    known._of = Mock(side_effect=DeadlinePassed)
+    known._outlines_of = Mock(side_effect=DeadlinePassed)
     part = values_until(count, assembly, rows, space.graph, known, Deadline(100.0))
     assert np.array_equal(part[:65], whole[:65])
     assert np.isnan(part[129:]).all()
@@ -178,7 +169,7 @@ def values(scene: Scene, labels: list[np.ndarray[Any, Any]]) -> dict[str, np.nda
     """Values of all counts of some labellings."""
     assembly = build_assembly(scene)
     space = search_space(scene, assembly, allow_empty=True, need_materials=False)
-    return dict(counts(assembly, np.array(labels), space.graph, space.limits.block_shapes))
+    return counts_of(assembly, labels, space.graph, space.limits.block_shapes)
 
 
 def test_sawing_is_counted_by_hand() -> None:

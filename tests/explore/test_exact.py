@@ -20,7 +20,7 @@ from cases import scene_in_space as scene
 from jld_core import LimitAnalysis, Scene, SolveOptions, Status, build_assembly, parse_scene
 from jld_explore import Evaluation, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.drivers import DRIVERS, make_driver
-from jld_explore.drivers.exact.block_bounds import BlockBoundTightening, TightenedBound
+from jld_explore.drivers.exact.block_bounds import BlockBoundTightening
 from jld_explore.drivers.exact.context import ProofContext, possible_blocks
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Records
@@ -362,15 +362,13 @@ def test_a_tree_that_was_stopped_goes_on(tmp_path: Path) -> None:
     assert rest["best"] == pytest.approx(whole["best"], rel=1e-9)
 
 
-def test_the_block_relaxation_bounds_the_root_except_for_certificates() -> None:
+def test_the_block_relaxation_bounds_the_root() -> None:
     """Walls of blocks of two: 0.75 = µ face by face, less where a block is one body; the optimum is below either."""
     options = {"block_cells": [1, 2], "tension": 2e4, "shear": 2e4, "friction": 0.75}
     scene = parse_scene(grid_document(["aaaa"] * 5 + ["####"], **options))
     space, bounds = search_space(scene, build_assembly(scene)), []
-    for by_faces in (False, True):
-        driver = DRIVERS["exact"](space, search=0, programs=1)
-        if by_faces:
-            driver.disable_block_bounds()
+    for by_blocks in ("auto", "off"):
+        driver = DRIVERS["exact"](space, search=0, programs=1, by_blocks=by_blocks)
         driver.start(None, lambda: None)
         driver.ask()
         assert driver.bound is not None
@@ -539,7 +537,7 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
     monkeypatch.setattr("jld_explore.drivers.exact.block_tree._BLOCKS_PER_ELEMENT", 0)  # no tree
     driver = DRIVERS["exact"](space, search=0)
     found = explore(scene, tmp_path / "found", ExploreSettings(pictures=False, small=0), driver=driver)
-    assert driver._tightening.solves > 0
+    assert driver._tightening.solves + driver.block_search.solves > 0
     assert found.summary.proven is True
     assert found.summary.best == pytest.approx(every.summary.best, rel=1e-6)
     table = every.results[every.results["status"] == "collapse"]
@@ -565,16 +563,6 @@ def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, mon
         answers = chain([False], repeat(here == 0 and late))
         found.append(narrowing.tighten(0.1, 1e3, math.inf, answers.__next__))
     if late:
-        assert found[1] == TightenedBound(1e3, ())
+        assert found[1].bound == 1e3
     else:
         assert found[1].bound == found[0].bound < 1e3
-
-
-def test_a_certificate_is_of_faces_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = scenes()["weak"]
-    monkeypatch.setattr("jld_explore.drivers.exact.block_bounds._RELAXATIONS", (0.0, 0.0))
-    driver = DRIVERS["exact"](search_space(scene, build_assembly(scene)), search=0)
-    settings = ExploreSettings(pictures=False, small=0, certificate=tmp_path / "proof.jld")
-    found = explore(scene, tmp_path / "out", settings, driver=driver)
-    assert driver._tightening.solves == 0
-    assert found.summary.proven is True

@@ -18,6 +18,8 @@ from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import DRIVERS, Genetic
 from jld_explore.drivers.genetic import crowding_of, fronts_of
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.protocol import Evaluation, front_counts
+from jld_explore.space import keys
 
 BEST = 12.6221788  # of all 6 382 classes, by enumeration
 
@@ -154,6 +156,36 @@ def test_evaluations_decide_what_is_next_and_no_clock(name: str, options: dict[s
             driver.tell(rows[-1], [solver.evaluate(labels) for labels in rows[-1]])
         asked.append(np.concatenate(rows)[:300])
     assert (asked[0] == asked[1]).all()
+
+
+@pytest.mark.parametrize("aim", ["best", "front"])
+def test_the_portfolio_climbs_along_a_front_without_loss(aim: str) -> None:
+    """A climb at a layout of the front asks for none with fewer dry faces, and raises its value."""
+    scene = parse_scene(grid_document(WALL, **OPTIONS))
+    space = search_space(scene, build_assembly(scene))
+    worth, begun = np.random.default_rng(5).random((2, len(space.candidates))), {}
+    driver = DRIVERS["portfolio"](space, 1, aim=aim)
+    while driver._surrogate.batches_learned < 40:
+        rows = driver.ask()
+        for name, labels in zip(keys(rows), rows, strict=True):
+            climb = driver._climbing[name][0] if name in driver._climbing else None
+            if climb is not None and climb.floor is not None:
+                assert front_counts(space, labels[None])[0] <= climb.floor
+                begun.setdefault(id(climb), (climb, climb.energy))
+        value = 1.0 + np.where(rows, worth[0], 2.0 * worth[1]).sum(axis=1)
+        driver.tell(rows, [Evaluation(Status.COLLAPSE, one, one, one) for one in value.tolist()])
+    assert bool(begun) == (aim == "front")
+    assert not begun or any(climb.energy < first for climb, first in begun.values())
+
+
+def test_chains_of_the_portfolio_know_no_best_of_its_climbs() -> None:
+    """Half of them begin each cycle at the best of chains and population; at that of climbs all would end alike."""
+    scene = parse_scene(grid_document(WALL, **OPTIONS))
+    driver = DRIVERS["portfolio"](search_space(scene, build_assembly(scene)), 0)
+    rows = driver.ask()  # a climb begins
+    driver.tell(rows, [Evaluation(Status.COLLAPSE, 2.0, 2.0, 2.0) for _ in rows])
+    assert driver._incumbent[0] == -2.0
+    assert driver._best[1] is None
 
 
 def test_half_of_the_chains_begin_every_cycle_at_the_best() -> None:

@@ -126,17 +126,16 @@ def test_symmetry_needs_members_that_are_symmetric() -> None:
 def test_page_and_pictures_show_members(tmp_path: Path) -> None:
     from pydantic import TypeAdapter
 
-    from jld_views.figures import draw_forces, draw_mechanism, figure_for
-    from jld_views.page_data import page_data, solution_of
+    from jld_views import figures, page_data
 
     scene = parse_scene(wall([STRAP]))
     assembly = build_assembly(scene)
     result = solve(assembly)
-    _, axes = figure_for(assembly, 2)
-    assert len(draw_forces(axes[0], result)["members"]) == 2  # a line and its force
-    assert len(draw_mechanism(axes[1], result)["members"]) == 1
-    data = page_data(kind="report", scene=scene, assembly=assembly, candidates=assembly.free_faces, facts={},
-                     solutions={0: solution_of(result)})  # fmt: skip
+    _, axes = figures.figure_for(assembly, 2)
+    assert len(figures.draw_forces(axes[0], result)["members"]) == 2  # a line and its force
+    assert len(figures.draw_mechanism(axes[1], result)["members"]) == 1
+    data = page_data.page_data(kind="report", scene=scene, assembly=assembly, candidates=assembly.free_faces, facts={},
+                     solutions={0: page_data.solution_of(result)})  # fmt: skip
     TypeAdapter(page_contract.PageData).validate_python(data)
     assert [one["name"] for one in data["structure"]["members"]] == ["strap"]
     case = data["solutions"]["0"]["cases"][0]
@@ -187,13 +186,13 @@ def _void() -> None:
 
 
 def _settlement() -> None:
-    from jld_core.build.loads import settlements_of
+    from jld_core.build import loads
     from jld_practice.reactions import settle
 
     down = [{"name": "s", "supports": [{"elements": ["c0r2"], "move": [0, -1]}]}]
     scene = parse_scene(wall([STRAP], settlements=down))
     assembly = build_assembly(scene)
-    settle(assembly, settlements_of(scene, assembly)[0])
+    settle(assembly, loads.settlements_of(scene, assembly)[0])
 
 
 def _thrust() -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import box, canonical, every_layout, grid_document
+from cases import box, canonical, counts_of, every_layout, grid_document
 from cases import scene_in_space as spatial_scene
 from jld_core import InputError, Scene, blocks_of, build_assembly, parse_scene
 from jld_core.scene import cracks
@@ -21,7 +21,6 @@ from jld_explore.drivers.operators.segmentations import Segmentations
 from jld_explore.report import words
 from jld_explore.report.tables import on_front
 from jld_explore.space import feasible, keys
-from jld_explore.space.counts import counts
 
 DOWN = [{"body": [0, -1]}]
 
@@ -144,7 +143,7 @@ def test_effects_of_each_operator() -> None:
     halves = [name if not left else -1 for name, left in zip(whole, west, strict=True)]
 
     def blocks(part: Any) -> int:
-        return int(counts(space.assembly, tools.labels([part]))["blocks"][0])
+        return int(counts_of(space.assembly, tools.labels([part]))["blocks"][0])
 
     assert (blocks(whole), blocks(halves)) == (1, 2)
     assert tools.merge(whole, chance) is None  # no joint to merge across

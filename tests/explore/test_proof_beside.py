@@ -57,3 +57,15 @@ def test_a_search_under_a_time_limit_takes_up_what_is_proven_beside_it(tmp_path:
     assert done.summary.best <= best * (1.0 + 1e-6)
     assert done.summary.bound >= best * (1.0 - 1e-6)
     assert done.results["labelling"].is_unique
+
+
+def test_a_space_without_a_bound_says_so(tmp_path: Path) -> None:
+    """Cells between supports that nothing crushes carry any load, pressed hard enough."""
+    scene = beam()
+    grid = {**scene.model_dump(mode="json", exclude_defaults=True)["grid"], "rows": ["#aaa#"]}
+    live = {"live": [{"element": "c2r0", "force": [0, -1]}]}
+    document = {**scene.model_dump(mode="json", exclude_defaults=True), "grid": grid, "loads": live}
+    facts = explore(parse_scene(document), tmp_path / "out", driver="random", budget=4, pictures=False).summary.facts
+    assert facts["unbounded"]
+    assert facts["bound"] is None
+    assert facts["bound_by"] == "nothing: a locked layout carries any load"

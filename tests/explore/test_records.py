@@ -325,20 +325,15 @@ def scene(first: str = "a") -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        ExploreSettings(driver="enumeration", jobs=1),
-        ExploreSettings(driver="exact", jobs=1),
-        ExploreSettings(driver="optuna", jobs=1, budget=3),
-    ],
-    ids=lambda settings: settings.driver,
-)
-def test_every_file_is_in_the_contract(settings: ExploreSettings, tmp_path: Path) -> None:
-    explore(parse_scene(scene()), tmp_path / "out", settings)
+@pytest.mark.parametrize("driver", ["enumeration", "exact", "optuna"])
+def test_every_file_is_in_the_contract(driver: str, tmp_path: Path) -> None:
+    """Pictures of one driver are those of all."""
+    drawn = driver == "enumeration"
+    explore(parse_scene(scene()), tmp_path / "out", driver=driver, jobs=1, budget=20, pictures=drawn)
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written <= LISTED, written - LISTED
-    always = {file for file in LISTED if file.endswith((*ENDINGS, "scene.json", "summary.json", "columns.json"))}
+    endings = (*ENDINGS[: None if drawn else 2], "scene.json", "summary.json", "columns.json")
+    always = {file for file in LISTED if file.endswith(endings)}
     assert len(ON_DEMAND) == 3
     assert always - ON_DEMAND - OF_STEPS <= written
 

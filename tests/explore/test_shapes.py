@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import assembly_in_space as spatial_assembly
-from cases import box, grid_document
+from cases import box, grid_document, scene_in_space
 from jld_core import blocks_of, build_assembly, parse_scene
 from jld_core.geometry import outlines
 from jld_explore import ExploreSettings, explore, search_space
-from jld_explore.space.counts import BlockShapes
+from jld_explore.space import count_named, values_of
 
 
-def labelled(rows: list[str], **keys: Any) -> tuple[Any, np.ndarray]:
-    assembly = build_assembly(parse_scene(grid_document(rows, **keys)))
-    return assembly, assembly.labels
+def shapes_for(document: dict[str, Any], **moulds: bool) -> tuple[Any, Any]:
+    """The structure of a scene, and what counts the shapes of its blocks with these moulds."""
+    scene = parse_scene({**document, "search": {"moulds": moulds}})
+    assembly = build_assembly(scene)
+    return assembly, search_space(scene, assembly, allow_empty=True, need_materials=False).limits.block_shapes
 
 
 def shapes_of(rows: list[str], **moulds: bool) -> int:
-    assembly, labels = labelled(rows)
-    blocks = blocks_of(assembly, labels)[None]
-    return int(BlockShapes(assembly, **moulds).different(blocks)[0])
+    assembly, shapes = shapes_for(grid_document(rows), **moulds)
+    return int(values_of(count_named("shapes"), assembly, assembly.labels[None], shapes=shapes)[0])
 
 
 def test_shapes_that_are_alike() -> None:
@@ -54,8 +54,7 @@ def test_blocks_cut_otherwise_have_one_shape() -> None:
     inner = {"tensile_strength": 1e5, "shear_strength": 1e5}
     scene = {"elements": elements, "materials": {**material, "inner": inner}, "loads": {"live": [{"body": [1, 0]}]}}
     assembly = build_assembly(parse_scene(scene))
-    blocks = blocks_of(assembly, assembly.labels)[None]
-    assert BlockShapes(assembly).different(blocks).tolist() == [1]
+    assert values_of(count_named("shapes"), assembly, assembly.labels[None]).tolist() == [1]
 
 
 @pytest.mark.parametrize(
@@ -141,8 +140,7 @@ def test_shapes_do_not_depend_on_order_or_place(name: str) -> None:
             },
             "loads": {"live": [{"body": [1, 0]}]},
         }
-        assembly = build_assembly(parse_scene(scene))
-        shapes = BlockShapes(assembly, rotate="rotate" in moulds, flip="flip" in moulds)
+        assembly, shapes = shapes_for(scene, **dict.fromkeys(moulds, True))
         blocks = blocks_of(assembly, assembly.labels)[None]
         # a layout that lacks the stone in the middle is counted by the same shapes
         free = assembly.elements.free
@@ -163,7 +161,7 @@ def test_solids() -> None:
         box("l2", (1, 4, 0), (2, 5, 1), block="l"),
         box("l3", (0, 5, 0), (1, 6, 1), block="l"),
     ]
-    assembly = spatial_assembly(parts)
+    assembly, _ = shapes_for(document := scene_in_space(parts))
     labels = assembly.labels.copy()
     ids = np.array(assembly.elements.ids)
     for pair in (("h1", "h2"), ("l1", "l2"), ("l1", "l3")):
@@ -172,10 +170,9 @@ def test_solids() -> None:
             for names in zip(ids[assembly.interfaces.a], ids[assembly.interfaces.b], strict=True)
         ]
         labels[both] = False
-    blocks = blocks_of(assembly, labels)[None]
-    assert BlockShapes(assembly).different(blocks).tolist() == [3]
-    turned = BlockShapes(assembly, rotate=True)
-    assert turned.different(blocks).tolist() == [2]
+    for rotate, number in ((False, 3), (True, 2)):
+        assembly, turned = shapes_for(document, rotate=rotate)
+        assert values_of(count_named("shapes"), assembly, labels[None], shapes=turned).tolist() == [number]
     brick, bent = turned.one(np.array([1])), turned.one(np.array([5, 6, 7]))
     assert brick.aspect == pytest.approx(2.0)
     assert (brick.reentrant, bent.reentrant) == (0, 1)
@@ -259,7 +256,7 @@ def _inward(cells: list[tuple[int, int]]) -> int:
     return sum(sum((x - i, y - j) in there for i in (0, 1) for j in (0, 1)) == 3 for x, y in corners)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("name", LIMITS)
 def test_enumeration_and_the_exact_driver_keep_the_limits(name: str, tmp_path: Path) -> None:
@@ -280,3 +277,9 @@ def test_enumeration_and_the_exact_driver_keep_the_limits(name: str, tmp_path: P
     assert space.limits.given
     assert every.results["shapes"].between(1, 6).all()
     assert np.allclose(every.results["largest_block_mass"], 32.0 * every.results["largest_block_cells"])
+
+
+def test_lines_alike_in_a_chain_are_one_line() -> None:
+    """Neighbours are equal within the tolerance, the ends are not; a line has no sense."""
+    angles = np.array([0.0, 2.4e-6, 1.2e-6, np.pi, 0.5 * np.pi])
+    assert outlines.different_lines(np.column_stack([np.cos(angles), np.sin(angles)])) == 2

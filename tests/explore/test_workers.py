@@ -161,7 +161,9 @@ def test_a_cluster_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.filterwarnings("ignore")
 def test_a_worker_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip("distributed")
-    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None)
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, worker_dashboard_address=None
+    )
     try:
         monkeypatch.setattr("jld_explore.evaluation.pool.__version__", "0.0.1")
         settings = ExploreSettings(pictures=False, cluster=cluster.scheduler_address)

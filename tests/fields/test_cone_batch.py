@@ -14,10 +14,8 @@ from jld_core.batch import chosen
 from jld_core.fields import ConeProgram
 from jld_core.fields import bounds as field_bounds
 from jld_core.fields.cones import ConeBatch, independent_rows
-from jld_core.fields.lower import LowerBound
-from jld_core.fields.upper import UpperBound
 
-pytestmark = pytest.mark.skipif(chosen() is None, reason="no compiled solver")
+compiled = pytest.mark.skipif(chosen() is None, reason="no compiled solver")
 
 PUSHED: list[dict[str, Any]] = [{"element": "c1r0", "force": [0.3, -1], "at": [0.15, 0.3]}]
 KINDS: dict[str, dict[str, Any]] = {
@@ -39,6 +37,7 @@ def disc() -> tuple[sp.csr_array, Floats, Floats, tuple[int, int, int]]:
     return sp.csr_array(matrix), rhs, idle, (1, 1, 1)
 
 
+@compiled
 def test_closed_form_with_rows_on_and_off() -> None:
     """Least value over a disc of radius 2 is −2 √(a² + b²); where it is cut at x = 1 and a < 0: a − √3 |b|."""
     costs = np.array([[-3.0, 0.5, 7.0], [-3.0, 0.5, 7.0], [3.0, 4.0, 0.0]])
@@ -53,6 +52,7 @@ def test_closed_form_with_rows_on_and_off() -> None:
     assert costs + found.dual @ disc()[0] == pytest.approx(np.zeros((3, 3)), abs=1e-7)
 
 
+@compiled
 def test_unbounded_and_infeasible_programs_are_named() -> None:
     """Without the cone x decreases for ever, along a ray; x ≤ 1 and x ≥ 2 have no point in common."""
     off = np.zeros((1, 5), dtype=bool)
@@ -69,6 +69,7 @@ def test_unbounded_and_infeasible_programs_are_named() -> None:
     assert found.dual[0] @ [1.0, -2, 9, 0, 0] < 0.0
 
 
+@compiled
 def test_dependent_equations_are_left_out() -> None:
     """Of three equations in a plane two remain, whichever; the multiplier of the other is 0."""
     rows = sp.csr_array(np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 1.0], [1.0, 3.0, 1.0]]))
@@ -76,33 +77,27 @@ def test_dependent_equations_are_left_out() -> None:
     assert independent_rows(sp.csr_array(np.eye(3))).all()
 
 
+@compiled
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_same_bounds_as_clarabel(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both programs have one optimum each; what both solvers leave to repair is some 1e-7 of λ."""
     assembly = frame(**KINDS[kind])
-    problem_of = field_bounds.FieldSetting.of(assembly)
-    problem = problem_of.problem(problem_of.coarse)
+    setting = field_bounds.FieldSetting.of(assembly)
     labellings = np.random.default_rng(5).random((11, len(assembly.interfaces))) < 0.5
-    for bounds in (LowerBound, UpperBound):
-        found = bounds(problem, many=True).bound_all(labellings)
-        expected = [bounds(problem).bound(labels) for labels in labellings]
-        for one, other in zip(found, expected, strict=True):
-            assert (one is None) == (other is None)
-            if one is not None and other is not None:
-                assert one.factor == pytest.approx(other.factor, rel=2e-6, abs=1e-7)
-    # the programs themselves are solved, not handed over
-    solved = 0
+    together, alone = (field_bounds.CoarseBounds(setting, many).both(labellings) for many in (True, False))
+    for found, expected in zip(together, alone, strict=True):
+        assert found == pytest.approx(expected, rel=2e-6, abs=1e-7 * setting.units.load)
 
-    def count(*_: object) -> Any:
-        nonlocal solved
-        solved += 1
+    fields = field_bounds.Fields.on(setting, setting.coarse, labellings[0])
+
+    # the programs themselves are solved, not handed over
+    def handed_over(*_: object) -> Any:
         raise AssertionError("handed over to Clarabel")
 
-    monkeypatch.setattr(ConeProgram, "_by_clarabel", count)
-    upper = UpperBound(problem, many=True)
+    monkeypatch.setattr(ConeProgram, "_by_clarabel", handed_over)
+    upper = type(fields.upper)(fields.problem, many=True)
     assert all(answer.status in ("Solved", "DualInfeasible") for answer in map(upper.propose, labellings))
-    assert solved == 0
 
 
 def both(assembly: Assembly, labellings: Bits) -> list[list[float]]:
@@ -110,6 +105,7 @@ def both(assembly: Assembly, labellings: Bits) -> list[list[float]]:
     return [low.tolist(), high.tolist()]
 
 
+@compiled
 def test_bounds_do_not_depend_on_company(monkeypatch: pytest.MonkeyPatch) -> None:
     """Together, alone and in another order: the same bits; by Clarabel alone: the same but for rounding."""
     assembly = frame()
@@ -122,3 +118,74 @@ def test_bounds_do_not_depend_on_company(monkeypatch: pytest.MonkeyPatch) -> Non
     assert chosen() is None
     for found, expected in zip(both(assembly, labellings), together, strict=True):
         assert found == pytest.approx(expected, rel=2e-6, abs=1e-7 * 1e3)
+
+
+# One field proves bounds of many labellings: against the bounds computed for each of them.
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_field_bounds_other_labellings(kind: str) -> None:
+    """Upper bounds of mechanisms lie above every lower bound, those of the own labelling are the certified ones."""
+    assembly = frame(**KINDS[kind])
+    coarse = field_bounds.CoarseBounds(field_bounds.FieldSetting.of(assembly))
+    rng = np.random.default_rng(3)
+    labellings = rng.random((14, len(assembly.interfaces))) < 0.5
+    lows, highs, mechanisms, stresses = [], [], [], []
+    for labels in labellings:
+        low, field = coarse.lower(labels)
+        high, mechanism = coarse.upper(labels)
+        lows.append(low)
+        highs.append(high)
+        if mechanism is not None:
+            own = float(mechanism.bounds(labels[None])[0])
+            assert high * (1 - 1e-9) <= own <= high + 1e-3 * abs(high)
+            mechanisms.append(mechanism)
+        if field is not None:
+            assert field.bounds(labels[None])[0] == low
+            stresses.append(field)
+    above = np.min([one.bounds(labellings) for one in mechanisms], axis=0)
+    below = np.max([one.bounds(labellings) for one in stresses], axis=0)
+    # both programs are solved to their optimum on this mesh, so that no other field of the mesh is better
+    assert (above >= np.array(highs) - 1e-6 * np.abs(highs)).all()
+    assert (below <= np.array(lows) + 1e-6 * np.abs(lows)).all()
+    assert np.isfinite(above).all()
+    # a field does speak of others than its own labelling
+    assert sum(np.isfinite(one.bounds(labellings)).sum() for one in mechanisms) > 2 * len(mechanisms)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_power_of_faces_is_that_of_the_certified_field(kind: str) -> None:
+    """Each face weighed alone, against the power of the whole field computed under other labels."""
+    assembly = frame(**KINDS[kind])
+    setting = field_bounds.FieldSetting.of(assembly)
+    rng = np.random.default_rng(5)
+    labels = rng.random(len(assembly.interfaces)) < 0.4
+    fields = field_bounds.Fields.on(setting, setting.coarse, labels)
+    assert fields.velocity is not None
+    mechanism = fields.for_all[1]
+    assert mechanism is not None
+    upper = fields.upper
+    compared = 0
+    for _ in range(12):
+        other = rng.random(len(labels)) < 0.5
+        bound = float(mechanism.bounds(other[None])[0])
+        opened = upper.certify(fields.velocity.velocity, other)
+        if np.isfinite(bound) and opened is not None:
+            # certify moves the field, but never above what it was given, up to what opens still faces
+            assert opened.factor * setting.units.load <= bound + 2e-3 * abs(bound)
+            compared += 1
+    assert compared >= 3
+
+
+def test_a_face_that_may_be_dry() -> None:
+    """A column pressed down: joints across it may be dry, glued cells beside one another by no stress at all."""
+    assembly = grid_assembly(["ab", "ab", "##"], live=[{"body": [0, 1]}])
+    labels = np.zeros(len(assembly.interfaces), dtype=bool)
+    low, field = field_bounds.CoarseBounds(field_bounds.FieldSetting.of(assembly)).lower(labels)
+    assert field is not None
+    bed = np.array([abs(normal[1]) > 0.5 for normal in assembly.interfaces.normal])
+    assert low > 1.0
+    assert field.bounds(labels[None])[0] == low
+    lifted = field.bounds((labels | bed)[None])[0]
+    # lifted by more than its weight, no bed joint may be dry
+    assert lifted == -np.inf

@@ -276,6 +276,7 @@ AT_MIDSPAN: list[dict[str, Any]] = [
 ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("dead", AT_MIDSPAN, ids=["pressure", "line", "force with a width"])
 def test_a_dead_load_on_part_of_a_lintel_bends_it_there(dead: dict[str, Any]) -> None:
     """M = 0.3 · 3/4 − 0.3 · 0.5/8 = 0.206 at midspan, above the plastic moment 0.1 of σt = 1 and σc = 4."""

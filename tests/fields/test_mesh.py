@@ -20,8 +20,7 @@ from jld_core.fields import loads as field_loads
 from jld_core.fields import mesh as field_mesh
 from jld_core.fields.layers import layers_of, surface_of
 from jld_core.fields.rigid_joints import RigidBlocks, fitted_joints, rigid_balance
-from jld_core.fields.solids import loaded_solids
-from jld_core.fields.upper import UpperBound, VelocityField, VelocityProgram
+from jld_core.fields.upper import VelocityProgram
 
 
 def random_assembly(seed: int) -> Assembly | None:
@@ -147,7 +146,8 @@ def test_layers_of_a_cell(name: str, count: int) -> None:
     assembly = scene([ground, OUTLINES[name]], [{"body": [1, 0, 0]}], "inner", density=1.0)
     layers = layers_of(surface_of(assembly), 1)
     assert (1 if layers is None else len(layers.parts)) == count
-    mesh, loads = loaded_solids(assembly, None, assembly.labels, (1,))
+    setting = field_bounds.FieldSetting.of(assembly, None, assembly.labels, (1,))
+    mesh, loads = setting.coarse, setting.loads
     assert mesh.volume.sum() == pytest.approx(assembly.elements.volume[1], rel=1e-12)
     assert mesh.volume.min() > 0.0
     assert mesh.volume @ loads.live[mesh.root] == pytest.approx(assembly.live[1, :3], rel=1e-12)
@@ -164,8 +164,7 @@ def test_layers_meet_other_cells() -> None:
         ]
         live = [{"element": "two", "force": (turn @ [0, 0, -1]).tolist(), "at": (turn @ [1.3, 2.5, 0.9]).tolist()}]
         assembly = scene(parts, live, "inner", gravity=(turn @ [0.0, 0.0, -1.0]).tolist())
-        mesh, _ = loaded_solids(assembly, None, None, (1, 2))
-        plain, _ = loaded_solids(assembly)
+        mesh, plain = (field_bounds.FieldSetting.of(assembly, None, None, cut).coarse for cut in ((1, 2), ()))
         assert len(mesh) > 2 * len(plain)
         for cell in (1, 2):
             assert mesh.volume[mesh.cell == cell].sum() == pytest.approx(assembly.elements.volume[cell], rel=1e-9)
@@ -288,15 +287,17 @@ def test_a_field_whose_repair_costs_much_is_solved_with_slack(
     assembly: Assembly, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On 674 triangles of this bridge opening by 5e-9 costs 1.6 % of λ; here the first field costs a tenth."""
-    upper = UpperBound(field_bounds.FieldSetting.of(assembly).problem(field_bounds.FieldSetting.of(assembly).coarse))
-    plain, original, asked = upper.bound(assembly.labels), UpperBound.certify, []
+    setting = field_bounds.FieldSetting.of(assembly)
+    fields = field_bounds.Fields.on(setting, setting.coarse, assembly.labels)
+    plain, upper, asked = fields.velocity, fields.upper, []
+    original = upper.certify
 
-    def dear(self: UpperBound, velocity: Floats, labels: Bits, expected: float) -> VelocityField | None:
-        found = original(self, velocity, labels, expected)
+    def dear(velocity: Floats, labels: Bits, expected: float) -> Any:
+        found = original(velocity, labels, expected)
         asked.append(found)
         return found if found is None or len(asked) > 1 else replace(found, factor=1.1 * found.factor)
 
-    monkeypatch.setattr(UpperBound, "certify", dear)
+    monkeypatch.setattr(upper, "certify", dear)
     found = upper.bound(assembly.labels)
     assert len(asked) == 2
     assert plain is not None
@@ -307,9 +308,9 @@ def test_a_field_whose_repair_costs_much_is_solved_with_slack(
 def test_room_of_flow_rules_costs_next_to_nothing(assembly: Assembly) -> None:
     """A program with a margin of 1e-8: its field needs no opening, and λ rises by less than 1e-5 of itself."""
     setting = field_bounds.FieldSetting.of(assembly)
-    upper = UpperBound(setting.problem(setting.coarse))
     labels = assembly.labels
-    plain = upper.bound(labels)
+    fields = field_bounds.Fields.on(setting, setting.coarse, labels)
+    plain, upper = fields.velocity, fields.upper
     assert plain is not None
     dry = upper.problem.is_dry(labels)
     answer = VelocityProgram(upper.problem, upper.live, upper.dead, 1e-8).solve(dry)

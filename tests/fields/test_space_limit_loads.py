@@ -12,11 +12,9 @@ import pytest
 from cases import all_inner, box, prism, rotation
 from command import Command
 from jld_core import Assembly, InputError, Status, build_assembly, parse_scene
-from jld_core.fields import bounds, bounds_by_fields, problem
-from jld_core.fields.lower import LowerBound
-from jld_core.fields.solids import loaded_solids
-from jld_core.fields.upper import UpperBound
+from jld_core.fields import bounds, bounds_by_fields
 from jld_core.models import solve_by_fields
+from proofs import fields_of
 
 STRONG = {"tensile_strength": 1e3, "shear_strength": 1e3}
 
@@ -202,13 +200,9 @@ def test_virtual_power_of_both_fields() -> None:
     """Dissipation less stress power is the width of the bracket: both fields meet equilibrium and compatibility."""
     parts = [GROUND, box("a", [0, 0, 0], [1, 1, 1], weight=1.0)]
     assembly = scene(parts, [{"element": "a", "force": [1, 0, -0.2], "at": [0.5, 0.5, 1.0]}], "dry")
-    material = problem.material_of(assembly)
-    mesh, loads = loaded_solids(assembly, None, assembly.labels)
-    units = problem.units_of(assembly, material)
-    given = problem.problem_of(assembly, material, units, mesh, loads)
-    stress, velocity = LowerBound(given).bound(assembly.labels), UpperBound(given).bound(assembly.labels)
-    assert stress is not None
-    assert velocity is not None
+    setting = bounds.FieldSetting.of(assembly, None, assembly.labels)
+    given = setting.problem(setting.coarse)
+    stress, velocity = fields_of(given, assembly.labels)
     power = bounds.stress_power(given, stress, velocity.velocity)
     width = velocity.factor - stress.factor
     assert velocity.dissipation.sum() - power.sum() == pytest.approx(width, abs=1e-9)
@@ -234,7 +228,8 @@ LOADS = [
 def test_loads_are_statically_equivalent(live: list[Any]) -> None:
     """Body forces and tractions have the resultants of the scene, by quadrature over the mesh."""
     assembly = scene([GROUND, box("a", [0, 0, 0], [1, 1, 1], weight=0.3)], live)
-    mesh, loads = loaded_solids(assembly)
+    setting = bounds.FieldSetting.of(assembly)
+    mesh, loads = setting.coarse, setting.loads
     total = np.zeros(6)
     centroid = assembly.elements.centroid[1]
 

@@ -10,13 +10,12 @@ import pytest
 from scipy.optimize import linprog
 
 from cases import box
-from jld_core import Floats, build_assembly, parse_scene
+from jld_core import Bits, Floats, build_assembly, parse_scene
+from jld_core.fields import bounds as field_bounds
 from jld_core.fields import mesh as field_mesh
 from jld_core.fields import problem as field_problem
 from jld_core.fields.forms import Material, normal_map, tensors
-from jld_core.fields.lower import LowerBound
-from jld_core.fields.solids import loaded_solids
-from jld_core.fields.upper import UpperBound
+from proofs import fields_of
 
 SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [0.1, -0.05]])
 TENSION = 0.7
@@ -34,7 +33,7 @@ def problem(material: Material, stress: tuple[float, float, float], parts: int) 
     free = mesh.sides.b < 0
     pull = np.where(free[:, None, None], (mesh.sides.normal @ tensor)[:, None], 0.0).repeat(2, axis=1)
     zero: Floats = np.zeros((len(mesh), 2))
-    found = field_problem.Problem(
+    return field_problem.Problem(
         field_problem.Units(1.0, 1.0, 1.0, 1.0, np.zeros(2)),
         material,
         field_problem.Joints(none, none, none),
@@ -44,7 +43,6 @@ def problem(material: Material, stress: tuple[float, float, float], parts: int) 
         np.zeros_like(pull),
         pull,
     )
-    return replace(found)
 
 
 CASES = [
@@ -63,22 +61,22 @@ CASES = [
 ]
 
 
+def assert_bounds(given: field_problem.Problem, labels: Bits, factor: float, rel: float) -> None:
+    """Both bounds are the factor at which the uniform stress reaches yield, from their own side."""
+    lower, upper = fields_of(given, labels)
+    assert lower.room >= 0.0
+    assert (lower.factor, upper.factor) == pytest.approx((factor, factor), rel=rel)
+    assert lower.factor <= factor * (1.0 + 1e-12)
+    assert upper.factor >= factor * (1.0 - 1e-12)
+
+
 @pytest.mark.parametrize("parts", [1, 2])
 @pytest.mark.parametrize(("friction", "crushing", "x", "y", "xy", "factor"), CASES)
 def test_uniform_stress(
     friction: float, crushing: float, x: float, y: float, xy: float, factor: float, parts: int
 ) -> None:
-    """Both bounds are the factor at which the uniform stress reaches yield."""
     given = problem(Material(TENSION, COHESION, friction, crushing), (x, y, xy), parts)
-    labels = np.zeros(0, dtype=bool)
-    lower, upper = LowerBound(given).bound(labels), UpperBound(given).bound(labels)
-    assert lower is not None
-    assert upper is not None
-    assert lower.room >= 0.0
-    assert lower.factor == pytest.approx(factor, rel=1e-6)
-    assert upper.factor == pytest.approx(factor, rel=1e-6)
-    assert lower.factor <= factor * (1.0 + 1e-12)
-    assert upper.factor >= factor * (1.0 - 1e-12)
+    assert_bounds(given, np.zeros(0, dtype=bool), factor, 1e-6)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3, 0.75])
@@ -126,12 +124,11 @@ def cube(times: int) -> field_problem.Problem:
         "loads": {"live": [{"element": "cube", "force": [1, 0, 0]}]},
     }
     assembly = build_assembly(parse_scene(document))
-    mesh, loads = loaded_solids(assembly)
-    mesh = replace(mesh, tagged=mesh.tagged[:0], tag=mesh.tag[:0])
+    setting = field_bounds.FieldSetting.of(assembly)
+    mesh = replace(setting.coarse, tagged=setting.coarse.tagged[:0], tag=setting.coarse.tag[:0])
     for _ in range(times):
         mesh = field_mesh.bisect(mesh, np.ones(len(mesh), dtype=bool))
-    material = field_problem.material_of(assembly)
-    found = field_problem.problem_of(assembly, material, field_problem.units_of(assembly, material), mesh, loads)
+    found = setting.problem(mesh)
     return replace(found, live=np.zeros_like(found.live))
 
 
@@ -159,19 +156,10 @@ CASES_IN_SPACE = [
 
 @pytest.mark.parametrize(("friction", "crushing", "stress", "factor"), CASES_IN_SPACE)
 def test_uniform_stress_in_space(friction: float, crushing: float, stress: Floats, factor: float) -> None:
-    """Both bounds are the factor at which the uniform stress reaches yield."""
     given = replace(cube(0), material=Material(TENSION, COHESION, friction, crushing))
-    outside, labels = given.sides.b < 0, np.zeros(1, dtype=bool)
+    outside = given.sides.b < 0
     pull = np.where(outside[:, None, None], (given.sides.normal @ stress)[:, None], 0.0).repeat(3, axis=1)
-    given = replace(given, pull=pull)
-    lower, upper = LowerBound(given).bound(labels), UpperBound(given).bound(labels)
-    assert lower is not None
-    assert upper is not None
-    assert lower.room >= 0.0
-    assert lower.factor == pytest.approx(factor, rel=1e-4)
-    assert upper.factor == pytest.approx(factor, rel=1e-4)
-    assert lower.factor <= factor * (1.0 + 1e-12)
-    assert upper.factor >= factor * (1.0 - 1e-12)
+    assert_bounds(replace(given, pull=pull), np.zeros(1, dtype=bool), factor, 1e-4)
 
 
 @pytest.mark.parametrize(("friction", "crushing"), [(0.0, np.inf), (0.3, np.inf), (0.75, 2.0)])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import threading
 import time
 import urllib.error
 import urllib.request
@@ -30,26 +29,11 @@ SCHEMA = json.loads(re.findall(r"```json\n(.*?)```", (ROOT / "docs/reference/htt
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A studio as `jld studio` starts it, in a thread."""
-    import uvicorn
+    from local_studio import TOKEN, Local
 
-    from jld_studio import Api, Jobs, StudioSession, build_app, server
-
-    desk = StudioSession(parse_scene(small_scene()))
-    root = tmp_path_factory.mktemp("studio")
-    jobs = Jobs(root)
-    listener = server._listener(0)
-    port = listener.getsockname()[1]
-    app = build_app(Api(desk, jobs, root, lambda: server.first_data(desk, root, None)), "t0ken", (f"127.0.0.1:{port}",))
-    running = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False))
-    thread = threading.Thread(target=running.run, kwargs={"sockets": [listener]}, daemon=True)
-    thread.start()
-    while not running.started:
-        time.sleep(0.01)
-    yield f"http://127.0.0.1:{port}/t0ken/"
-    running.should_exit = True
-    thread.join(timeout=120)
-    jobs.close()
-    listener.close()
+    made = Local(tmp_path_factory.mktemp("studio"), small_scene())
+    yield f"http://127.0.0.1:{made.port}/{TOKEN}/"
+    made.close()
 
 
 def post(address: str, body: Any, **headers: str) -> tuple[int, Any]:

@@ -20,8 +20,7 @@ from jld_formats import import_file
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
 from jld_studio import collapse_loads
-from jld_studio.scene_store import with_support
-from jld_studio.session import texts_of_bounds
+from jld_studio.session import texts_of_bounds, with_support
 from local_studio import Local, fits
 
 

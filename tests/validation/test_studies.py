@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -44,10 +45,16 @@ def written(out: Path, name: str, *endings: str) -> None:
     assert "What does not" in (out / f"{name}.md").read_text("utf-8")
 
 
+def ran(study: Any, folder: Path) -> pd.DataFrame:
+    """The table of a coarse run, whose files are written."""
+    table: pd.DataFrame = study.run(folder, coarse=True)
+    written(folder, study.NAME)
+    return table
+
+
 @pytest.mark.long
 def test_walls_of_section_3_1(tmp_path: Path) -> None:
-    table = walls_of_section_3_1.run(tmp_path, coarse=True)
-    written(tmp_path, walls_of_section_3_1.NAME)
+    table = ran(walls_of_section_3_1, tmp_path)
     for wall, (published, lowest) in walls_of_section_3_1.PUBLISHED.items():
         own = table[table["wall"] == wall]
         associative = own[own["friction"] == "associative"]["load_factor"].item()
@@ -63,8 +70,7 @@ def test_walls_of_section_3_1(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_one_block_two_cubes(tmp_path: Path) -> None:
     """Paper 3.2: every λ in closed form to 1e-8, every mechanism the governing one."""
-    table = one_block_two_cubes.run(tmp_path, coarse=True)
-    written(tmp_path, one_block_two_cubes.NAME)
+    table = ran(one_block_two_cubes, tmp_path)
     assert set(table["status"]) == {"collapse"}
     assert (table["load_factor"] / table["closed_form"] - 1.0).abs().max() < 1e-8
     mapped = table[table["part"] == "map"]
@@ -76,8 +82,7 @@ def test_one_block_two_cubes(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_semicircular_arch(tmp_path: Path) -> None:
     """Cocchetti & Rizzi 2020, Table 3, to the error of the joints' angles; freed joints beat radial ones."""
-    table = semicircular_arch.run(tmp_path, coarse=True)
-    written(tmp_path, semicircular_arch.NAME)
+    table = ran(semicircular_arch, tmp_path)
     by_friction = table[table["part"] == "friction"].set_index("friction")["thickness"]
     assert by_friction[0.6] == pytest.approx(semicircular_arch.ROTATION, abs=3e-4)
     assert by_friction[0.3094] == pytest.approx(semicircular_arch.LIMIT[1], abs=3e-3)
@@ -95,8 +100,7 @@ def test_semicircular_arch(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_settlement(tmp_path: Path) -> None:
     """Least and greatest thrust of the semicircular arch against the closed form of the endless ring."""
-    table = settlement.run(tmp_path, coarse=True)
-    written(tmp_path, settlement.NAME)
+    table = ran(settlement, tmp_path)
     assert set(table["status"]) == {"certified"}
     assert table["error"].abs().max() < 1e-3
     assert settlement.closed_form(0.2, 1.0) == pytest.approx(0.309723, rel=1e-5)
@@ -107,8 +111,7 @@ def test_settlement(tmp_path: Path) -> None:
 
 def test_few_shapes(tmp_path: Path) -> None:
     """The strongest of the wall in two winds is made of two shapes: few moulds cost nothing there."""
-    table = few_shapes.run(tmp_path, coarse=True)
-    written(tmp_path, few_shapes.NAME)
+    table = ran(few_shapes, tmp_path)
     assert table["shapes"].is_monotonic_increasing
     assert table["share"].max() == 1.0
     kept = pd.read_csv(RESULTS / "few_shapes.csv")
@@ -119,8 +122,7 @@ def test_few_shapes(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_left_out(tmp_path: Path) -> None:
     """The heavier the structure the stronger the best of it, and by more than its share."""
-    table = left_out.run(tmp_path, coarse=True)
-    written(tmp_path, left_out.NAME)
+    table = ran(left_out, tmp_path)
     assert table["mass"].tolist() == pytest.approx([192.0, 224.0, 256.0])
     assert table["load_factor"].is_monotonic_increasing
     assert table["per_kg"].is_monotonic_increasing
@@ -129,8 +131,7 @@ def test_left_out(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_t_block(tmp_path: Path) -> None:
     """Statics by hand of a tree of five cells; the rigid block is reached where nothing cracks."""
-    table = t_block.run(tmp_path, coarse=True)
-    written(tmp_path, t_block.NAME)
+    table = ran(t_block, tmp_path)
     standing = table[table["expected"] != "falls"]
     assert (standing["load_factor_N"] / standing["closed_form_N"] - 1.0).abs().max() < 1e-7
     assert (table["gives_way"] == table["expected"]).all()
@@ -141,8 +142,7 @@ def test_t_block(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_leonardo_flat_arch(tmp_path: Path) -> None:
     """Our own layout: value of this project's solver, the shear limit below it, and a segmentation that beats it."""
-    table = leonardo_flat_arch.run(tmp_path, coarse=True).set_index("part")
-    written(tmp_path, leonardo_flat_arch.NAME)
+    table = ran(leonardo_flat_arch, tmp_path).set_index("part")
     own, best = table.loc["this arch"], table.loc["strongest segmentation"]
     assert own["associative_N"] == pytest.approx(2093.98, rel=1e-4)
     # two faces that shear at τA without any thrust, less the weight of six cells
@@ -156,8 +156,7 @@ def test_leonardo_flat_arch(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_wall_with_opening(tmp_path: Path) -> None:
     """No layout beats sliding on the base, the best reach it, and the usual bond does not."""
-    table = wall_with_opening.run(tmp_path, coarse=True)
-    written(tmp_path, wall_with_opening.NAME)
+    table = ran(wall_with_opening, tmp_path)
     front, bond = table[table["layout"] == "strongest"], table[table["layout"] == "running bond"]
     assert front["load_factor"].max() == pytest.approx(wall_with_opening.FRICTION, rel=1e-6)
     assert front["proven"].all()
@@ -167,8 +166,7 @@ def test_wall_with_opening(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_corner(tmp_path: Path) -> None:
     """Interlocking beats a straight joint in every direction; nothing beats sliding, and no bond the regular one."""
-    table = corner.run(tmp_path, coarse=True)
-    written(tmp_path, corner.NAME)
+    table = ran(corner, tmp_path)
     wide = table[table["part"] == "direction"].pivot(index="degrees", columns="bond", values="load_factor")
     assert (wide["interlocking"] > 1.1 * wide["plain"]).all()
     assert wide.to_numpy().max() <= 0.6 * (1.0 + 1e-6)
@@ -179,8 +177,7 @@ def test_corner(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_joints_that_move(tmp_path: Path) -> None:
     """With either flank the best key is neither the shallowest nor the deepest, and carries 20 % more than none."""
-    table = joints_that_move.run(tmp_path, coarse=True)
-    written(tmp_path, joints_that_move.NAME)
+    table = ran(joints_that_move, tmp_path)
     voussoirs, radial, turned = joints_that_move.least_thickness(coarse=True)
     assert turned < 0.999 * radial
     assert f"a semicircle of {voussoirs} voussoirs" in (tmp_path / f"{joints_that_move.NAME}.md").read_text("utf-8")
@@ -193,8 +190,7 @@ def test_joints_that_move(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_two_loads(tmp_path: Path) -> None:
     """Best under one load and under both, each proven: 103.2 beside the 57.6 that one of those that tie carries."""
-    table = two_loads.run(tmp_path, coarse=True)
-    written(tmp_path, two_loads.NAME)
+    table = ran(two_loads, tmp_path)
     assert table["proven"].all()
     assert list(table["load_factor"]) == pytest.approx([57.573, 103.231], rel=1e-4)
     assert table["load_factor[left]"][0] > table["load_factor[left]"][1]
@@ -203,23 +199,20 @@ def test_two_loads(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_strong_enough(tmp_path: Path) -> None:
     """The most dry faces for λ ≥ 2 and 8, at nominal and at low values; nothing carries 8 at the low ones."""
-    table = strong_enough.run(tmp_path, coarse=True)
-    written(tmp_path, strong_enough.NAME)
+    table = ran(strong_enough, tmp_path)
     assert table["proven"].all()
     assert list(table["dry_faces"]) == pytest.approx([14.0, 13.0, 13.0, float("nan")], nan_ok=True)
 
 
 def test_few_cuts(tmp_path: Path) -> None:
-    table = few_cuts.run(tmp_path, coarse=True)
-    written(tmp_path, few_cuts.NAME)
+    table = ran(few_cuts, tmp_path)
     assert table["proven"].all()
     assert table["load_factor"].max() == pytest.approx(12.62218, rel=1e-5)
 
 
 @pytest.mark.long
 def test_cut_solids(tmp_path: Path) -> None:
-    table = cut_solids.run(tmp_path, coarse=True)
-    written(tmp_path, cut_solids.NAME)
+    table = ran(cut_solids, tmp_path)
     assert table["watertight"].all()
     assert table["in_box"].all()
     assert table["overlap"].max() < 1e-6
@@ -241,8 +234,7 @@ def test_fronts_of_sawn_length_and_moulds_are_those_of_all_layouts(tmp_path: Pat
 @pytest.mark.long
 def test_laid(tmp_path: Path) -> None:
     """The strongest lintel stands while it is laid."""
-    table = laid.run(tmp_path, coarse=True)
-    written(tmp_path, laid.NAME)
+    table = ran(laid, tmp_path)
     assert table["load_factor"].max() == pytest.approx(582.746, rel=1e-5)
     assert table["cost"].max() == pytest.approx(0.0, abs=1e-6)
     assert table["props"][0] < 1e-3
@@ -259,8 +251,7 @@ def test_gallery_page_is_that_of_the_results() -> None:
 @pytest.mark.long
 def test_how_low_can_it_go(tmp_path: Path) -> None:
     """The flat arch: proven, below the 1312 N of section 3.3 by the layout; a wall of three courses has one value."""
-    table = how_low_can_it_go.run(tmp_path, coarse=True).set_index("scene")
-    written(tmp_path, how_low_can_it_go.NAME)
+    table = ran(how_low_can_it_go, tmp_path).set_index("scene")
     assert (table["lowest_proven"] >= table["lowest_found"] * (1.0 - 1e-6)).all()
     assert table.loc["flat arch", "lowest_found"] == pytest.approx(1305.8653, rel=1e-6)
     assert table.loc["flat arch", "highest_found"] == pytest.approx(2093.9777, rel=1e-6)

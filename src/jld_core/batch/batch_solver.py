@@ -502,17 +502,12 @@ class BatchBlockSolver:
 
     def _places(self, rows: Ints) -> Ints:
         """Return the factor positions of products of shared rows (r,); −1 − position off the diagonal blocks."""
-        starts, below = self.pattern.column_start, self.pattern.row
-        found = []
-        for k, one in enumerate(rows.tolist()):
-            for other in rows[: k + 1].tolist():
-                (high, r), (low, c) = divmod(max(one, other), _Q), divmod(min(one, other), _Q)
-                if high == low:
-                    found.append(6 * high + r * (r + 1) // 2 + c)
-                else:
-                    block = starts[low] + np.searchsorted(below[starts[low] : starts[low + 1]], high)
-                    found.append(-1 - (9 * int(block) + 3 * r + c))
-        return np.array(found, dtype=np.int64)
+        starts, nodes = self.pattern.column_start, len(self.pattern.order)
+        k, other = np.tril_indices(len(rows))
+        (high, r), (low, c) = (divmod(of(rows[k], rows[other]), _Q) for of in (np.maximum, np.minimum))
+        keys = np.repeat(np.arange(nodes), np.diff(starts)) * nodes + self.pattern.row
+        block = np.searchsorted(keys, low * nodes + high)
+        return np.asarray(np.where(high == low, 6 * high + r * (r + 1) // 2 + c, -1 - (9 * block + 3 * r + c)))
 
     def solve(self, allowed: Bools, thresholds: Floats, least: Floats, most: Floats) -> BlockAnswers:
         """Solve the programs of choices (k, p), least ≤ λ ≤ most (k,), until λ stays below thresholds (k,)."""

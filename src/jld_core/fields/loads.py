@@ -107,19 +107,22 @@ def thickness_of(assembly: Assembly) -> float:
 
 def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, FieldLoads]:
     """Return the coarsest mesh, tagged, with body forces and tractions; InputError for a force without face or room."""
-    segments, rest = loaded_segments(assembly, patch)
+    plain = outlines_of(assembly)
+    segments, rest = loaded_segments(assembly, patch, plain)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
-    coarse = coarse_mesh(outlines_of(assembly, ends))
+    coarse = coarse_mesh(outlines_of(assembly, ends) if len(ends) else plain)
     mesh = _tagged(coarse, segments)
     return mesh, loads_on(assembly, mesh, segments, rest)
 
 
-def loaded_segments(assembly: Assembly, patch: float | None = None) -> tuple[list[Segment], tuple[Floats, Floats]]:
-    """Return the parts of free faces with tractions, and the loads (n, 3) that they leave.
+def loaded_segments(
+    assembly: Assembly, patch: float | None = None, plain: Outlines | None = None
+) -> tuple[list[Segment], tuple[Floats, Floats]]:
+    """Return the parts of free faces with tractions, and the loads (n, 3) that they leave; plain: known outlines.
 
     InputError as `loaded_mesh`.
     """
-    plain = outlines_of(assembly)
+    plain = plain or outlines_of(assembly)
     faces = [face for cell in range(len(plain.cells)) for face in _free_faces(plain, cell)]
     dead, dead_rest = _pieces(assembly, faces, assembly.dead_loads, patch)
     live, live_rest = _pieces(assembly, faces, assembly.live_loads, patch)

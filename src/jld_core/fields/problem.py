@@ -200,10 +200,15 @@ def require_fields(assembly: Assembly) -> None:
         load(case)
 
 
-def require_planar_fields(assembly: Assembly) -> None:
-    """Raise InputError for a spatial assembly, and as `require_fields`."""
+def require_planar(assembly: Assembly) -> None:
+    """Raise InputError for a spatial assembly."""
     if assembly.dimension != 2:
         raise InputError("cracks", "fields are for planar scenes, and this one is spatial", '"faces"')
+
+
+def require_planar_fields(assembly: Assembly) -> None:
+    """Raise InputError for a spatial assembly, and as `require_fields`."""
+    require_planar(assembly)
     require_fields(assembly)
 
 

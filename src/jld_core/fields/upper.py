@@ -277,8 +277,6 @@ def opening_motion(problem: Problem) -> Floats | None:
 def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     """Find gradients (t, 2) of a function linear on triangles and convex in each cell, by a linear program; or None."""
     # One exists for every mesh of fans, trees of triangles and their bisections, which are regular subdivisions.
-    from scipy.optimize import linprog  # takes longer to import than most commands need
-
     mesh, e = problem.mesh, problem.sides
     key = number[:, None] * len(mesh.points) + mesh.simplices
     unique, node = np.unique(key, return_inverse=True)
@@ -296,13 +294,12 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     wanted = sp.hstack([-matrix, sp.csr_array(size[:, None])])
     objective = np.zeros(count + 1)
     objective[-1] = -1.0
-    bounds = [(-1.0, 1.0)] * count + [(0.0, 1.0)]
-    found = linprog(  # type: ignore[call-overload]  # the stubs know no sparse matrices
-        objective, A_ub=wanted, b_ub=np.zeros(len(inside)), bounds=bounds, method="highs-ipm"
-    )
-    if found.x is None or not found.x[-1] > _LEAST:
+    whole = sp.csr_array(sp.vstack([wanted, sp.eye_array(count + 1), -sp.eye_array(count + 1)]))
+    rhs = np.repeat([0.0, 1.0], [len(inside), 2 * count + 2])
+    found = ConeProgram(objective, whole, rhs, (0, len(rhs), 0)).solve()
+    if not found.usable or not found.point[-1] > _LEAST:
         return None
-    return np.asarray(np.einsum("tki,tk->ti", mesh.gradient, found.x[:-1][node]))
+    return np.asarray(np.einsum("tki,tk->ti", mesh.gradient, found.point[:-1][node]))
 
 
 def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> tuple[Floats, float] | None:

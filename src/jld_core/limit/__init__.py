@@ -13,10 +13,10 @@ from jld_core.limit.result import number, result_of
 
 if TYPE_CHECKING:
     from jld_core.limit import mechanism
+    from jld_core.limit.batch import SampleAnalysis
     from jld_core.limit.bounds import crossed
     from jld_core.limit.mechanism import face_jumps, movements
     from jld_core.limit.result import effects, without_idle
-    from jld_core.limit.samples import SampleAnalysis
 
 __all__ = [
     "FIELD_SECONDS",
@@ -43,9 +43,9 @@ __all__ = [
 export_lazily(
     __name__,
     {
+        "batch": ["SampleAnalysis"],
         "bounds": ["crossed"],
         "mechanism": ["face_jumps", "movements"],
         "result": ["effects", "without_idle"],
-        "samples": ["SampleAnalysis"],
     },
 )

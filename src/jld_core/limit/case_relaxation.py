@@ -23,7 +23,7 @@ from jld_core.batch.rows import fits
 from jld_core.deadline import checkpoint
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, BlockMechanism, BlockRelaxation, Choice
-from jld_core.limit.work_balance import DualBound, MinimizedConflict, WorkBalances
+from jld_core.limit.mechanism import DualBound, MinimizedConflict, WorkBalances
 from jld_core.program import ConicProgram, Template
 from jld_core.program.template import Structure
 from jld_core.solvers import make_solver

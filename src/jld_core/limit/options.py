@@ -13,9 +13,9 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.errors import ParameterError
 from jld_core.mechanics.standard import InnerBending
-from jld_core.parameters import require_field_types
+from jld_core.parameters import documented, require_field_types, setting
 from jld_core.scene.cracks import CrackModel, FieldCracks, cracks_of, cracks_to_json
-from jld_core.solvers import Solver, require_solver
+from jld_core.solvers import SOLVERS, Solver, require_solver
 
 Friction = Literal["associative", "zero-dilation"]
 """Friction model of dry faces: flow rule associated with the yield sets, or sliding without uplift."""
@@ -43,62 +43,53 @@ _WORDS: Final = {
 }
 
 
+@documented
 @dataclass(frozen=True)
 class Model:
     """How a structure is modelled and solved: crack model, friction, contact, bending, solver.
 
-    Fields are named as on the command line. Options of spatial models have no effect in planar scenes.
-
-    Parameters
-    ----------
-    friction : {"associative", "zero-dilation"}
-        "zero-dilation": sliding without uplift, λ not unique (docs/method.md, chapter 4).
-    range : bool
-        Compute the lowest and the highest λ found with zero dilation, and a lower bound on all of them.
-    floor_seconds : float
-        Processor time for that lower bound, seconds; 0 omits the bound.
-    start : {"associative", "gravity", "vertex"}
-        Forces from which the iteration without dilation starts: those with dilation, the least ones under dead load,
-        or a vertex of the problem with dilation (planar).
-    alpha : float
-        Share of the present normal force in friction at the first step of that iteration, 0 to 1.
-    contact : {"convex", "concave"}
-        "convex": resultants at the centre of pressure. "concave": point contacts at the corners of dry faces.
-    effective_area : bool
-        Base torsion on the area in compression, by iteration (docs/method.md (2.14), (2.15)).
-    inner_bending : {"uncoupled", "kern"}
-        "uncoupled": uncoupled bending. "kern": elastic edge stress (docs/method.md (2.5), (2.6)).
-    condense : {"auto", "on", "off"}
-        Model blocks as rigid and crack them on demand; "auto": where inner faces are very strong.
-    solver : str or Solver
-        Solver of the first attempt, by name or as an object. Repairs and auxiliary programs use their own solvers.
-    gap : float
-        Relative width of the bracket to aim at. By fields that of `cracks` stands for the default.
-    cracks : "faces", "cells:A", "fields", "fields:GAP", crack model or None
-        Along which planes blocks crack: the faces drawn, faces of cells of size A (length), or anywhere, to the
-        relative width GAP of the bracket. None: as the scene says.
-    seconds : float or None
-        Time after which nothing further is tried, for each load case, s. None: 60 by fields, else no limit.
-
-    Raises
-    ------
-    InputError
-        If the value of an option is not allowed, or if two options exclude each other.
+    Options of spatial models have no effect in planar scenes. An option that is not allowed, or two that exclude each
+    other, raise InputError.
     """
 
-    friction: Friction = "associative"
-    range: bool = False
-    floor_seconds: float = FLOOR_SECONDS
-    start: Start = "associative"
-    alpha: float = 0.01
-    contact: Contacts = "convex"
-    effective_area: bool = False
-    inner_bending: InnerBending = "uncoupled"
-    condense: Condense = "auto"
-    solver: str | Solver = "auto"
-    gap: float = tolerances.GAP
-    cracks: CrackModel | str | None = None
-    seconds: float | None = None
+    friction: Friction = setting(
+        "associative", "Associative, or sliding without uplift, where λ is not unique (docs/method.md, chapter 4)."
+    )
+    range: bool = setting(
+        False, 'With `friction="zero-dilation"`: the lowest and the highest λ found, and a bound below all of them.'
+    )
+    floor_seconds: float = setting(
+        FLOOR_SECONDS, "With `range=True`: processor time for that bound below the lowest λ, s; 0 for none."
+    )
+    start: Start = setting(
+        "associative",
+        'With `friction="zero-dilation"`: forces that the iteration starts from: those with dilation, the least ones '
+        "under dead load, or a vertex of the problem with dilation (planar).",
+    )
+    alpha: float = setting(0.01, "Without dilation: share of the present N in friction at the first step, 0 to 1.")
+    contact: Contacts = setting("convex", "Resultants at centres of pressure, or points at the corners of dry faces.")
+    effective_area: bool = setting(
+        False, "Base torsion on the area in compression, by iteration (spatial; docs/method.md (2.14), (2.15))."
+    )
+    inner_bending: InnerBending = setting(
+        "uncoupled",
+        "Bending of spatial inner faces: uncoupled, or by elastic edge stress (docs/method.md (2.5), (2.6)).",
+    )
+    condense: Condense = setting(
+        "auto", "Rigid blocks that crack where needed; auto: where inner faces are very strong."
+    )
+    solver: str | Solver = setting(
+        "auto", f"First solver: {', '.join(SOLVERS)}; others follow where it proves nothing."
+    )
+    gap: float = setting(
+        tolerances.GAP, "Relative width of the bracket to aim at; by fields that of `cracks` by default."
+    )
+    cracks: CrackModel | str | None = setting(
+        None, "How blocks crack: faces, cells:SIZE or fields[:GAP]; default: as the scene says, or along its faces."
+    )
+    seconds: float | None = setting(
+        None, "Time after which nothing further is tried, of each load case, s; 60 by fields.", min=0.0
+    )
 
     def __post_init__(self) -> None:
         require_field_types(self)

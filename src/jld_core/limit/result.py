@@ -145,7 +145,7 @@ class Result(NotebookRepr):
     governing : str or None
         Name of the governing load case.
     seconds : dict of str to float
-        Wall-clock time of each part, and `total`.
+        Processor time of each part, and `total`, their sum.
     reason : str or None
         Which bound of an uncertified result is missing, and why.
     facts : dict
@@ -497,7 +497,7 @@ def result_of(
         mechanism=mechanism,
         iterations=proof.solves,
         solve_log=tuple(proof.solve_log),
-        seconds={"assemble": assemble, "solve": proof.seconds, "total": assemble + elapsed},
+        seconds={"assemble": assemble, "solve": elapsed, "total": assemble + elapsed},
         model=options,
         facts=proof.extra,
         notes=tuple(proof.notes),

@@ -174,10 +174,10 @@ class CaseAnalysis:
 
     def _solve_case(self, analysis: LimitAnalysis, labels: Bits, stands: bool) -> LimitAnalysisResult:
         """Solve one labelling under the load case of an analysis."""
-        start = time.perf_counter()
+        start = time.process_time()
         proof = solve_labelling(analysis, labels, self.model, stands=stands)
         least = least_bracket(analysis, labels, self.model, proof)
-        elapsed = time.perf_counter() - start
+        elapsed = time.process_time() - start
         assemble = analysis.seconds if self._single else 0.0
         found = result_of(analysis.template, labels, self.model, proof, assemble=assemble, elapsed=elapsed)
         return replace(found, least_bracket=least)

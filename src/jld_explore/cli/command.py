@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import Annotated, Any, Final
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from jld_core import plugins
 from jld_core._version import __version__
@@ -39,8 +39,23 @@ def _imported(name: str) -> Any:
     else:
         return None
     one = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    one.command(name=name)(command)
+    one.command(name=name, cls=_Command)(command)
     return typer.main.get_command(one)
+
+
+class _Command(TyperCommand):
+    """Command whose help has its options under the headings that they name."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        groups: dict[str, list[Any]] = {"Arguments": [], "Options": []}
+        for one in self.get_params(ctx):
+            if (row := one.get_help_record(ctx)) is not None:
+                kind = "Arguments" if one.param_type_name == "argument" else "Options"
+                groups.setdefault(getattr(one, "rich_help_panel", None) or kind, []).append(row)
+        for heading, rows in groups.items():
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
 
 
 class _Group(TyperGroup):

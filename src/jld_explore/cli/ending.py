@@ -106,8 +106,8 @@ def flag_of(parameter: str) -> str:
     return "--" + parameter.replace("_", "-")
 
 
-def in_flags(error: InputError) -> str:
-    """Return the message of an error with command-line flags for the parameters that it names."""
+def with_flags(words: str) -> str:
+    """Return words with command-line flags for the parameters in them: "--friction zero-dilation"."""
 
     def flag(found: re.Match[str]) -> str:
         name, value = found["name"], (found["value"] or "").strip("\"'")
@@ -115,8 +115,13 @@ def in_flags(error: InputError) -> str:
             return flag_of(name)
         return f"no {flag_of(name)}" if value == "False" else f"{flag_of(name)} {value}"
 
+    return _PARAMETER.sub(flag, words)
+
+
+def in_flags(error: InputError) -> str:
+    """Return the message of an error with command-line flags for the parameters that it names."""
     where = flag_of(error.parameter) if error.parameter else error.where
-    return str(InputError(where, _PARAMETER.sub(flag, error.problem), _PARAMETER.sub(flag, error.expected)))
+    return str(InputError(where, with_flags(error.problem), with_flags(error.expected)))
 
 
 def complain(line: str) -> NoReturn:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import math
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Annotated, Any, Self, get_type_hints
+from typing import Annotated, Any, Final, Self
 
 import typer
 from rich.console import Console
@@ -21,24 +19,9 @@ from jld_core.errors import ParameterError, error_context
 from jld_core.limit.options import SolveOptions
 from jld_core.scene.reading import load_scene
 from jld_core.scene.schema import Scene
-from jld_core.tolerances import GAP
 from jld_explore import Exploration, explore
 from jld_explore.cli.ending import raise_on_signals
-from jld_explore.cli.options import (
-    AsJson,
-    Bending,
-    Blocks,
-    Contact,
-    Cracks,
-    EffectiveArea,
-    First,
-    Gap,
-    Robust,
-    SceneFile,
-    Strict,
-    refuse_itself,
-    with_cracks,
-)
+from jld_explore.cli.options import AsJson, Option, SceneFile, refuse_itself, setting_options, with_cracks, with_options
 from jld_explore.cli.streams import say
 from jld_explore.drivers.registry import driver_kinds, owners
 from jld_explore.report import words
@@ -56,9 +39,6 @@ from jld_explore.search.settings import (
 from jld_explore.search.state import Interrupted
 
 OutFolder = Annotated[Path, typer.Option("-o", "--out", help="Folder for tables and pictures.", show_default=False)]
-DriverName = Annotated[
-    str | None, typer.Option(help="Search driver; default: one that proves where the proof is in reach.")
-]
 Objective = Annotated[
     str,
     typer.Option(
@@ -67,58 +47,22 @@ Objective = Annotated[
         "load carried in a virtual experiment; or the reliability index of the best by λ.",
     ),
 ]
-ExperimentOf = Annotated[
-    int | None,
-    typer.Option("--experiment", min=1, help="Test the best K layouts in the virtual experiment; adds a column."),
-]
-ReliabilityOf = Annotated[
-    int | None,
-    typer.Option("--reliability", min=1, help="Rank the best K by their reliability index; default 10 as objective."),
-]
-CheckFields = Annotated[int, typer.Option(min=0, help="Check the best K by faces with stress fields, 0 for none.")]
 MoveBest = Annotated[
     int | None,
     typer.Option("--move", min=1, help="Move joints of the best K, search labels anew there, rank by fields."),
 ]
-Budget = Annotated[int | None, typer.Option(min=1, help="Most layouts evaluated; those equal by symmetry count once.")]
-Seconds = Annotated[float | None, typer.Option(min=0.0, help="Time limit, s.")]
-Jobs = Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the driver.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Continue the search in the folder.")]
-WriteCsv = Annotated[bool, typer.Option("--csv", help="Write results.csv for more than 100 000 layouts too.")]
-AllPictures = Annotated[
-    bool, typer.Option("--pictures", help="Draw distribution, frequency of dry faces and convergence too.")
-]
-Cluster = Annotated[
-    str | None,
-    typer.Option(help="URL of a dask scheduler, tcp://host:8786, whose workers evaluate layouts."),
-]
-CertificateFile = Annotated[
-    Path | None, typer.Option(help="File for the proof of the exact driver; jld verify checks it.")
-]
 
 
-def with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Decorate a command so that it also has the options of all search drivers."""
-    # The command gets their values, texts or None, as further keyword arguments. The help texts come from the drivers,
-    # which also validate the values.
+def driver_options() -> dict[str, Option]:
+    """Return the options of all search drivers, texts or None: the drivers state them and validate their values."""
     kinds = {name: list(owners(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields}
-    types = {name: hint for name, hint in get_type_hints(command, include_extras=True).items() if name != "own"}
-    stated = inspect.signature(command).parameters
-    parameters = [p.replace(annotation=types[name]) for name, p in stated.items() if name in types]
+    found = {}
     for name, drivers in kinds.items():
-        field = drivers[0].Options.model_fields[name]
         spoken = " and ".join(sorted(kind.name for kind in drivers))
+        field = drivers[0].Options.model_fields[name]
         words = f"{spoken.capitalize()} driver{'s' * (len(drivers) > 1)}: {field.description}."
-        types[name] = Annotated[str | None, typer.Option(help=words)]
-        parameters.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=types[name]))
-
-    def run(**given: Any) -> None:
-        command(**given)
-
-    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__, run.__doc__ = types, command.__doc__
-    return run
+        found[name] = (Annotated[str | None, typer.Option(help=words, rich_help_panel="Options of a driver")], None)
+    return found
 
 
 class ProgressBar:
@@ -170,37 +114,48 @@ def _time_left(now: state.Progress) -> str:
 _JOBS = 16  # Largest number of worker processes per core.
 
 
-@with_driver_options
+# What `SolveOptions` says besides is a matter of the objective
+_MODEL: Final = ("contact", "effective_area", "inner_bending", "condense", "solver", "gap")
+
+_AllPictures = Annotated[
+    bool,
+    typer.Option(
+        "--pictures", help="Draw distribution, frequency of dry faces and convergence too.", rich_help_panel="Files"
+    ),
+]
+
+_Jobs = Annotated[
+    int | None, typer.Option(min=1, help="Worker processes; default: one per core.", rich_help_panel="Processes")
+]
+
+_OWN: Final = driver_options()
+
+
+@with_options(
+    setting_options(SearchMethod, "driver", "seed", group="Search")
+    | setting_options(BudgetSettings, group="Limits")
+    | setting_options(ParallelSettings, group="Processes")
+    | {"jobs": (_Jobs, None)}
+    | setting_options(ModelSettings, "robust", "experiment", "check_fields", "reliability", group="Model")
+    | setting_options(SolveOptions, "cracks", *_MODEL, group="Model")
+    | setting_options(OutputSettings, group="Files")
+    | {"pictures": (_AllPictures, False)}
+    | _OWN
+)
 def explore_command(
     context: typer.Context,
     scene: SceneFile,
     out: OutFolder,
-    driver: DriverName = None,
     objective: Objective = "associative",
-    experiment_of: ExperimentOf = None,
-    reliability_of: ReliabilityOf = None,
-    check_fields: CheckFields = 10,
     move: MoveBest = None,
-    budget: Budget = None,
-    seconds: Seconds = None,
-    jobs: Jobs = None,
-    seed: Seed = 0,
-    strict: Strict = False,
-    robust: Robust = False,
-    cracks: Cracks = None,
-    effective_area: EffectiveArea = False,
-    contact: Contact = "convex",
-    inner_bending: Bending = "uncoupled",
-    condense: Blocks = "auto",
-    solver: First = "auto",
-    gap: Gap = GAP,
-    resume: Resume = False,
-    csv: WriteCsv = False,
-    pictures: AllPictures = False,
-    cluster: Cluster = None,
-    certificate: CertificateFile = None,
     as_json: AsJson = False,
-    **own: Any,
+    *,
+    cracks: str | None,
+    jobs: int | None,
+    pictures: bool,
+    resume: bool,
+    certificate: Path | None,
+    **given: Any,
 ) -> None:
     """Search the layouts of a scene for the strongest, and write a folder of results.
 
@@ -215,23 +170,17 @@ def explore_command(
     if jobs is not None and jobs > most:
         raise ParameterError("jobs", f"{jobs} processes are too many", f"at most {most} on this machine")
     raise_on_signals()
-    model = SolveOptions(
-        effective_area=effective_area,
-        contact=contact,
-        inner_bending=inner_bending,
-        condense=condense,
-        solver=solver,
-        gap=gap,
-    )
-    settings = ExploreSettings.of(
-        ModelSettings(
-            model, robust=robust, experiment=experiment_of, check_fields=check_fields, reliability=reliability_of
-        ).maximising(objective),
-        BudgetSettings(budget, seconds),
-        ParallelSettings(jobs or os.cpu_count() or 1, cluster),
-        SearchMethod(driver, own, seed),
-        OutputSettings(resume, "all" if pictures else True, certificate, strict, csv),
-    )
+    model = SolveOptions(**{name: given.pop(name) for name in _MODEL})
+    own = {name: given.pop(name) for name in _OWN}
+    settings = ExploreSettings(
+        model=model,
+        options=own,
+        jobs=jobs or os.cpu_count() or 1,
+        resume=resume,
+        certificate=certificate,
+        pictures="all" if pictures else True,
+        **given,
+    ).maximising(objective)
     announce = None if as_json else say
     if move is not None:
         _move(parsed, scene, out, move, settings, as_json, context.obj)

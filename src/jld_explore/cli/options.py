@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from types import NoneType
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 import typer
 
 from jld_core.errors import InputError
 from jld_core.files import write_text
-from jld_core.limit.options import Condense, Contacts
-from jld_core.mechanics.standard import InnerBending
 from jld_core.scene.cracks import parse_cracks
 from jld_core.scene.schema import Scene
-from jld_core.solvers import SOLVERS
+from jld_explore.cli.ending import flag_of, with_flags
 
 Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
@@ -54,29 +56,6 @@ def refuse_itself(source: Path, out: Path) -> None:
         raise InputError(str(out), "it is the file that is read", "another file")
 
 
-EffectiveArea = Annotated[
-    bool, typer.Option("--effective-area", help="Base torsion on the area in compression (spatial).")
-]
-
-Contact = Annotated[
-    Contacts, typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces.")
-]
-
-Bending = Annotated[
-    InnerBending, typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress.")
-]
-
-Blocks = Annotated[
-    Condense, typer.Option(help="Rigid blocks that crack where needed; auto: where inner faces are very strong.")
-]
-
-First = Annotated[
-    str,
-    typer.Option(help="First solver: " + ", ".join(SOLVERS) + "; others follow where it proves nothing."),
-]
-
-Gap = Annotated[float, typer.Option(help="Relative width of the bracket to aim at.")]
-
 Strict = Annotated[bool, typer.Option("--strict", help="Treat plausibility warnings as errors.")]
 
 Robust = Annotated[
@@ -84,11 +63,63 @@ Robust = Annotated[
 ]
 
 
+Option = tuple[Any, Any]
+"""Annotation and default of an option of a command."""
+
+
+def setting_options(kind: type, *names: str, group: str | None = None) -> dict[str, Option]:
+    """Return options for the fields that `setting` states, or those named; group: their heading in the help."""
+    hints, found = get_type_hints(kind), {}
+    for one in fields(kind):
+        if "words" not in one.metadata or (names and one.name not in names):
+            continue
+        limits = {key: value for key, value in one.metadata.items() if key != "words"}
+        parts = get_args(hints[one.name])
+        # what is a name on the command line may be an object in Python
+        hint = (str | None if NoneType in parts else str) if str in parts else hints[one.name]
+        words = with_flags(one.metadata["words"])
+        option = typer.Option(flag_of(one.name), help=words, rich_help_panel=group, **limits)
+        found[one.name] = (Annotated[hint, option], one.default)
+    return found
+
+
+def with_options(options: Mapping[str, Option]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator of a command that adds options; the command gets their values as further keywords."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        known = inspect.signature(command).parameters.items()
+        stated = {name: one for name, one in known if one.kind is not one.VAR_KEYWORD and name not in options}
+        hints = get_type_hints(command, include_extras=True)
+        types = {name: hints[name] for name in stated} | {name: hint for name, (hint, _) in options.items()}
+        parameters = [one.replace(annotation=types[name]) for name, one in stated.items()]
+        for name, (hint, default) in options.items():
+            parameters.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint))
+
+        def run(**given: Any) -> None:
+            command(**given)
+
+        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        run.__annotations__, run.__doc__ = types, command.__doc__
+        return run
+
+    return decorate
+
+
+def flags_of(command: Callable[..., None]) -> dict[str, str]:
+    """Return the flags of a decorated command's options by name."""
+    return {
+        name: option.param_decls[0] if option.param_decls else flag_of(name)
+        for name, hint in command.__annotations__.items()
+        for option in getattr(hint, "__metadata__", ())
+        if isinstance(option, typer.models.OptionInfo)
+    }
+
+
 def asked(context: typer.Context, values: dict[str, Any]) -> dict[str, Any]:
     """Return those values, by name of the option, that the command line states itself."""
-    sources = {name: context.get_parameter_source(f"{name}_" if name == "range" else name) for name in values}
     # by name, since typer may bring a click of its own
-    return {name: value for name, value in values.items() if getattr(sources[name], "name", "") == "COMMANDLINE"}
+    sources = {name: getattr(context.get_parameter_source(name), "name", "") for name in values}
+    return {name: value for name, value in values.items() if sources[name] == "COMMANDLINE"}
 
 
 Cracks = Annotated[

@@ -17,7 +17,7 @@ from jld_core.build import build_robust
 from jld_core.build.loads import settlements_of
 from jld_core.errors import ParameterError, error_context
 from jld_core.files import require_folder, write_text
-from jld_core.limit.options import FLOOR_SECONDS, Friction, Model, Start, Status
+from jld_core.limit.options import Model, Status
 from jld_core.limit.result import LimitAnalysisResult, Result
 from jld_core.mechanics import require_materials
 from jld_core.models import cost_estimate, require_cracks, rigid, sensitivities, solve_rigid
@@ -26,26 +26,11 @@ from jld_core.models.rigid_blocks import require_model
 from jld_core.models.sensitivity import geometry_sensitivities
 from jld_core.plugins import part
 from jld_core.scene.cracks import FieldCracks
-from jld_core.tolerances import GAP
 from jld_core.views import facts_of_result
 from jld_core.views.facts import aligned
 from jld_explore.cli.check import check_search, load, warn_of
 from jld_explore.cli.ending import UNCERTIFIED
-from jld_explore.cli.options import (
-    AsJson,
-    Bending,
-    Blocks,
-    CaseSeconds,
-    Contact,
-    Cracks,
-    EffectiveArea,
-    First,
-    Gap,
-    Rank,
-    Robust,
-    Strict,
-    asked,
-)
+from jld_explore.cli.options import AsJson, Rank, Robust, Strict, asked, setting_options, with_options
 from jld_explore.cli.streams import say, warn
 
 if TYPE_CHECKING:
@@ -63,7 +48,7 @@ def with_rates(result: LimitAnalysisResult, *, asked: bool | None, vertices: boo
 
     asked: compute rates by strengths and weight; None: where there are few faces.
     """
-    start = time.perf_counter()
+    start = time.process_time()
     faces = len(result.assembly.interfaces)
     wanted = faces <= _UNASKED if asked is None else asked
     rates = {name: rate.to_json() for name, rate in sensitivities(result).items()} if wanted else {}
@@ -72,7 +57,7 @@ def with_rates(result: LimitAnalysisResult, *, asked: bool | None, vertices: boo
     if vertices:
         moves = geometry_sensitivities(result, one_sided=wanted and faces <= _KINKS)
         facts["geometry_sensitivities"] = None if moves is None else moves.to_json()
-    took = time.perf_counter() - start
+    took = time.process_time() - start
     seconds = dict(result.seconds)
     seconds |= {"sensitivities": took, "total": seconds.pop("total") + took}
     return replace(result, facts=result.facts | facts, seconds=seconds)
@@ -91,17 +76,6 @@ def draw_rates(result: LimitAnalysisResult, out: Path) -> None:
 
 
 SolvedFile = Annotated[Path, typer.Argument(help="Scene file (JSON), or a folder of jld explore.", show_default=False)]
-FrictionModel = Annotated[Friction, typer.Option(help="Associative, or sliding without dilation.")]
-SolutionRange = Annotated[
-    bool, typer.Option("--range", help="With --friction zero-dilation: search the lowest and the highest λ.")
-]
-FloorSeconds = Annotated[
-    float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
-]
-StartForces = Annotated[
-    Start, typer.Option(help="With --friction zero-dilation: forces that the iteration starts from.")
-]
-Share = Annotated[float, typer.Option(help="Without dilation: share of the present N at the first step.")]
 History = Annotated[
     Path | None, typer.Option(help="Without dilation: every step of the iteration as CSV, and a picture beside it.")
 ]
@@ -119,30 +93,19 @@ Sensitivities = Annotated[
 ]
 
 
+@with_options(setting_options(Model, group="Model"))
 def solve(
     context: typer.Context,
     scene: SolvedFile,
     rank: Rank = None,
-    friction: FrictionModel = "associative",
-    range_: SolutionRange = False,
-    floor_seconds: FloorSeconds = FLOOR_SECONDS,
-    start: StartForces = "associative",
-    alpha: Share = Model.alpha,
     history: History = None,
-    effective_area: EffectiveArea = False,
-    contact: Contact = "convex",
-    inner_bending: Bending = "uncoupled",
-    condense: Blocks = "auto",
-    solver: First = "auto",
-    gap: Gap = GAP,
     out: ResultFolder = None,
     strict: Strict = False,
     robust: Robust = False,
-    cracks: Cracks = None,
-    seconds: CaseSeconds = None,
     sensitivities: Sensitivities = None,
     geometric: Geometric = False,
     as_json: AsJson = False,
+    **given: Any,
 ) -> None:
     """Compute the collapse load factor of one layout, with a two-sided bracket.
 
@@ -152,25 +115,10 @@ def solve(
     """
     if out is not None:
         require_folder(out)
-    values: dict[str, Any] = {
-        "friction": friction,
-        "range": range_,
-        "floor_seconds": floor_seconds,
-        "start": start,
-        "alpha": alpha,
-        "effective_area": effective_area,
-        "contact": contact,
-        "inner_bending": inner_bending,
-        "condense": condense,
-        "solver": solver,
-        "gap": gap,
-        "cracks": cracks,
-        "seconds": seconds,
-    }
-    Model(**values)  # before any file is read
+    Model(**given)  # before any file is read
     own = not (scene.is_dir() or rank is not None)
     laid = _laid_out(scene, rank, strict, own)
-    model = _model(laid.model, asked(context, values))
+    model = _model(laid.model, asked(context, given))
     assembly = build_robust(laid.scene) if robust and not laid.assembly.has_low_values else laid.assembly
     assembly = under(assembly, model)
     if "search" in laid.scene.model_fields_set:
@@ -196,10 +144,9 @@ def solve(
             result = solve_cracked(assembly, labels, model)
         else:
             result = replace(solve_rigid(elements, labels, model), cracks=assembly.cracks)
+        result = _with_start(result, begun)
     if isinstance(result, LimitAnalysisResult):
         result = _with_nominal(result) if elements.has_low_values else result
-        spent = {"start": begun, **result.seconds, "total": begun + result.seconds["total"]}
-        result = replace(result, seconds=spent)
         result = with_rates(result, asked=sensitivities, vertices=as_json or out is not None)
     told = _geometric(scene, laid, result, model, robust) if geometric else {}
     if out is not None:
@@ -246,6 +193,13 @@ def _facts(result: Result) -> dict[str, str]:
     by_fields: Any = result
     found: dict[str, str] = by_fields.facts_in_words()
     return found
+
+
+def _with_start(result: Any, begun: float) -> Any:
+    """Return the result with all processor time of this process since `begun`, when λ was begun, and before, s."""
+    solving = time.process_time() - begun - result.seconds.get("assemble", 0.0)
+    seconds = {"start": begun, **result.seconds, "solve": solving, "total": time.process_time()}
+    return replace(result, seconds=seconds)
 
 
 def _with_nominal(result: LimitAnalysisResult) -> LimitAnalysisResult:

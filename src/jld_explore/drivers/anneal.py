@@ -83,7 +83,7 @@ class Anneal(Searcher):
         self._chain_count = chains
         self._chains = [_Chain() for _ in range(max(1, chains // 2) if _GREEDY_CYCLES else chains)]
         self._owner: dict[bytes, int] = {}
-        self._best: tuple[float, Bits | None, int] = (math.inf, None, 0)
+        self._best: tuple[float, Bits | None, int] = (math.inf, None, 0)  # of chains and population
         self._evaluated, self._cycle_start, self._cycle = 0, 0, 0
         self._cycle_length = _FIRST_CYCLE * self.operators.keys
         self._population = Genetic(space, seed, aim=aim)
@@ -230,13 +230,15 @@ class Anneal(Searcher):
             rank, loss = sort_key(found)
             energy = loss + _NO_LOAD_FACTOR * rank
             case = max(found.governing, 0)
-            if energy < self._best[0]:
-                self._best = (energy, labels, case)
+            number = self._owner.pop(key, None)
             if key in self._of_population:
                 self._of_population.discard(key)
                 self._population_best = min(self._population_best, energy)
                 bred.append(k)
-            number = self._owner.pop(key, None)
+            elif number is None:
+                continue
+            if energy < self._best[0]:
+                self._best = (energy, labels, case)
             if number is not None:
                 self._evaluated += 1
                 self._chains[number].changes.append((energy, case, labels))

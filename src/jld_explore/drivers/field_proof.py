@@ -20,7 +20,7 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.fields.bounds import Fields, FieldSetting, PartialUpperBound, WeighedField
 from jld_core.fields.mesh import Mesh
 from jld_core.fields.transfer import FieldMechanism, weighed
-from jld_core.limit.work_balance import DualBound
+from jld_core.limit.mechanism import DualBound
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.context import PossibleBlocks, free_faces

@@ -1,8 +1,9 @@
-"""Default search of large scenes: a climb whose improvements are merged, beside annealing and a genetic population."""
+"""Default search of large scenes: climbs whose improvements are merged, beside annealing and a genetic population."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -15,30 +16,34 @@ from jld_core.deadline import checkpoint
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim, DriverOptions
 from jld_explore.drivers.searcher import Surrogate
-from jld_explore.evaluation.protocol import Evaluation, sort_key
+from jld_explore.evaluation.protocol import Envelope, Evaluation, front_counts, sort_key
 from jld_explore.space import keys
 from jld_explore.space.search_space import SearchSpace
 
 # Changes of the labelling of a climb that are evaluated together, from `_CHEAP` faces that can change and below.
 _CHANGES: Final = (16, 32)
 _CHEAP: Final = 200
+_MOST: Final = 4  # times as many, at most, without progress
 _FIRST: Final = 8  # labellings among which a climb begins at the best
-_SCREENED: Final = 2  # changes made for each one that is evaluated; the surrogate chooses
+_SCREENED: Final = (2, 1)  # changes made for each one that is evaluated, likewise; the surrogate chooses
 _LEARNED: Final = 32  # labellings that the surrogate must know before it chooses
 
 _PATIENCE: Final = 3  # evaluations without progress, per face that can change, after which a climb ends
 _LEAST_SHARE: Final = 0.1  # smallest share of changes of each kind
 _LEAST_GAIN: Final = 1e-3  # smallest gain of a kind of change, so that shares stay defined
-_MOST_STEPS: Final = 12  # largest number of changes made at once
+_MOST_STEPS: Final = 6  # largest number of changes made at once
 _STEPS: Final = (1.3, 8.0)  # smallest and largest mean number of changes made at once
 _MEMORY: Final = 0.02  # weight of the latest evaluation in the gain of its kind of change
+_FRESH: Final = 0.1  # weight of the latest batch in what evaluations for the front have gained
 _GAIN: Final = 0.05  # relative gain in λ that counts as much as any larger one
 _REFRESH: Final = 3  # moves of a climb after which its mechanism is computed anew
 
 _FACES: Final = 600  # faces that can change from which few chains are annealed, as each evaluation takes long
 _CHAINS: Final = (16, 4)  # number of chains below and above that
-_TURNS_OF_FRONT: Final = 2  # one turn in this number of those of chains and population is the population's for a front
-_LONGEST: Final = 8  # evaluations of chains and population, at most, per evaluation of a climb that gained nothing
+_FRONT_SHARES: Final = (0.15, 0.5)  # share of evaluations for the front, and while λ has not risen in half of all
+_RISE: Final = 1e-4  # relative gain of λ that counts as one
+_BRIEF: Final = 2  # batches without progress of the first climb at a labelling of the front; each later one has twice
+_RATIOS: Final = (8.0, 32.0)  # evaluations of chains and population per one of a climb, and once climbs gain nothing
 
 _NO_LOAD_FACTOR: Final = 1e300  # energy per rank of the status, as in annealing
 
@@ -60,6 +65,8 @@ class _Climb:
     fallen: Bits = field(default_factory=lambda: np.empty((0, 0), dtype=bool))  # (k, m) the labellings evaluated last
     idle: int = 0  # evaluations since the last progress
     spent: int = 0  # evaluations in all
+    floor: Floats | None = None  # (c,) counts that every change must have or better; None for any
+    patience: int = 0  # evaluations without progress after which it ends
 
 
 class PortfolioOptions(DriverOptions):
@@ -75,36 +82,49 @@ class Portfolio(Anneal):
 
     def __init__(self, space: SearchSpace, seed: int = 0, aim: Aim = "front") -> None:
         # A climb needs few evaluations, so it comes first; where one layout takes long it does not end. Once it stalls
-        # chains and population go on, all with one incumbent, and climbs start from what they find. They have the more
-        # time the fewer climbs gain.
+        # chains and population go on, and climbs start from the best of all. They have the more time the fewer climbs
+        # gain. For a front some evaluations climb at labellings of it, each without worse counts, or are of the
+        # population.
         super().__init__(space, seed, _CHAINS[int(space.candidates.sum()) >= _FACES], aim)
-        if aim == "front":
-            self._turns_behind = _TURNS_OF_FRONT
-        self.aim, self._together = aim, _CHANGES[int(space.candidates.sum()) < _CHEAP]
+        cheap = int(space.candidates.sum()) < _CHEAP
+        self.aim, self._together, self._screened = aim, _CHANGES[cheap], _SCREENED[cheap]
+        self._patience = _PATIENCE * self.operators.keys
         self._choice = np.random.default_rng([seed, 2])
         self._surrogate = Surrogate(space)
-        self._told: list[tuple[Bits, Floats]] = []
-        self._climb: _Climb | None = _Climb()
-        self._climbing: dict[bytes, tuple[str, int]] = {}
+        self._told: list[tuple[Bits, Floats, Ints, Ints]] = []
+        self._climb: _Climb | None = _Climb(patience=self._patience)
+        self._climbing: dict[bytes, tuple[_Climb, str, int]] = {}
+        self._envelope = Envelope(len(space.search.front.axes))
+        self._leaders: list[tuple[Bits, int]] = []  # labels and governing load case of each entry of the envelope
+        self._tried: Counter[bytes] = Counter()  # climbs along the front that gained nothing, by where they began
+        self._ascent: _Climb | None = None  # climb along the front
+        # Evaluations for the front, of climbs and of the population, what they gained, and how many are due. The many
+        # dry faces at one end of the front take long where there are many, so the first ones wait.
+        self._spent, self._won, self._due = np.zeros(2), np.ones(2), -_FRONT_SHARES[0] * self.operators.keys
+        # Evaluations in all, and when the largest λ, or rank of a status, last rose
+        self._all, self._risen, self._top = 0, 0, -math.inf
         self._gain = dict.fromkeys(_KINDS, 1.0)
         self._steps = {"vary": 2.0, "follow": 2.0}
+        # Chains know their own best alone: at a common one half of them would end where the first climb did.
+        self._incumbent: tuple[float, Bits | None, int] = (math.inf, None, 0)
         self._known: float = math.inf  # energy of the incumbent when the last climb ended
-        self._ratio, self._left = 1.0, 0.0
+        self._ratio, self._left = _RATIOS[0], 0.0
 
     @property
     def settings(self) -> dict[str, Any]:
         return {"aim": self.aim, **super().settings}
 
     def propose(self) -> Bits:
+        self._learn()
         rows = self._none
-        if self._told:  # at once, whatever calls of `tell` they came from
-            self._surrogate.learn(*(np.concatenate(parts) for parts in zip(*self._told, strict=True)))
-            self._told = []
-        self._accept_climb()
+        if min(self._spent.sum(), 2.0 * self._spent[0]) < self._due and self._leaders:
+            rows = self._of_front()
+            if len(rows) >= max(1, self.size // 8):
+                return rows
         if self._climb is None and self._left <= 0.0:
             self._climb = self._next_climb()
         if self._climb is not None:
-            rows = self._climb_from(self._climb)
+            rows = np.concatenate([rows, self._climb_from(self._climb)])
             if len(rows) >= max(1, self.size // 8):  # enumeration starts when batches become short
                 return rows
             self._end_climb(self._climb)
@@ -112,45 +132,105 @@ class Portfolio(Anneal):
         self._left -= len(others)
         return np.concatenate([rows, others])
 
+    def _learn(self) -> None:
+        """Take in all evaluations at once, whatever calls of `tell` they came from."""
+        if self._told:
+            rows, values, cases, source = (np.concatenate(parts) for parts in zip(*self._told, strict=True))
+            self._told = []
+            self._all += len(rows)
+            if (top := float(values.max())) > self._top * (1.0 + math.copysign(_RISE, self._top)):
+                self._top, self._risen = top, self._all
+            idle = self._all - self._risen > max(0.5 * self._all, 0.5 * self.operators.keys)
+            self._due += _FRONT_SHARES[idle] * len(rows)
+            self._surrogate.learn(rows, values)
+            good = np.flatnonzero(values > -_NO_LOAD_FACTOR)
+            if self.aim == "front" and len(good):
+                self._learn_front(rows[good], values[good], cases[good], source[good])
+        for climb in (self._climb, self._ascent):
+            if climb is not None and climb.changes:
+                self._accept(climb)
+
+    def _learn_front(self, rows: Bits, values: Floats, cases: Ints, source: Ints) -> None:
+        """Take labellings (k, m) with λ, load cases and sources (k,), 0 for climbs along it, into the front."""
+        counts = front_counts(self.space, rows)
+        gained = np.clip(values - np.maximum(self._envelope.best(counts), 0.0), 0.0, None)
+        gained /= max(abs(self._incumbent[0]), 1e-300)
+        for k in (0, 1):
+            if (own := source == k).any():
+                self._won[k] = max(self._won[k] + _FRESH * (gained[own].mean() - self._won[k]), 1e-12)
+        known = len(self._leaders)
+        self._leaders = [
+            self._leaders[k] if k < known else (rows[k - known], int(cases[k - known]))
+            for k in self._envelope.learn(values, counts).tolist()
+        ]
+
+    def _of_front(self) -> Bits:
+        """Return changes (k, m) of a labelling of the front, at least in half of what is due, else a generation too."""
+        if 2.0 * self._spent[0] < self._due or self._choice.random() * self._won.sum() < self._won[0]:
+            self._ascent = self._ascent or self._next_ascent()
+            rows = self._climb_from(self._ascent)
+            self._spent[0] += len(rows)
+            if len(rows):
+                return rows
+            self._tried[np.asarray(self._ascent.labelling).tobytes()] += 1
+            self._ascent = None
+        return self._generation()
+
+    def _generation(self) -> Bits:
+        rows = super()._generation()
+        self._spent[1] += len(rows)
+        return rows
+
+    def _next_ascent(self) -> _Climb:
+        """Return a climb at the labelling of the front where fewest have gained nothing."""
+        tried = np.array([self._tried[labels.tobytes()] for labels, _ in self._leaders])
+        k = int(self._choice.choice(np.flatnonzero(tried == tried.min())))
+        labels, case = self._leaders[k]
+        patience = min(_BRIEF * self._together * 2 ** int(tried[k]), self._patience)
+        value = float(self._envelope.values[k])
+        return _Climb(labels, -value, case, floor=self._envelope.counts[k], patience=patience)
+
     def _next_climb(self) -> _Climb:
         """Return a climb at the incumbent if chains or population found it, else one without a labelling."""
-        energy, best, case = self._best
+        energy, best, case = self._incumbent
         if best is None or energy >= self._known:
-            return _Climb()
-        return _Climb(best, energy, case)
+            return _Climb(patience=self._patience)
+        return _Climb(best, energy, case, patience=self._patience)
 
     def _end_climb(self, climb: _Climb) -> None:
         """End a climb; one that gained nothing leaves more time to chains and population than the one before."""
-        gained = self._best[0] < self._known and climb.energy <= self._best[0]
-        gained |= self._best[0] >= _NO_LOAD_FACTOR  # nothing stands yet
-        self._ratio = max(1.0, self._ratio / 2.0) if gained else min(float(_LONGEST), 2.0 * self._ratio)
+        gained = self._incumbent[0] < self._known and climb.energy <= self._incumbent[0]
+        self._ratio = max(_RATIOS[0], self._ratio / 2.0) if gained else min(_RATIOS[1], 2.0 * self._ratio)
+        if self._incumbent[0] >= _NO_LOAD_FACTOR:  # nothing stands yet
+            self._ratio = 1.0
         self._left = self._ratio * max(climb.spent, 2 * self.operators.keys)
-        self._climb, self._known = None, self._best[0]
+        self._climb, self._known = None, self._incumbent[0]
 
     def _climb_from(self, climb: _Climb) -> Bits:
         """Return changes (k, m) of the labelling of a climb, or labellings among which it begins."""
         if climb.labelling is None:
             rows = self._beginnings()
-            self._climbing.update((key, ("begin", 1)) for key in keys(rows))
+            self._climbing.update((key, (climb, "begin", 1)) for key in keys(rows))
             return rows
-        if climb.idle > _PATIENCE * self.operators.keys:
+        if climb.idle > climb.patience:
             return self._none
         if climb.energy >= _NO_LOAD_FACTOR:
             return self._walked(climb)
         batches = [self._merged(climb)]
-        lacking = self._together - len(batches[0])
+        # making changes costs about as much for many as for few, and a climb at rest loses nothing by many
+        lacking = min(self._together + climb.idle, _MOST * self._together) - len(batches[0])
         for _ in range(4):
             checkpoint()
             if lacking <= 0:
                 break
-            batches.append(self._admitted(*self._candidates(climb, climb.labelling, lacking), lacking))
+            batches.append(self._admitted(climb, *self._candidates(climb, climb.labelling, lacking), lacking))
             lacking -= len(batches[-1])
         return np.concatenate(batches)
 
     def _beginnings(self) -> Bits:
         """Return random labellings, or crossings of the incumbent with labellings of chains, and changes of it."""
-        best = self._best[1]
-        if best is None or self._best[0] >= _NO_LOAD_FACTOR:
+        best = self._incumbent[1]
+        if best is None or self._incumbent[0] >= _NO_LOAD_FACTOR:
             return self.fresh(self.draw, _FIRST)
         many = np.repeat(best[None], _FIRST, axis=0)
         crossed = self.register.admit(self.operators.cross_indexed(many, self._others(_FIRST), self.rng)[0])
@@ -172,7 +252,7 @@ class Portfolio(Anneal):
         changed, _ = self._follow.changes(
             rows, self._follow.parts(rows), self._movements[climb.case].of(rows), self.rng
         )
-        return self._admitted(changed, [("walk", 1)] * len(changed))
+        return self._admitted(climb, changed, [("walk", 1)] * len(changed))
 
     def _merged(self, climb: _Climb) -> Bits:
         """Return labellings (k, m) with the changes of two, three, half or all improvements at once."""
@@ -189,23 +269,30 @@ class Portfolio(Anneal):
                 merged[fresh], taken = one[fresh], taken | fresh
             jitter = 0.1 * np.array(self.rng.reals(len(base)))
             found.append(self.operators.read((merged + jitter).tolist()))
-        return self._admitted(np.concatenate(found), [("merge", 1)] * sum(map(len, found)))
+        return self._admitted(climb, np.concatenate(found), [("merge", 1)] * sum(map(len, found)))
 
-    def _admitted(self, rows: Bits, origins: list[tuple[str, int]], most: int | None = None) -> Bits:
+    def _admitted(self, climb: _Climb, rows: Bits, origins: list[tuple[str, int]], most: int | None = None) -> Bits:
         """Register new labellings among rows (k, m), the most promising if there are too many, with their origins."""
+        if climb.floor is not None:
+            good = np.flatnonzero((front_counts(self.space, rows) <= climb.floor).all(axis=1))
+            rows, origins = rows[good], [origins[k] for k in good.tolist()]
         if most is not None and len(self._surrogate) > _LEARNED:
             order = np.argsort(-self._surrogate.predict(rows), kind="stable")
         else:
             order = self._choice.permutation(len(rows))
         fresh, names, places = self.register.admitted(rows[order], most, all_feasible=self.operators.always_feasible)
-        self._climbing.update((name, origins[order[k]]) for name, k in zip(names, places.tolist(), strict=True))
+        self._climbing.update(
+            (name, (climb, *origins[order[k]])) for name, k in zip(names, places.tolist(), strict=True)
+        )
         return fresh
 
     def _candidates(self, climb: _Climb, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:
         """Return changes (k, m) of labels (m,), with the kind of each and the number of changes at once."""
         share = np.array([self._gain[kind] for kind in _KINDS])
         share = _LEAST_SHARE + (1.0 - len(_KINDS) * _LEAST_SHARE) * share / share.sum()
-        vary, follow, cross = self._choice.multinomial(_SCREENED * count, share / share.sum()).tolist()
+        vary, follow, cross = self._choice.multinomial(
+            self._screened * count * (1 if climb.floor is None else 2), share / share.sum()
+        ).tolist()
         children = [self._varied(labels, vary), self._followed(climb, labels, follow)]
         if cross:
             others = self._others(cross)
@@ -246,11 +333,8 @@ class Portfolio(Anneal):
             rows[some[of]] = changed
         return rows, [("follow", k) for k in many.tolist()]
 
-    def _accept_climb(self) -> None:
-        """Move the climb to its best change unless that is worse, and keep all improvements to be merged."""
-        climb = self._climb
-        if climb is None or not climb.changes:
-            return
+    def _accept(self, climb: _Climb) -> None:
+        """Move a climb to its best change unless that is worse, and keep all improvements to be merged."""
         climb.changes.sort(key=lambda one: one[0])
         energy, case, row = climb.changes[0]
         climb.spent += len(climb.changes)
@@ -264,18 +348,21 @@ class Portfolio(Anneal):
         climb.changes = []
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        bred = [key in self._of_population for key in keys(labellings)]
         super().tell(labellings, evaluations)
-        objective = []
+        objective, source, cases = [], np.where(bred, 1, 2), [max(found.governing, 0) for found in evaluations]
         for key, labels, found in zip(keys(labellings), labellings, evaluations, strict=True):
             rank, loss = sort_key(found)
-            objective.append(-loss if rank == 0 else -_NO_LOAD_FACTOR * rank)
+            energy, case = loss + _NO_LOAD_FACTOR * rank, max(found.governing, 0)
+            objective.append(-energy)
+            if energy < self._incumbent[0]:
+                self._incumbent = (energy, labels, case)
             origin = self._climbing.pop(key, None)
-            if origin is None or self._climb is None:
-                continue
-            energy = loss + _NO_LOAD_FACTOR * rank
-            self._credit(self._climb, energy, *origin)
-            self._climb.changes.append((energy, max(found.governing, 0), labels))
-        self._told.append((labellings, np.array(objective)))
+            if origin is not None:
+                self._credit(origin[0], energy, *origin[1:])
+                source[len(objective) - 1] = 2 if origin[0].floor is None else 0
+                origin[0].changes.append((energy, case, labels))
+        self._told.append((labellings, np.array(objective), np.array(cases), source))
 
     def _credit(self, climb: _Climb, energy: float, kind: str, steps: int) -> None:
         """Count what a change of the labelling of a climb has gained."""

@@ -34,6 +34,7 @@ LEAST_SECONDS: Final = 5.0  # shortest time of a search with a proof beside it; 
 
 _SIDE_SECONDS: Final = 6e-4  # time of the program for each side of a block; 40 000 to 77 000 sides took 24 to 48 s
 _SIDE_MEMORY: Final = 16e3  # memory of the program for each side of a block, bytes
+_CAPPED: Final = 0.1  # share of the time left for the second program, of normal forces that are bounded
 _MEMORY_SHARE: Final = 0.4  # largest share of the memory for the program
 _LISTED_WITHIN: Final = 0.3  # share of the time that is open to listing the possible blocks
 _CLOSE: Final = 1.0  # time before the deadline at which the process ends, s
@@ -129,11 +130,13 @@ class _Proof:
             return self.found
         most = min(whole.bound(self.space.fixed, self.space.candidates), self.found.bound / whole.unit)
         least = max(self.found.low / whole.unit, 0.0)
+        if least > 0.0 and _SIDE_SECONDS * sides_of(self.space, self.blocks.blocks) > _CAPPED * deadline.remaining():
+            return self.found
         caps = self._caps(whole, least, most, deadline) if least > 0.0 else []
         if caps is not None:
             relaxation = self.blocks.relaxation((), deadline.remaining(), caps)
             every = np.ones(len(self.blocks.blocks), dtype=bool)
-            bound = float(relaxation.choose(every, 0.0, most).bound * whole.unit)
+            bound = float(relaxation.bound_all([(every, 0.0, most)])[0].bound * whole.unit)
             if math.isfinite(bound) and bound < self.found.bound:
                 self.found = self.found._replace(bound=max(bound, self.found.low), by="block by block")
         return self.found

@@ -6,6 +6,7 @@ import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Final
@@ -14,7 +15,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, without
-from jld_core.batch.batch_solver import FALLS
+from jld_core.batch.batch_solver import FALLS, BatchResults, BatchSolver
 from jld_core.deadline import Deadline
 from jld_core.errors import ParameterError
 from jld_core.limit import CaseBounds, Motion, State, governing
@@ -314,6 +315,7 @@ class VoidCellsEvaluator(LabellingEvaluator):
 _KEPT: Final = 64  # states and motions that are tested with every labelling
 _FEW: Final = 2  # states and motions from which on what they leave open goes to the batch solver first
 _SLICE: Final = 4096  # labellings of one call of the batch solver
+_SHARED: Final = 32  # labellings from which on threads share such a call
 
 _LONGER: Final = 4.0  # how much longer than λ it may take to decide whether a layout stands
 
@@ -331,11 +333,14 @@ class Standing:
         cells: Callable[[Bits], Bits] | None = None,
         *,
         by_load_factor: bool = True,
+        threads: int = 1,
     ) -> None:
         # contacts at points and effective areas admit fewer states than are looked at here: only falls are certain
         self._cells = cells
         self._by_load_factor = by_load_factor and model.friction == "associative"
-        self._cases = [_Case(LimitAnalysis(case, inner_bending=model.inner_bending)) for case in assembly.by_case]
+        self._cases = [
+            _Case(LimitAnalysis(case, inner_bending=model.inner_bending), threads) for case in assembly.by_case
+        ]
         self._falls_only = assembly.dimension == 3 and (model.contact == "concave" or model.effective_area)
 
     def of(self, labellings: Bits, low: Floats, deadline: Deadline | None = None, solved_in: float = 0.0) -> Floats:
@@ -389,8 +394,8 @@ class VoidStanding(Standing):
 class _Case:
     """States and motions at λ = 0 under one load case, tested with every labelling before one is solved."""
 
-    def __init__(self, analysis: LimitAnalysis) -> None:
-        self._analysis = analysis
+    def __init__(self, analysis: LimitAnalysis, threads: int) -> None:
+        self._analysis, self._threads = analysis, threads
         faces = len(analysis.assembly.interfaces)
         self._every = not analysis.template.dead.any()  # whether every labelling stands
         self._both = np.ones((2, faces), dtype=bool) & [[True], [False]]  # all dry, all inner
@@ -399,6 +404,7 @@ class _Case:
         )  # of each state: faces beyond their yield set, if dry and if inner
         self._cost = np.empty((0, 2, faces))  # of each motion: dissipation if dry and if inner
         self._known: dict[bytes, float] = {}  # answers by packed labels, as tables ask again
+        self._begun = False  # whether all that is dry in the first labellings was looked at
         self._gain = np.empty(0)  # of each motion: dissipation below which it proves a fall
 
     def of(self, labellings: Bits, carries: Bools, deadline: Deadline | None) -> Floats:
@@ -407,6 +413,11 @@ class _Case:
             return np.ones(len(labellings))
         found = np.full(len(labellings), math.nan)
         self._test(labellings, found, 0, 0)
+        open_rows, late = np.isnan(found), deadline is not None and deadline.passed()
+        if not self._begun and np.count_nonzero(open_rows) > _FEW and not late:
+            # what is dry in any of them: where that stands with room, as most walls do, all are settled at once
+            self._begun = True
+            self._learn(labellings[open_rows].any(axis=0), labellings, found)
         asked = False
         for k in range(len(labellings)):
             if not math.isnan(found[k]):
@@ -420,14 +431,19 @@ class _Case:
                 )
                 if not math.isnan(found[k]):
                     continue
-            states, motions = len(self._bad), len(self._cost)
-            proof = self._analysis.repair.proof_at_zero(labellings[k])
-            if proof is None:
-                continue
-            self._add(proof)
-            found[k] = self._known[np.packbits(labellings[k]).tobytes()] = float(isinstance(proof, State))
-            self._test(labellings, found, states, motions)
+            proof = self._learn(labellings[k], labellings, found)
+            if proof is not None:
+                found[k] = self._known[np.packbits(labellings[k]).tobytes()] = float(isinstance(proof, State))
         return found
+
+    def _learn(self, labels: Bits, labellings: Bits, found: Floats) -> State | Motion | None:
+        """Find what decides labels (m,), and settle labellings (k, m) by it; `found` (k,) is changed."""
+        states, motions = len(self._bad), len(self._cost)
+        proof = self._analysis.repair.proof_at_zero(labels)
+        if proof is not None:
+            self._add(proof)
+            self._test(labellings, found, states, motions)
+        return proof
 
     def _test(self, labellings: Bits, found: Floats, states: int, motions: int) -> None:
         """Settle labellings (k, m) by states and motions from given positions on; `found` (k,) is changed."""
@@ -454,11 +470,22 @@ class _Case:
             if time.perf_counter() > until:
                 return
             unknown = rows[~carries[rows]]
-            carries[unknown] = batch.solve(labellings[unknown], thresholds=np.zeros(len(unknown))).low >= 0.0
-            answer = reverse.solve(labellings[rows], thresholds=np.zeros(len(rows)))
+            carries[unknown] = self._solved(batch, labellings[unknown]).low >= 0.0
+            answer = self._solved(reverse, labellings[rows])
             found[rows[carries[rows] & (answer.low >= 0.0)]] = 1.0
             found[rows[answer.verdict == FALLS]] = 0.0
             self._known |= dict(zip(keys[low : low + _SLICE].tolist(), found[rows].tolist(), strict=True))
+
+    def _solved(self, batch: BatchSolver, labellings: Bits) -> BatchResults:
+        """Bound λ of labellings (k, m) until above 0, many of them in several threads."""
+
+        def solved(rows: Bits) -> BatchResults:
+            return batch.solve(rows, thresholds=np.zeros(len(rows)))
+
+        if self._threads == 1 or len(labellings) < _SHARED:
+            return solved(labellings)
+        with ThreadPoolExecutor(self._threads) as pool:
+            return BatchResults.joined(list(pool.map(solved, np.array_split(labellings, self._threads))))
 
     def _add(self, proof: State | Motion) -> None:
         """Keep a state or a motion for other labellings."""

@@ -29,9 +29,6 @@ from enum import Enum
 from threading import Lock
 from typing import Any, Final, Self, TypeVar
 
-from joblib.externals.loky import ProcessPoolExecutor, process_executor
-from joblib.externals.loky.process_executor import ShutdownExecutorError
-
 from jld_core._version import __version__
 from jld_core.deadline import Deadline
 from jld_core.errors import ParameterError
@@ -179,7 +176,7 @@ def raise_deferred(error: BaseException) -> None:
 
 
 # Exceptions of a task whose worker died, left or hung; a cluster has its own ones
-_LOSSES: Final = (BrokenExecutor, ShutdownExecutorError, CancelledError, TimeoutError, multiprocessing.TimeoutError)
+_LOSSES: Final = (BrokenExecutor, CancelledError, TimeoutError, multiprocessing.TimeoutError)
 
 GRACE: Final = 0.3  # seconds after a deadline in which evaluations already begun may finish
 
@@ -282,6 +279,8 @@ class Pool:
 
 def make_executor(jobs: int) -> Executor:
     """Return a new executor of `jobs` local processes; tests replace it by one of threads."""
+    from joblib.externals.loky import ProcessPoolExecutor  # slow to import, and most searches stay in one process
+
     found: Executor = ProcessPoolExecutor(
         max_workers=jobs, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED
     )
@@ -371,11 +370,13 @@ class TaskStream:
 
 def is_lost(error: BaseException) -> bool:
     """Return whether a task failed because its worker died, left or hung: another may succeed."""
-    return isinstance(error, _LOSSES) or type(error).__module__.startswith("distributed")
+    return isinstance(error, _LOSSES) or type(error).__module__.startswith(("distributed", "joblib"))
 
 
 def _init_process(parent: int) -> None:
     """Initialise a local process and disable loky's check for memory leaks."""
+    from joblib.externals.loky import process_executor
+
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # loky would restart the process, as if memory leaked
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()

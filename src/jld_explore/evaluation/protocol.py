@@ -368,14 +368,15 @@ class Envelope:
     def __init__(self, size: int) -> None:
         self.values, self.counts = np.empty(0), np.empty((0, size))
 
-    def learn(self, values: Floats, counts: Floats) -> None:
-        """Add λ (k,) of labellings with counts (k, c), less is better; drop dominated ones."""
+    def learn(self, values: Floats, counts: Floats) -> Ints:
+        """Add λ (k,) of labellings with counts (k, c), less is better; return which of old and new ones stay (n,)."""
         values, counts = np.concatenate([self.values, values]), np.concatenate([self.counts, counts])
         # Sort by descending λ: a later entry matters only if no earlier one has equal or better counts.
         order = np.lexsort((*counts.T, -values))
         values, counts = values[order], counts[order]
         kept = ~np.triu(_as_good(counts, counts), 1).any(axis=0)
         self.values, self.counts = values[kept], counts[kept]
+        return np.asarray(order[kept])
 
     def best(self, counts: Floats) -> Floats:
         """Return (k,) largest λ known for counts (k, c) or better; −inf if nothing is known."""

@@ -126,7 +126,7 @@ _MOST_FACES_PER_TASK: Final = 200_000
 _FEWEST_PER_TASK: Final = 32
 
 # Largest useful number of threads in one process; code outside a solver waits for the interpreter lock
-_MOST_THREADS: Final = 2
+MOST_THREADS: Final = 2
 
 # Time of the first thread, relative to that of all tasks, from which tasks of one process run one after another. The
 # first thread then nearly fills a core, and two tasks beside it would compete for the other one: a genetic search at 88
@@ -169,7 +169,7 @@ class Workers:
         self.in_process = self.batch or (jobs == 1 and client is None)
         self.running: list[Run] = []
         self._held: list[Run] = []
-        self.threads = min(jobs, _MOST_THREADS) if self.in_process else 0
+        self.threads = min(jobs, MOST_THREADS) if self.in_process else 0
         # Runs side by side keep the threads busy. Fewer, larger tasks fill the lanes and leave the first thread a core.
         self.threads_of_run = -(-self.threads // (1 + ahead))
         self._threads = Pool(self.threads, threads=True) if self.threads > 1 else None

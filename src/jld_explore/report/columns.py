@@ -165,7 +165,7 @@ def csv_of(table: pd.DataFrame) -> str:
     safe = table.copy(deep=False)
     for name in texts:
         # Few tables have such texts, and a check of first letters is fast.
-        if {value[:1] for value in table[name] if isinstance(value, str)}.intersection(RUN_BY_SPREADSHEETS):
+        if any(isinstance(value, str) and value.startswith(RUN_BY_SPREADSHEETS) for value in table[name].tolist()):
             safe[name] = pd.Series([harmless(value) for value in table[name]], index=table.index, dtype=object)
     safe.columns = pd.Index([harmless(name) for name in table.columns])
     return safe.to_csv(index=False)

@@ -314,6 +314,8 @@ def _unbeaten(best: Floats, level: Floats) -> Bools:
 
 CONVERGENCE: Final = "convergence.csv"  # file name of the convergence table
 
+LOCKED: Final = "nothing: a locked layout carries any load"  # entry `bound_by` of a summary without a bound
+
 STANDS: Final = "stands_at_zero"  # column, and entry of the summary, on layouts that stand under their dead load alone
 
 _SLICE: Final = 1 << 15  # number of labellings turned into texts at a time, which limits temporary memory
@@ -576,7 +578,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         # If every standing layout is locked, there is no strongest one.
         "proven": (certain or driver.finished or met) and not (unbounded and ranked.empty),
         "bound": bound,
-        "bound_by": None if bound is None else study.bound_by,
+        "bound_by": study.bound_by if bound is not None else LOCKED if unbounded else None,
         "gap": gap,
         "stop_reason": str(reason),
         "classes": len(results) if complete else study.total,

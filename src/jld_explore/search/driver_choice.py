@@ -204,8 +204,6 @@ def refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, dr
     require_model(space.assembly, settings.model, dry)
     if settings.certificate is not None:
         check_certifiable(driver, settings.model, scene)
-        if isinstance(driver, Exact):
-            driver.disable_block_bounds()
 
 
 def refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:

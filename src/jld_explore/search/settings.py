@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from jld_core import plugins
 from jld_core.errors import ParameterError
 from jld_core.limit.options import SolveOptions
-from jld_core.parameters import near, require_field_types
+from jld_core.parameters import documented, near, require_field_types, setting
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluation.cases import OwnObjective
 
@@ -29,35 +29,20 @@ _RELIABLE: Final = 10  # layouts ranked by reliability where this is the objecti
 _BOUND_SECONDS: Final = 20.0
 
 
+@documented
 @dataclass(frozen=True)
 class ModelSettings:
-    """Model of a search, and the objective that the search maximises.
+    """Model of a search, and the objective that the search maximises."""
 
-    Attributes
-    ----------
-    model : SolveOptions
-        Model whose λ is maximised.
-    robust : bool
-        Rank by λ at the low values of materials.
-    experiment : int or None
-        Number of best layouts by λ that are tested in the virtual experiment at the end.
-    by_experiment : bool
-        Search by so many experiments at the end, default 500, from the best layouts by λ.
-    own_objective : callable or None
-        Function that replaces λ, see `explore`.
-    check_fields : int
-        Number of best layouts by faces that are checked by fields at the end; 0 for none.
-    reliability : int or None
-        Number of best layouts by λ that are ranked by reliability at the end.
-    """
-
-    model: SolveOptions = field(default_factory=SolveOptions)
-    robust: bool = False
-    experiment: int | None = None
-    by_experiment: bool = False
-    own_objective: OwnObjective | None = None
-    check_fields: int = 10
-    reliability: int | None = None
+    model: SolveOptions = setting(SolveOptions(), "Model whose λ is maximised.")
+    robust: bool = setting(False, "Use the low values of materials; λ at nominal values is stated as well.")
+    experiment: int | None = setting(None, "Test the best K layouts in the virtual experiment; adds a column.", min=1)
+    by_experiment: bool = setting(False, "Search by so many experiments at the end, default 500, from the best by λ.")
+    own_objective: OwnObjective | None = setting(None, "Function that replaces λ, see `explore`.")
+    check_fields: int = setting(10, "Check the best K by faces with stress fields, 0 for none.", min=0)
+    reliability: int | None = setting(
+        None, "Rank the best K by their reliability index; default 10 as objective.", min=1
+    )
 
     def maximising(self, objective: Objective) -> ModelSettings:
         """Return the settings with another objective.
@@ -103,20 +88,13 @@ def _plugin(objective: object) -> OwnObjective:
     return function
 
 
+@documented
 @dataclass(frozen=True)
 class BudgetSettings:
-    """Limits at which a search ends.
+    """Limits at which a search ends."""
 
-    Attributes
-    ----------
-    budget : int or None
-        Largest number of classes to evaluate; None for no limit.
-    seconds : float or None
-        Time limit, s; None for no limit.
-    """
-
-    budget: int | None = None
-    seconds: float | None = None
+    budget: int | None = setting(None, "Most layouts evaluated; those equal by symmetry count once.", min=1)
+    seconds: float | None = setting(None, "Time limit, s.", min=0.0)
 
     def __post_init__(self) -> None:
         require_field_types(self)
@@ -126,20 +104,13 @@ class BudgetSettings:
             raise ParameterError("seconds", f"{self.seconds:g} is no time limit", "seconds, at least 0")
 
 
+@documented
 @dataclass(frozen=True)
 class ParallelSettings:
-    """Workers on which labellings are evaluated.
+    """Workers on which labellings are evaluated."""
 
-    Attributes
-    ----------
-    jobs : int
-        Number of worker processes.
-    cluster : str or None
-        URL of a dask scheduler whose workers evaluate; None for local processes.
-    """
-
-    jobs: int = 1
-    cluster: str | None = None
+    jobs: int = setting(1, "Worker processes.", min=1)
+    cluster: str | None = setting(None, "URL of a dask scheduler, tcp://host:8786, whose workers evaluate layouts.")
 
     def __post_init__(self) -> None:
         require_field_types(self)
@@ -147,79 +118,46 @@ class ParallelSettings:
             raise ParameterError("jobs", f"{self.jobs} is no number of processes", "a whole number from 1")
 
 
+@documented
 @dataclass(frozen=True)
 class SearchMethod:
-    """Driver of a search, which decides the labellings to try and their order.
+    """Driver of a search, which decides the labellings to try and their order."""
 
-    Attributes
-    ----------
-    driver : str, Driver or None
-        Its name, a driver, or None to choose one.
-    options : dict
-        Options of a named driver.
-    seed : int
-        Seed of the random choices.
-    small : int
-        Number of classes up to which a space is counted, and enumerated if no driver is named; 0 omits the count.
-    """
-
-    driver: str | Driver | None = None
-    options: dict[str, Any] = field(default_factory=dict)
-    seed: int = 0
-    small: int = SMALL
+    driver: str | Driver | None = setting(None, "Search driver; default: one that proves where the proof is in reach.")
+    options: dict[str, Any] = setting(dict, "Options of a named driver.")
+    seed: int = setting(0, "Seed of the driver.", min=0)
+    small: int = setting(
+        SMALL, "Classes up to which a space is counted, and enumerated if no driver is named; 0 omits the count."
+    )
 
     def __post_init__(self) -> None:
         require_field_types(self)
 
 
+@documented
 @dataclass(frozen=True)
 class OutputSettings:
-    """Files that a search writes, and checks before it begins.
+    """Files that a search writes, and checks before it begins."""
 
-    Attributes
-    ----------
-    resume : bool
-        Continue the search in the folder.
-    pictures : bool or "all"
-        Write page, front and best layout; "all": the other pictures too.
-    certificate : Path or None
-        File for the proof of the exact driver.
-    strict : bool
-        Treat plausibility warnings as errors.
-    csv : bool
-        Write results.csv for more than 100 000 rows too.
-    """
-
-    resume: bool = False
-    pictures: bool | Literal["all"] = True
-    certificate: Path | None = None
-    strict: bool = False
-    csv: bool = False
+    resume: bool = setting(False, "Continue the search in the folder.")
+    pictures: bool | Literal["all"] = setting(
+        True, 'Page, front and best layout; "all": distribution, frequency of dry faces and convergence too.'
+    )
+    certificate: Path | None = setting(None, "File for the proof of the exact driver; jld verify checks it.")
+    strict: bool = setting(False, "Treat plausibility warnings as errors.")
+    csv: bool = setting(False, "Write results.csv for more than 100 000 layouts too.")
 
 
 Part = ModelSettings | BudgetSettings | ParallelSettings | SearchMethod | OutputSettings
 """Settings of one concern."""
 
 
+@documented
 @dataclass(frozen=True)
 class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSettings, ModelSettings):
     """Settings of a search: all fields of the five concerns.
 
-    Make it from keywords, as in `ExploreSettings(driver="exact", seconds=60)`, or from parts by `of`. The fields are
-    those of `ModelSettings`, `BudgetSettings`, `ParallelSettings`, `SearchMethod` and `OutputSettings`.
-
-    Attributes
-    ----------
-    model, robust, experiment, by_experiment, own_objective, check_fields, reliability
-        See `ModelSettings`.
-    budget, seconds
-        See `BudgetSettings`.
-    jobs, cluster
-        See `ParallelSettings`.
-    driver, options, seed, small
-        See `SearchMethod`.
-    resume, pictures, certificate, strict, csv
-        See `OutputSettings`.
+    Make it from keywords, as in `ExploreSettings(driver="exact", seconds=60)`, or from parts by `of`.
     """
 
     def __post_init__(self) -> None:

@@ -28,7 +28,7 @@ from jld_explore.evaluation.cases import IncumbentFront, Standing, VoidStanding
 from jld_explore.evaluation.field_evaluator import MakeCellEvaluator
 from jld_explore.evaluation.protocol import Evaluation, MakeEvaluator
 from jld_explore.evaluation.records import PendingEvaluations, RecordedEvaluator, RefinedRecords
-from jld_explore.evaluation.workers import HANG_SECONDS, Workers, WorkerSpec
+from jld_explore.evaluation.workers import HANG_SECONDS, MOST_THREADS, Workers, WorkerSpec
 from jld_explore.search.settings import ExploreSettings
 from jld_explore.search.state import Progress, StopReason, name_of, versions
 from jld_explore.space import cut, to_string, unpack
@@ -125,10 +125,11 @@ class Study:
             real = self.space.void.real
             return VoidStanding(lambda text: cut(real, text), self.space.void.texts, self.settings.model)
         own = self.settings.own_objective is not None or self.settings.by_experiment
+        options: dict[str, Any] = {"by_load_factor": not own, "threads": min(self.settings.jobs, MOST_THREADS)}
         if isinstance(self._make, MakeCellEvaluator):
             cells = self._make.cells
-            return Standing(cells.fine, self.settings.model, cells.labels, by_load_factor=not own)
-        return Standing(self.assembly, self.settings.model, by_load_factor=not own)
+            return Standing(cells.fine, self.settings.model, cells.labels, **options)
+        return Standing(self.assembly, self.settings.model, **options)
 
     def _told(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
         """Return evaluations of labellings (k, m) as the driver is told them, see `Standing.told`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from threading import RLock
@@ -69,15 +69,17 @@ class BlockShapes:
         holds = key != 0
         unique, first, inverse = np.unique(key[holds], return_index=True, return_inverse=True)
         where = np.flatnonzero(holds)[first]
-        places = np.empty(len(unique), dtype=np.int64)
-        free = ~self.assembly.elements.support
-        for k, (value, at) in enumerate(zip(unique.tolist(), where.tolist(), strict=True)):
-            if value not in self._place:
-                checkpoint()
-                row, name = divmod(at, count)
-                self._known.append(self._of(np.flatnonzero((blocks[row] == name) & free)))
-                self._place[value] = len(self._known) - 1
-            places[k] = self._place[value]
+        values = unique.tolist()
+        new = [k for k, value in enumerate(values) if value not in self._place]
+        if new:
+            free = np.flatnonzero(np.tile(~self.assembly.elements.support, rows))
+            free = free[np.argsort(names[free], kind="stable")]  # by block, ascending within each
+            starts, ends = (np.searchsorted(names[free], where[new], side=side) for side in ("left", "right"))
+            members = [free[start:end] % count for start, end in zip(starts.tolist(), ends.tolist(), strict=True)]
+            for k, outline in zip(new, self._outlines_of(members), strict=True):
+                self._known.append(outline)
+                self._place[values[k]] = len(self._known) - 1
+        places = np.array([self._place[value] for value in values], dtype=np.int64)
         found = np.full(rows * count, -1, dtype=np.int64)
         found[holds] = places[inverse.reshape(-1)]
         return holds.reshape(rows, count), found.reshape(rows, count)
@@ -91,7 +93,7 @@ class BlockShapes:
         key = int(self._sign[members].sum(dtype=np.uint64))
         with self._lock:
             if key not in self._place:
-                self._known.append(self._of(members))
+                self._known += self._outlines_of([members])
                 self._place[key] = len(self._known) - 1
             return self._place[key]
 
@@ -168,9 +170,8 @@ class BlockShapes:
         level, count = {(k,) for k in free}, 0
         while level and count + len(level) <= _SEEDS:
             count += len(level)
-            for members in sorted(level):
-                checkpoint()
-                self._kinds.number(self._of(np.array(members, dtype=np.int64)))
+            for outline in self._outlines_of([np.array(members, dtype=np.int64) for members in sorted(level)]):
+                self._kinds.number(outline)
             if self._kinds.exact:
                 return
             level = {
@@ -180,14 +181,23 @@ class BlockShapes:
                 for other in neighbours[k] - set(members)
             }
 
-    def _of(self, members: Ints) -> Outline:
-        """Return the outline of a block, cached for equal elements in equal positions."""
+    def _outlines_of(self, blocks: Sequence[Ints]) -> Iterator[Outline]:
+        """Yield the outline of each block, ascending free elements, cached for equal elements in equal positions."""
+        if not blocks:
+            return
+        members, sizes = np.concatenate(blocks), np.array([len(block) for block in blocks])
+        ends = np.cumsum(sizes)
         centroid = self.assembly.elements.centroid[members]
-        places = np.floor((centroid - centroid[0]) / self._step + _SHIFT).astype(np.int64)
-        key = self._like[members].tobytes() + places.tobytes()
-        if key not in self._outline:
-            self._outline[key] = self._outlines.of(members)
-        return self._outline[key]
+        apart = centroid - np.repeat(centroid[ends - sizes], sizes, axis=0)
+        places = np.floor(apart / self._step + _SHIFT).astype(np.int64)
+        like, start = self._like[members], 0
+        for block, end in zip(blocks, ends.tolist(), strict=True):
+            checkpoint()
+            key = like[start:end].tobytes() + places[start:end].tobytes()
+            if key not in self._outline:
+                self._outline[key] = self._outlines.of(block)
+            start = end
+            yield self._outline[key]
 
     @cached_property
     def _like(self) -> Ints:

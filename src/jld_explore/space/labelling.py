@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -292,6 +293,12 @@ class Void:
 def is_labelling(text: object, faces: int) -> bool:
     """Return whether an object is a text of one letter d, i or v for each of some faces."""
     return isinstance(text, str) and len(text) == faces and not text.strip(_LETTERS)
+
+
+def of_texts(texts: Sequence[str], faces: int) -> tuple[Bits, Bools]:
+    """Return the labels (k, m) of texts, True = dry, and which faces (k, m) are beside a cell that is left out."""
+    letters = np.frombuffer("".join(texts).encode("ascii"), dtype=np.uint8).reshape(len(texts), faces)
+    return letters == ord(DRY_LETTER), letters == ord(LETTER)
 
 
 def beside_nothing(text: str) -> Bools:

@@ -15,7 +15,7 @@ from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.fields.bounds import CoarseBounds, FieldSetting
-from jld_core.fields.problem import require_planar_fields
+from jld_core.fields.problem import require_planar
 from jld_core.limit import number
 from jld_core.limit.options import Status
 from jld_core.models import CaseAnalysis
@@ -45,6 +45,7 @@ class CheckPlan:
     count: int  # layouts checked beside the structure without cuts, 0 for no check
     seconds: float  # expected processor time, s
     skipped: str  # reason why nothing is checked, "" if something is
+    meshed: tuple[FieldSetting, ...] = ()  # mesh and loads of each load case
 
 
 def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: ExploreSettings) -> CheckPlan | None:
@@ -63,16 +64,17 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
     if (each := cases * mesh_seconds(COARSE_RATE, least)) > 0.5 * MOST:
         return CheckPlan(0, 0.0, _too_long(f"{least} or more", each))
     try:
-        require_planar_fields(assembly)
+        require_planar(assembly)
+        meshed = tuple(FieldSetting.of(case) for case in assembly.by_case)
     except InputError as error:
         # A criterion is news to those who know that faces of this kind are checked.
         return CheckPlan(0, 0.0, error.problem) if assembly.face_strengths.criteria else None
-    triangles = sum(len(FieldSetting.of(case).coarse) for case in assembly.by_case) / cases
+    triangles = sum(len(one.coarse) for one in meshed) / cases
     each = cases * mesh_seconds(COARSE_RATE, triangles)
     count = min(settings.check_fields, int(MOST / each) - 1)
     if count < 1:
         return CheckPlan(0, 0.0, _too_long(f"{triangles:.0f}", each))
-    return CheckPlan(count, (count + 1) * each, "")
+    return CheckPlan(count, (count + 1) * each, "", meshed)
 
 
 def _too_long(triangles: str, seconds: float) -> str:
@@ -105,7 +107,7 @@ class FieldCheck(Step):
         skipped, checked = self.plan.skipped, 0
         if self.plan.count and len(ranked):
             labellings = [from_string(str(text)) for text in ranked["labelling"]]
-            bounds = _bounds(done.assembly, [space.fixed & ~space.candidates, *labellings], context.deadline)
+            bounds = _bounds(done.assembly, self.plan, [space.fixed & ~space.candidates, *labellings], context.deadline)
             checked = max(len(bounds) - 1, 0)
             skipped = "" if checked else "the time limit left no time for it"
             if checked:
@@ -129,9 +131,11 @@ class FieldCheck(Step):
 
 
 @one_thread()
-def _bounds(assembly: Assembly, labellings: list[Bits], deadline: Deadline) -> list[tuple[float, float]]:
+def _bounds(
+    assembly: Assembly, plan: CheckPlan, labellings: list[Bits], deadline: Deadline
+) -> list[tuple[float, float]]:
     """Bound labellings (m,) on the coarsest mesh: (lower, upper) of the first ones, until the deadline."""
-    coarse = [CoarseBounds(FieldSetting.of(case), many=False) for case in assembly.by_case]
+    coarse = [CoarseBounds(one, many=False) for one in plan.meshed]
     required = assembly.required
     found: list[tuple[float, float]] = []
     for labels in labellings:

@@ -130,17 +130,39 @@ class Balances:
             worst = 0
             known = False if self._of_member[face] else known
             for dry in (True, False) if known is None else (known,):
-                if (face, dry) in self._stated:
-                    cost = self._stated_cost(face, jump, dry)
-                else:
-                    cost = self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
+                cost = self._cost(face, jump, dry)
                 if cost is None:
                     return Balance(work, None)
                 worst = max(worst, cost)
             total += worst
+        return self._balance(work, total, scale, moves, digits)
+
+    def weigh_block(
+        self, moves: Moves, digits: int, inside: Sequence[int], walls: Mapping[int, Sequence[int]]
+    ) -> Balance:
+        """Evaluate the work balance of a block, (6.5): inner faces `inside`, half jumps to dry `walls`."""
+        work, total = self._power(self._live, self._live_digits, moves, digits), 0
+        for face in (*inside, *walls):
+            jump = self._jump(face, moves)
+            if face in walls:
+                sign = 1 if int(self.assembly.interfaces.a[face]) in moves else -1
+                jump = [j + sign * (w << self._coefficient_digits) for j, w in zip(jump, walls[face], strict=True)]
+            cost = self._cost(face, jump, face in walls) if any(jump) else 0
+            if cost is None:
+                return Balance(work, None)
+            total += cost
+        return self._balance(work, total, self._coefficient_digits + digits, moves, digits)
+
+    def _balance(self, work: Fraction, total: int, scale: int, moves: Moves, digits: int) -> Balance:
+        """Return the work balance of a dissipation in its integer unit."""
         dissipated = Fraction(total, _PARTS << (scale + (3 if self._planar else 4) * self._digits))
-        dead = self._power(self._dead, self._dead_digits, moves, digits)
-        return Balance(work, dissipated - dead)
+        return Balance(work, dissipated - self._power(self._dead, self._dead_digits, moves, digits))
+
+    def _cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
+        """Return the dissipation of a face in its integer unit, rounded up; None if infinite."""
+        if (face, dry) in self._stated:
+            return self._stated_cost(face, jump, dry)
+        return self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
 
     def _jump(self, face: int, moves: Moves) -> list[int]:
         """Return the integer jump of a face under given velocities."""

@@ -45,6 +45,20 @@ class Mechanism:
 
 
 @dataclass(frozen=True)
+class BlockMechanism:
+    """Reason: mechanisms of all possible blocks by which no labelling with these labels carries more than the bound."""
+
+    # dry, inner, case, digits: as of `Mechanism`, for all numbers below
+    dry: tuple[int, ...]
+    inner: tuple[int, ...]
+    case: int
+    digits: int
+    walls: dict[int, tuple[int, ...]]  # velocities of faces, from which blocks on either side open
+    prices: dict[int, tuple[int, ...]]  # multipliers v and σ of elements, docs/method.md (6.6)
+    blocks: dict[tuple[int, ...], tuple[int, ...]]  # velocities of the elements of a block, one after the other
+
+
+@dataclass(frozen=True)
 class Rule:
     """Reason: a rule of the scene that excludes labellings."""
 
@@ -62,7 +76,7 @@ class Lemma:
     by: tuple[int, ...]  # numbers of the clauses used, in order
 
 
-Reason = Mechanism | Rule | Lemma
+Reason = Mechanism | BlockMechanism | Rule | Lemma
 
 
 def write_lines(path: Path, lines: Iterable[dict[str, Any]]) -> None:
@@ -85,6 +99,8 @@ def _line(reason: Reason) -> dict[str, Any]:
     if isinstance(reason, Mechanism):
         moves = {str(element): velocity for element, velocity in reason.moves.items()}
         return {"dry": reason.dry, "inner": reason.inner, "case": reason.case, "digits": reason.digits, "moves": moves}
+    if isinstance(reason, BlockMechanism):
+        return {**vars(reason), "blocks": list(reason.blocks.items())}
     if isinstance(reason, Rule):
         return {reason.kind: reason.numbers}
     return {"lemma": reason.literals, "by": reason.by}
@@ -183,6 +199,18 @@ def _reasons(lines: list[dict[str, Any]]) -> Iterator[Reason]:
             if not 0 <= digits < MOST_DIGITS or [str(element) for element in moves] != list(line["moves"]):
                 raise ValueError
             yield Mechanism(numbers_of(line["dry"]), numbers_of(line["inner"]), case, digits, moves)
+        elif "walls" in line:
+            tables = {}
+            for name in ("walls", "prices"):
+                tables[name] = {int(key): numbers_of(values) for key, values in line[name].items()}
+                if [str(key) for key in tables[name]] != list(line[name]):
+                    raise ValueError
+            case, digits = numbers_of([line["case"], line["digits"]])
+            blocks = {numbers_of(members): numbers_of(velocity) for members, velocity in line["blocks"]}
+            if line.keys() != BlockMechanism.__dataclass_fields__.keys() or not 0 <= digits < MOST_DIGITS:
+                raise ValueError
+            labels = numbers_of(line["dry"]), numbers_of(line["inner"])
+            yield BlockMechanism(*labels, case, digits, tables["walls"], tables["prices"], blocks)
         elif "lemma" in line:
             if line.keys() != {"lemma", "by"}:
                 raise ValueError

@@ -20,10 +20,12 @@ from jld_core.build.elements import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
-from jld_explore.verification.balance import Balances
-from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, at_least, read
+from jld_explore.verification.balance import Balance, Balances
+from jld_explore.verification.certificate import BlockMechanism, Claim, Lemma, Mechanism, Reason, Rule, at_least, read
 
 Clause = list[int]
+
+_MOST_BLOCKS: Final = 100_000  # possible blocks that a check lists
 
 # Keys under "search" from which rules follow
 _STATED: Final = {
@@ -76,6 +78,8 @@ class Labellings:
             for element in pair:
                 self._around[element].append(face)
         self._support = elements.support.tolist()
+        self.between_free = {f for f, pair in enumerate(self._ends) if not any(self._support[e] for e in pair)}
+        self._blocks: list[Block] | None = None
         self._touching: dict[int, list[int]] = {e: [] for e in range(len(elements))}
         for a, b in assembly.touching:
             self._touching[a].append(b)
@@ -123,6 +127,35 @@ class Labellings:
                 found[face] = bool(dry[face])
             elif not free:
                 found[face] = bool(assembly.labels[face])
+        return found
+
+    @property
+    def blocks(self) -> list[Block]:
+        """Every set of free elements that may be one block of a segmentation; InputError above `_MOST_BLOCKS`."""
+        if self._blocks is None:
+            self._blocks = self._listed()
+        return self._blocks
+
+    def _listed(self) -> list[Block]:
+        joined = {f for f in self.between_free if not self.fixed.get(f, False)}
+        level = {frozenset([e]) for e, support in enumerate(self._support) if not support}
+        found: list[Block] = []
+        while level and self.search.segmentation:
+            grown: set[frozenset[int]] = set()
+            for members in level:
+                sizes = self._sizes(members)
+                if any(high is not None and size > high * (1.0 + slack) for size, (_, high), slack in sizes):
+                    continue
+                touched = {f for e in members for f in self._around[e]}
+                inside = [f for f in touched if members.issuperset(self._ends[f])]
+                border = sorted(touched.difference(inside))
+                grown |= {members.union(self._ends[f]) for f in joined.intersection(border)}
+                small = any(low is not None and size < low * (1.0 - slack) for size, (low, _), slack in sizes)
+                if not small and joined.issuperset(inside):
+                    found.append(Block(tuple(sorted(members)), tuple(sorted(inside)), tuple(border)))
+                if len(found) > _MOST_BLOCKS:
+                    raise InputError("search", "too many blocks are possible", f"at most {_MOST_BLOCKS}")
+            level = grown
         return found
 
     # --- clauses that a certificate gives ---------------------------------------------------------------
@@ -198,6 +231,15 @@ class Labellings:
         ]
 
 
+@dataclass(frozen=True)
+class Block:
+    """Elements of a possible block, the faces inside it and those around it."""
+
+    members: tuple[int, ...]
+    inside: tuple[int, ...]
+    around: tuple[int, ...]
+
+
 def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Sequence[int]]) -> bool:
     """Return whether a lemma follows by reverse unit propagation from given clauses in order."""
     # With the lemma false, each of these clauses in turn must have one literal left, and the last one none.
@@ -262,7 +304,9 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
         raise error.within(str(path)) from None
     kinds = Counter(type(reason) for reason in reasons)
     seconds = time.perf_counter() - start
-    return Verified(claim, held, kinds[Mechanism], kinds[Rule], kinds[Lemma], path.stat().st_size, seconds)
+    return Verified(
+        claim, held, kinds[Mechanism] + kinds[BlockMechanism], kinds[Rule], kinds[Lemma], path.stat().st_size, seconds
+    )
 
 
 class Checker:
@@ -273,6 +317,7 @@ class Checker:
         cases = assembly.by_case
         self._balances = [Balances(case) for case in cases]
         self._bounds = [Fraction(claim.bound) * Fraction(required) for required in assembly.required.tolist()]
+        self.ceilings: list[Fraction | None] = [None] * len(cases)  # λ that no labelling exceeds, by mechanisms so far
         self._faces = len(assembly.interfaces)
         self.clauses: dict[int, list[int]] = dict(enumerate(self.labellings.beginning, 1))
         self._refuted = any(not clause for clause in self.labellings.beginning)
@@ -294,6 +339,8 @@ class Checker:
         """Check all reasons; InputError for the first that does not hold, or if labellings remain."""
         for number, reason in enumerate(reasons, len(self.clauses) + 1):
             clause = self.clause(reason)
+            if clause is None and isinstance(reason, Mechanism) and self.lowers_ceiling(reason):
+                clause = [1, -1]  # for block mechanisms to come
             if clause is None:
                 raise InputError(f"reason {number}", _wrong(reason), "reasons that hold")
             self.clauses[number] = clause
@@ -306,6 +353,8 @@ class Checker:
         # The clause is not stored. Its literals are those of `Labellings`.
         if isinstance(reason, Mechanism):
             return self._of_mechanism(reason)
+        if isinstance(reason, BlockMechanism):
+            return self._of_blocks(reason)
         if isinstance(reason, Lemma):
             literals = list(reason.literals)
             return literals if 0 not in literals and follows(literals, reason.by, self.clauses) else None
@@ -318,25 +367,83 @@ class Checker:
 
     def _of_mechanism(self, reason: Mechanism) -> list[int] | None:
         """Return the clause that a mechanism proves, or None if its balance exceeds the bound."""
-        if not 0 <= reason.case < len(self._balances):
+        balance = self._weighed(reason)
+        return _labels(reason) if balance is not None and balance.proves(self._bounds[reason.case]) else None
+
+    def lowers_ceiling(self, reason: Mechanism) -> bool:
+        """Take the λ that a mechanism proves of all labellings, for the blocks to come; return whether it does."""
+        balance = None if reason.dry or reason.inner else self._weighed(reason)
+        if balance is None or balance.spent is None or balance.work <= 0:
+            return False
+        known, most = self.ceilings[reason.case], balance.spent / balance.work
+        self.ceilings[reason.case] = most if known is None else min(known, most)
+        return True
+
+    def _weighed(self, reason: Mechanism) -> Balance | None:
+        """Return the work balance of a mechanism, None if it is not well formed."""
+        decided = self._decided(reason)
+        if decided is None or not self._move(reason.moves, self._balances[reason.case].assembly.freedoms):
             return None
-        balances, decided = self._balances[reason.case], dict(self.labellings.fixed)
-        elements = balances.assembly.elements
+        return self._balances[reason.case].weigh(reason.moves, reason.digits, decided)
+
+    def _decided(self, reason: Mechanism | BlockMechanism) -> dict[int, bool] | None:
+        """Return the labels of a reason and those that are fixed; None if they disagree, or its case is none."""
+        decided = dict(self.labellings.fixed)
         for face, dry in [*((f, True) for f in reason.dry), *((f, False) for f in reason.inner)]:
             if not 0 <= face < self._faces or decided.get(face, dry) is not dry:
                 return None
             decided[face] = dry
-        for element, velocity in reason.moves.items():
-            inside = 0 <= element < len(elements) and not elements.support[element]
-            if not inside or len(velocity) != balances.assembly.freedoms:
-                return None
-        if not balances.weigh(reason.moves, reason.digits, decided).proves(self._bounds[reason.case]):
+        return decided if 0 <= reason.case < len(self._balances) else None
+
+    def _move(self, moves: Mapping[int, Sequence[int]], numbers: int) -> bool:
+        """Return whether all keys are free elements, with so many numbers each."""
+        elements = self.labellings.assembly.elements
+        free = all(0 <= element < len(elements) and not elements.support[element] for element in moves)
+        return free and all(len(values) == numbers for values in moves.values())
+
+    def _of_blocks(self, reason: BlockMechanism) -> list[int] | None:
+        """Return the clause that mechanisms of all possible blocks prove by (6.6), or None."""
+        # The left side of (6.6) is concave in λ: positive at the ceiling and not negative at the bound, it is positive
+        # for all λ between them. Blocks without velocities stand still.
+        assembly, decided = self.labellings.assembly, self._decided(reason)
+        q, walls = assembly.freedoms, reason.walls
+        if decided is None or not self._move(reason.prices, 2) or any(len(w) != q for w in walls.values()):
             return None
-        return [*(face + 1 for face in reason.dry), *(-(face + 1) for face in reason.inner)]
+        bound, ceiling = self._bounds[reason.case], self.ceilings[reason.case]
+        free = self.labellings.between_free
+        if not free.issuperset(walls) or assembly.of_members.any() or ceiling is None:
+            return None
+        if not all(decided.get(f) for f in range(self._faces) if f not in free):
+            return None  # a block may hold a support
+        lengths_match = all(len(velocity) == q * len(members) for members, velocity in reason.blocks.items())
+        if not self.labellings.search.segmentation or not lengths_match:
+            return None
+        scale, none = 1 << reason.digits, (0,) * q
+        price = {e: [Fraction(part, scale) for part in values] for e, values in reason.prices.items()}
+        loads = bound, max(bound, ceiling)
+        left = [sum((load * own[1] - own[0] for own in price.values()), Fraction(0)) for load in loads]
+        for block in self.labellings.blocks:
+            if any(decided.get(f) for f in block.inside) or any(decided.get(f) is False for f in block.around):
+                continue
+            velocity = reason.blocks.get(block.members, none * len(block.members))
+            moves = {e: velocity[q * k : q * k + q] for k, e in enumerate(block.members)}
+            sides = {f: walls.get(f, none) for f in block.around}
+            found = self._balances[reason.case].weigh_block(moves, reason.digits, block.inside, sides)
+            if found.spent is None:
+                return None
+            own = [price[e] for e in block.members if e in price]
+            for k, load in enumerate(loads):
+                left[k] += min(Fraction(0), load * found.work - found.spent - sum(load * s - v for v, s in own))
+        return _labels(reason) if left[0] >= 0 and (left[1] > 0 or ceiling <= bound) else None
+
+
+def _labels(reason: Mechanism | BlockMechanism) -> list[int]:
+    """Return the clause that not all labels of a reason hold together."""
+    return [*(face + 1 for face in reason.dry), *(-(face + 1) for face in reason.inner)]
 
 
 def _wrong(reason: Reason) -> str:
-    if isinstance(reason, Mechanism):
+    if isinstance(reason, Mechanism | BlockMechanism):
         return "its mechanism does not prove the bound for all labellings of the reason"
     if isinstance(reason, Lemma):
         return "the lemma does not follow from the reasons it names"

@@ -165,11 +165,12 @@ class BlockBoundPool:
         return None
 
 
-# Relaxations face by face that take as long as the program takes per side of a block. The first value applies with the
-# batch solver, the second without it. The program takes 1 ms per side.
-_RELAXATIONS: Final = (5.0, 0.25)
+# Relaxations face by face that take as long as the program takes per side of a block, times the number of faces. The
+# first value applies with the batch solver, the second without it. The program takes 1 ms per side, eight of them in
+# the batch solver 0.25 ms, a relaxation of 60 faces there 0.04 ms and of 291 faces 0.3 ms.
+_RELAXATIONS: Final = (300.0, 15.0)
 
-_MOST_SIDES: Final = 60_000  # largest number of sides of blocks; the program of 40 000 sides takes 41 s
+_MOST_SIDES: Final = 100_000  # largest number of sides of blocks; the program of 74 000 sides takes 60 s and 1.2 GB
 
 # Largest number of sides for which this process solves the program. Such a program takes at most two seconds, as long
 # as another process needs to start.
@@ -208,7 +209,8 @@ class BlockBoundTightening:
         usable = (
             wanted and blocks is not None and 0 < self._sides <= _MOST_SIDES and all(map(applies_to, context.analyses))
         )
-        self._next = _RELAXATIONS[not context.relaxation.batched] * self._sides if usable else math.inf
+        waits = _RELAXATIONS[not context.relaxation.batched] / len(space.fixed)
+        self._next = waits * self._sides if usable else math.inf
         self._least: float | None = None
         self._proof: tuple[BlockEvidence, ...] = ()
         self.solves = 0

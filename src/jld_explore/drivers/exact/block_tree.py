@@ -369,7 +369,19 @@ class BlockSearch:
         listed = _BLOCKS_PER_ELEMENT * len(self._context.space.assembly.elements.free)
         if self._wanted == "auto" and len(blocks) > listed:
             return root
-        self._bounds = BlockBoundPool(self._context, blocks)
+        return self._plant(blocks, least, root)
+
+    def start_late(self, least: float, root: float) -> float:
+        """Start the tree of many blocks once conflicts of faces have taken as long as a program; see `start`."""
+        blocks, known = self._context.blocks, self._bounds
+        if self._wanted == "off" or known is not None or blocks is None:
+            return root
+        bounds = BlockBoundPool(self._context, blocks)
+        return self._plant(blocks, least, root, bounds) if bounds.batched else root
+
+    def _plant(self, blocks: PossibleBlocks, least: float, root: float, bounds: BlockBoundPool | None = None) -> float:
+        """Solve the root, and keep its tree where that is wanted; return a bound, at most `root`."""
+        self._bounds = bounds or BlockBoundPool(self._context, blocks)
         self._bounds.set_workers(self._jobs)
         tree = BlockTree(self._bounds, self._context.space, blocks, least, root)
         self._root_proof = tuple(map(BlockEvidence, tree.root.mechanisms))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -11,16 +12,19 @@ import numpy as np
 from pysat.solvers import Solver
 
 from jld_core._version import __version__
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.errors import ParameterError
 from jld_core.limit import load_scale
 from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.block_relaxation import BlockMechanism as ScaledBlockMechanism
+from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_core.limit.case_relaxation import relaxation_of
 from jld_core.limit.options import SolveOptions
 from jld_core.scene.schema import Scene
 from jld_core.solvers import make_solver
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.exact.conflict_generation import conflict_of
+from jld_explore.drivers.exact.context import BlockTables, PossibleBlocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import InnerPaths
 from jld_explore.drivers.exact.proof_check import refutation
@@ -29,7 +33,7 @@ from jld_explore.space import feasible, to_string
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import SearchSpace
 from jld_explore.verification.balance import Balances
-from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, write
+from jld_explore.verification.certificate import BlockMechanism, Claim, Lemma, Mechanism, Reason, Rule, write
 from jld_explore.verification.verify import Checker, Labellings
 
 # Relative amount by which the certified bound exceeds the bound of the search. It is a fifth of `tolerances.PROVEN`. It
@@ -41,6 +45,7 @@ _DIGITS: Final = 44  # binary digits of the velocities of a certificate, below t
 # Shares of a motion that opens all faces, relative, added to a mechanism in turn. Small shares suffice to keep a
 # mechanism admissible after rounding. Large ones are for solvers that stopped far from the bound.
 _OPENING_SHARES: Final = (0.0, *(10.0**-k for k in range(13, 2, -1)))
+_BLOCKS_OPEN: Final = (1e-11, 1e-9)  # the same for block mechanisms, which are admissible before they are rounded
 
 _REMEDY: Final = "a search whose proof has a certificate"
 
@@ -99,7 +104,7 @@ class Certifier:
         self._paths = InnerPaths(space)
         self._clauses: list[list[int]] = list(self._checker.labellings.beginning)
         self._reasons: list[Reason | None] = [None] * len(self._clauses)
-        self._hints: dict[int, tuple[Bits, Bits]] = {}
+        self._hints: dict[int, tuple[Bits, Bits, bool]] = {}
         self._solver = make_solver("clarabel", tolerance=1e-10)
         rules = self._checker.labellings
         candidates = np.flatnonzero(space.candidates).tolist()
@@ -110,8 +115,13 @@ class Certifier:
 
     def write(self, path: Path, hints: Iterable[Conflict], found: tuple[Bits, float] | None) -> None:
         """Write the certificate; ArithmeticError if two satisfiability solvers disagree."""
-        root = self._mechanism(*self._always_dry())
-        if root is not None:  # one mechanism may bound all labellings
+        hints = [hint for hint in hints if not hint.from_cube and hint.bound * self._scale <= self.bound]
+        root, ceilings = self._mechanism(*self._always_dry()), list[int]()
+        if root is None and any(hint.by_possible_blocks for hint in hints):
+            ceilings = [self._add([1, -1], reason) for reason in self._ceilings()]
+            if any(hint.by_possible_blocks and not len(hint.faces) for hint in hints):
+                root = self._by_blocks(*self._always_dry())
+        if root is not None:  # mechanisms may bound all labellings
             faces = [*(face + 1 for face in root.dry), *(-(face + 1) for face in root.inner)]
             self._add(faces, root)
         self._take_hints(hints if root is None else ())
@@ -125,7 +135,12 @@ class Certifier:
             if all(good):
                 break
         beginning = len(self._checker.labellings.beginning)
-        kept = [place for place in proof.needed if place >= beginning]
+        needed = (
+            {*proof.needed, *ceilings}
+            if any(isinstance(self._reasons[k], BlockMechanism) for k in proof.needed)
+            else set(proof.needed)
+        )
+        kept = sorted(place for place in needed if place >= beginning)
         number = {place: place + 1 for place in range(beginning)}
         number |= {place: beginning + 1 + k for k, place in enumerate(kept)}
         number |= {len(self._clauses) + k: beginning + 1 + len(kept) + k for k in range(len(proof.lemmas))}
@@ -149,13 +164,13 @@ class Certifier:
         """Add the clauses of conflicts and their images under symmetry, without reasons yet."""
         group = np.unique(np.argsort(self._space.group, axis=1), axis=0)
         for hint in hints:
-            if hint.from_cube or not len(hint.faces) or hint.bound * self._scale > self.bound:
+            if not len(hint.faces):
                 continue
             for image in group:
                 decided, labels = self._always_dry()
                 decided[image[hint.faces]], labels[image[hint.faces]] = True, hint.labels
                 place = self._add(_clause(decided, labels), None)
-                self._hints[place] = decided, labels
+                self._hints[place] = decided, labels, hint.by_possible_blocks
 
     def _always_dry(self) -> tuple[Bits, Bits]:
         """Return the faces (m,) that every labelling has dry, as decided faces and as labels."""
@@ -164,8 +179,8 @@ class Certifier:
 
     def _certify_hint(self, place: int) -> bool:
         """Compute the mechanism of a hint, by its position; without one drop it and return False."""
-        decided, labels = self._hints.pop(place)
-        reason = self._mechanism(decided, labels)
+        decided, labels, by_blocks = self._hints.pop(place)
+        reason = (self._by_blocks(decided, labels) if by_blocks else None) or self._mechanism(decided, labels)
         if reason is None:
             self._clauses[place] = [1, -1]  # a tautology replaces the dropped clause
         self._reasons[place] = reason
@@ -225,6 +240,46 @@ class Certifier:
                 return reason
         return None
 
+    def _ceilings(self) -> Iterator[Mechanism]:
+        """Yield for each load case a mechanism that bounds λ of all labellings, if not by the bound."""
+        labels, candidates = self._space.fixed, self._space.candidates
+        for case, relaxation in enumerate(self._relaxation.each):
+            raw = self._solver.solve(relaxation.program(labels, candidates))
+            velocity = raw.dual[: relaxation.template.matrix.shape[0]]
+            reason = self._rounded(case, velocity, ~candidates & candidates, labels, self._checker.lowers_ceiling)
+            if reason is not None:
+                yield reason
+
+    @cached_property
+    def _block_programs(self) -> tuple[list[BlockRelaxation], PossibleBlocks, BlockTables]:
+        """Block relaxations of the load cases over the blocks that the checker lists, with tables of these."""
+        listed = self._checker.labellings.blocks
+        blocks = PossibleBlocks(tuple(one.members for one in listed), tuple(one.inside for one in listed))
+        programs = [BlockRelaxation(one, blocks.members, blocks.inside) for one in self._analyses]
+        return programs, blocks, BlockTables(self._space, blocks)
+
+    def _by_blocks(self, decided: Bits, labels: Bits) -> BlockMechanism | None:
+        """Return mechanisms of blocks in whole numbers that prove the bound for labels (m,) where decided, or None."""
+        if not all(map(applies_to, self._analyses)):
+            return None
+        programs, blocks, tables = self._block_programs
+        faces = np.flatnonzero(decided & self._space.candidates)
+        allowed = tables.agreeing(faces, labels[faces])
+        for case, program in enumerate(programs):
+            ceiling, unit = self._checker.ceilings[case], self._analyses[case].template.scaling.load
+            if ceiling is None:
+                continue
+            least = self.bound * float(self._space.assembly.required[case]) / unit
+            most = float(ceiling) / unit * (1.0 + 1e-9)
+            for again in (False, True):  # by the batch solver, then more accurately
+                asked = allowed, least, most
+                choice = program.choose(*asked) if again else program.bound_all([asked])[0]
+                for mechanism in choice.mechanisms:
+                    reason = self._rounded_blocks(case, program, mechanism, allowed, (decided, labels), blocks)
+                    if reason is not None:
+                        return reason
+        return None
+
     def _own_mechanism(self, labels: Bits) -> Mechanism | None:
         """Return a mechanism in whole numbers by limit analysis of a labelling (m,), or None."""
         for case, analysis in enumerate(self._analyses):
@@ -236,7 +291,14 @@ class Certifier:
                     return reason
         return None
 
-    def _rounded(self, case: int, velocity: Floats, decided: Bits, labels: Bits) -> Mechanism | None:
+    def _rounded(
+        self,
+        case: int,
+        velocity: Floats,
+        decided: Bits,
+        labels: Bits,
+        accepts: Callable[[Mechanism], bool] | None = None,
+    ) -> Mechanism | None:
         """Round scaled velocities (q·free,) to a mechanism that the checker accepts, or None."""
         size = float(abs(velocity).max(initial=0.0))
         if not 0.0 < size < 1e30:
@@ -250,6 +312,53 @@ class Certifier:
                 break
             digits, moves = units.whole(opened)
             reason = Mechanism(dry, inner, case, digits, moves)
+            if self._checker.clause(reason) is not None if accepts is None else accepts(reason):
+                return reason
+        return None
+
+    def _rounded_blocks(
+        self,
+        case: int,
+        program: BlockRelaxation,
+        mechanism: ScaledBlockMechanism,
+        allowed: Bools,
+        stated: tuple[Bits, Bits],
+        blocks: PossibleBlocks,
+    ) -> BlockMechanism | None:
+        """Round the mechanism of a block relaxation to whole numbers that the checker accepts, or None."""
+        decided, labels = stated[0] & self._space.candidates, stated[1]
+        scaling, parts = program.template.scaling, program.parts
+        free = program.template.assembly.elements.free.tolist()
+        multipliers = mechanism.multipliers
+        index = np.full(len(decided), -1)
+        index[parts.side_face] = parts.side_shared
+        shared = np.flatnonzero(index >= 0)
+        for share in _BLOCKS_OPEN:
+            opened = program.opened(multipliers, allowed, share)
+            if opened is None:
+                return None
+            velocity = opened[0] / scaling.row[parts.part_element]
+            wall = opened[1][index[shared]] / scaling.face[shared]
+            size = float(max(abs(velocity).max(), abs(wall).max(initial=0.0)))
+            digits = max(
+                _DIGITS - int(np.floor(np.log2(size)) - np.ceil(max(0.0, np.log2(program.template.assembly.size)))), 0
+            )
+            price = np.column_stack([multipliers.price, multipliers.portion / scaling.load])
+            begin = np.searchsorted(parts.part_block, np.arange(len(blocks) + 1))
+            moves = {
+                members: tuple(n for row in velocity[begin[p] : begin[p + 1]] for n in _whole(row, digits))
+                for p, members in enumerate(blocks.members)
+                if allowed[p]
+            }
+            reason = BlockMechanism(
+                tuple(np.flatnonzero(decided & labels).tolist()),
+                tuple(np.flatnonzero(decided & ~labels).tolist()),
+                case,
+                digits,
+                {face: _whole(row, digits) for face, row in zip(shared.tolist(), wall, strict=True)},
+                {free[e]: _whole(row, digits) for e, row in enumerate(price)},
+                moves,
+            )
             if self._checker.clause(reason) is not None:
                 return reason
         return None
@@ -301,10 +410,15 @@ class _Units:
         digits = max(_DIGITS - int(exponent), 0)
         moves = {}
         for element, values in zip(self._free.tolist(), table.tolist(), strict=True):
-            numbers = tuple(round(Fraction(value) * (1 << digits)) for value in values)
+            numbers = _whole(values, digits)
             if any(numbers):
                 moves[element] = numbers
         return digits, moves
+
+
+def _whole(values: Iterable[float], digits: int) -> tuple[int, ...]:
+    """Round values times 2**digits to integers."""
+    return tuple(round(Fraction(float(value)) * (1 << digits)) for value in values)
 
 
 def _clause(decided: Bits, labels: Bits) -> list[int]:

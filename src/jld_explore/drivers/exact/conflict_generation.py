@@ -11,7 +11,7 @@ import numpy as np
 from jld_core import Assembly
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch.batch_solver import ConflictRequest, MinimizationOptions
-from jld_core.limit.work_balance import DualBound, MinimizedConflict
+from jld_core.limit.mechanism import DualBound, MinimizedConflict
 from jld_explore.drivers.exact.context import SEED_STEP, PartialLabellingRelaxation, ProofContext
 from jld_explore.drivers.exact.formula import EVERYTHING, Cube, Formula
 from jld_explore.drivers.exact.proof_state import Conflict, Mechanism

@@ -16,7 +16,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
-from jld_core.limit.work_balance import DualBound
+from jld_core.limit.mechanism import DualBound
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space import Count
@@ -155,9 +155,6 @@ class BlockTables:
         self.inside = contains[self.faces]
         self.beside = covers[a[self.faces]]
         self.separated_by = (self.beside | covers[b[self.faces]]) & ~self.inside
-        overlap = self._covering.T.astype(np.int64) @ self._covering.astype(np.int64) > 0
-        np.fill_diagonal(overlap, False)
-        self._overlaps = overlap
 
     def agreeing(self, faces: Ints, labels: Bits) -> Bools:
         """Return (p,) True for the blocks that labels (k,) on faces (k,) admit."""
@@ -176,7 +173,10 @@ class BlockTables:
             if not number.all():
                 return None
             taken = left[number == 1].any(axis=0)
-            kept = allowed & ~self._overlaps[taken].any(axis=0)
+            times = self._covering[:, taken].sum(axis=1)
+            if (times > 1).any():
+                return None
+            kept = allowed & (taken | ~self._covering[times > 0].any(axis=0))
             if (kept == allowed).all():
                 return allowed
             allowed = kept

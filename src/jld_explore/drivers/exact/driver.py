@@ -432,7 +432,6 @@ class Exact(ConflictDriver):
         batched = context is not None and context.relaxation.batched
         self._conflicts_per_step = step_after or _CONFLICTS_PER_STEP[not batched]
         self._annealing_schedule = AnnealingSchedule(batched=batched, disabled=search == 0)
-        self._use_block_bounds = True
         self._targets = Targets(space, self._count, self._incumbents, self._load_scale)
 
     @property
@@ -493,6 +492,7 @@ class Exact(ConflictDriver):
             self._block_search.set_workers(jobs)
 
     def close(self) -> None:
+        self._keep_open_nodes()
         if self._block_search is not None:
             self._block_search.close()
         super().close()
@@ -573,16 +573,22 @@ class Exact(ConflictDriver):
         """Lower the bound on all labellings by the root relaxation, then by that of all blocks."""
         self._lower_bound(None, self._bound_at_root())
         root = blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
-        if self._use_block_bounds:
-            self._bound_all(root, blocks.root_proof)
-            self._lower_bound(None, root * self._scale)
+        self._bound_all(root, blocks.root_proof)
+        self._lower_bound(None, root * self._scale)
 
     def _tighten(self, tightening: BlockBoundTightening | None) -> bool:
         """Lower the bound on all labellings by block relaxations if due; return True if they were."""
         low, high = self.least(None) / self._scale, self.found[None].bound / self._scale
         if tightening is None or not math.isfinite(high) or not tightening.is_due(self.relaxations, low):
             return False
-        left = self._deadline.remaining()
+        search, left = self.block_search, self._deadline.remaining()
+        root = search.start_late(low, high)
+        if root < high:
+            self._bound_all(root, search.root_proof)
+            self._lower_bound(None, root * self._scale)
+        if search.active:
+            tightening.disable()
+            return True
         found = tightening.tighten(low, high, left, self._time_is_up_after_heartbeat)
         self._state.add_conflicts(found.conflicts)
         self._bound_all(found.bound, found.proof)
@@ -600,12 +606,6 @@ class Exact(ConflictDriver):
         """State the bound of every open node of the block tree as a conflict."""
         if self._block_search is not None and self._block_search.active:
             self._state.add_conflicts(self._block_search.open_conflicts)
-
-    def disable_block_bounds(self) -> None:
-        """Do without block relaxations, which no certificate can express; call before the search."""
-        self._use_block_bounds = False
-        if self._tightening is not None:
-            self._tightening.disable()
 
     def _step_block_tree(self, search: BlockSearch, threshold: float) -> Bits:
         """Take one step of the block tree; return the labellings (k, m) to evaluate."""

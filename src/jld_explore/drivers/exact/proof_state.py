@@ -61,6 +61,11 @@ class Conflict:
         return self.evidence is Evidence.CUBE
 
     @property
+    def by_possible_blocks(self) -> bool:
+        """True if the conflict follows from mechanisms of possible blocks."""
+        return self.evidence is Evidence.BLOCKS
+
+    @property
     def size(self) -> int:
         """Memory of the proof in bytes; of several block relaxations only the last, as others are shared."""
         used = 0 if self.mechanism is None else self.mechanism.velocity.nbytes
