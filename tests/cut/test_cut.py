@@ -248,18 +248,18 @@ def _twice() -> bytes:
 
 
 @pytest.mark.parametrize(
-    "data",
+    "made",
     [
-        _ascii(" ", "\n", False),
-        _ascii("\t  ", "\r\n", True),
-        _ascii("  ", "\n\n \n", False),
-        b"\xef\xbb\xbf" + _ascii(" ", "\r", False),
-        _twice(),
+        lambda: _ascii(" ", "\n", False),
+        lambda: _ascii("\t  ", "\r\n", True),
+        lambda: _ascii("  ", "\n\n \n", False),
+        lambda: b"\xef\xbb\xbf" + _ascii(" ", "\r", False),
+        _twice,
     ],
 )
-def test_files_are_read_however_they_are_spelled(tmp_path: Path, data: bytes) -> None:
+def test_files_are_read_however_they_are_spelled(tmp_path: Path, made: Any) -> None:
     path = tmp_path / "a.stl"
-    path.write_bytes(data)
+    path.write_bytes(made())
     assert read_solid(path, 1.0).volume() == pytest.approx(2.0)
 
 
