@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 from studies.families import planar_running_bond, running_bond
 
-from benchmarks.common import ROOT, about, apart, load_of_machine, table, write
+from benchmarks.common import ROOT, about, apart, load_of_machine, run_parts, table, write
 from benchmarks.scenes import box, strength
 from jld_core import LimitAnalysis, build_assembly, load_scene, parse_scene, solve
 from jld_core.program import ConicProgram, Template
@@ -546,3 +546,10 @@ def search() -> None:
         print(rows[-1], flush=True)
     found = table("wall | layouts | s of a layout | layouts a minute | widest bracket | uncertified", rows)
     write("large_search", "\n\n".join(["# A search at 2 500 cells", about(search.__doc__), found, load_of_machine()]))
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["one"]:
+        _one(*sys.argv[2:])
+    else:
+        run_parts(growth=growth, answers=answers, search=search, walls=dry_walls)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -90,11 +92,39 @@ def load_all(group: str, built_in: tuple[str, ...] = ()) -> dict[str, Any]:
     return {name: load(group, name) for name in entry_points(group)}
 
 
-def refuse_type(group: str, name: str, expected: str) -> InputError:
-    """Return the InputError for an object of a group that is not what it must be."""
+def refuse_type(group: str, name: str, expected: str, problem: str = "") -> InputError:
+    """Return the InputError for an object of a group that is not, or does not do, what it must."""
     point = entry_points(group)[name]
     where = f"plug-in {name!r} of the package {package(point)}"
-    return InputError(where, f"{point.value} is not {GROUPS[group]}", expected)
+    return InputError(where, problem or f"{point.value} is not {GROUPS[group]}", expected)
+
+
+_OWN_WORDS: Final = ("jld_core", "jld_explore", "typer", "click")  # packages whose errors say what is wrong
+
+_LONGEST: Final = 200  # characters of what a stranger's error says
+
+
+@contextmanager
+def guarded(group: str, which: Any) -> Iterator[None]:
+    """Make one line that names the package of what its code raises; which: the name of the plug-in, or its object."""
+    try:
+        yield
+    except (InputError, OSError, MemoryError):  # they have lines of their own
+        raise
+    except (Exception, SystemExit) as error:
+        named = (name for name in entry_points(group) if which == name or load(group, name) is which)
+        point = entry_points(group).get(next(named, ""))
+        ends = group == "jld.commands" and isinstance(error, SystemExit)
+        if ends or type(error).__module__.partition(".")[0] in _OWN_WORDS or point is None:
+            raise
+        if point.dist is None or point.dist.name == "jld":
+            raise
+        calls = traceback.extract_tb(error.__traceback__)
+        module = point.module.partition(".")[0]
+        own = [one for one in calls if module in (Path(one.filename).stem, *Path(one.filename).parts)] or calls
+        at = f"{Path(own[-1].filename).name}, line {own[-1].lineno}"
+        problem = f"it raises {repr(error)[:_LONGEST]} ({at})"
+        raise refuse_type(group, point.name, f"{GROUPS[group]} that ends without an error", problem) from error
 
 
 def package(point: EntryPoint) -> str:

@@ -322,8 +322,11 @@ def criterion_of(name: str, key: str) -> Any:
         expected = near(name, known) if known else f"an installed package with an entry point in {GROUP}"
         raise InputError(key, f'no installed package adds "{name}"', expected)
     found = plugins.load(GROUP, name)
-    found = found() if isinstance(found, type) else found
+    with plugins.guarded(GROUP, name):
+        found = found() if isinstance(found, type) else found
     lacking = [one for one in ("label", "parameters", "rows") if not hasattr(found, one)]
     if lacking:
         raise plugins.refuse_type(GROUP, name, f'an object with label, parameters and rows; it has no "{lacking[0]}"')
+    if found.label not in ("dry", "inner", "either"):
+        raise plugins.refuse_type(GROUP, name, f'"dry", "inner" or "either" as label in place of {found.label!r}')
     return found

@@ -374,6 +374,8 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
             raise ParameterError("unit", problem, " or ".join(free))
         layout = layout_in_unit(layout, unit)
     assert form.write is not None
-    with files.whole_file(path) as fresh:
+    with files.whole_file(path) as fresh, plugins.guarded("jld.formats", form.name):
         form.write(layout, fresh, cells=cells)
+        if not fresh.is_file():
+            raise InputError(str(path), f"the writer of {kind} wrote nothing", "one that makes the file")
     return path

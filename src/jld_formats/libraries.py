@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import concurrent.futures
 import gc
 import multiprocessing
@@ -21,7 +22,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, Final, cast
 
-from jld_core import InputError, parameters
+from jld_core import InputError, parameters, plugins
 from jld_formats.drawing import planar_scene
 from jld_formats.formats import Format, readers
 from jld_formats.options import Imported, ImportOptions, Notes
@@ -72,11 +73,21 @@ def readable(path: Path) -> Path:
 
 
 def text_of(path: Path) -> str:
-    """Return the content of a UTF-8 file without byte order mark; InputError as `readable`."""
+    """Return the content of a text file without byte order mark; InputError as `readable`."""
     try:
-        return readable(path).read_text(encoding="utf-8-sig")
+        return decoded(readable(path).read_bytes()).replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
-        raise InputError(str(path), "it is not UTF-8 text", "a text in UTF-8") from None
+        raise InputError(str(path), "it is no text", "a text in UTF-8, UTF-16 or Windows-1252") from None
+
+
+def decoded(data: bytes, errors: str = "strict") -> str:
+    """Return the text of a file: UTF-8, UTF-16 by its mark, or what older programs write on Windows."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors)
 
 
 @contextmanager
@@ -264,9 +275,10 @@ _SMALL: Final = 1.0  # size, MB, up to which a file is read in this process wher
 
 def _converted(path: Path, options: ImportOptions, notes: Notes, feet: bool) -> Imported:
     """Read a file and convert it to a scene document."""
-    read = reader_of(path).read
+    reader = reader_of(path)
+    read = reader.read
     assert read is not None
-    with reading(path), without_collection():
+    with reading(path), plugins.guarded("jld.formats", reader.name), without_collection():
         found = read(path, options, notes)
         convert = spatial_scene if isinstance(found, Solids) else planar_scene
         return convert(found, options, notes, feet=feet)  # type: ignore[arg-type]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import json
 import re
 from collections import Counter
@@ -15,7 +17,7 @@ import shapely
 from jld_core import InputError
 from jld_formats.drawn_loads import MOST, Drawing, Mark
 from jld_formats.facts import STORED
-from jld_formats.libraries import library, parsing, readable
+from jld_formats.libraries import decoded, library, parsing, readable
 from jld_formats.options import FACET, ImportOptions, Notes, listed
 from jld_formats.paths import Path, arc_points, flatten
 from jld_formats.solids import Part, Solids
@@ -59,7 +61,9 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
     readable(path)
     with parsing("DXF", "a DXF file, ASCII or binary"):
         notes.reached("bytes in its text", path.stat().st_size)
-        document = ezdxf.readfile(path)
+        data = path.read_bytes()
+        marked = data.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        document = ezdxf.read(io.StringIO(decoded(data))) if marked else ezdxf.readfile(path)
         space = document.modelspace()
         _refuse_large_blocks(document, space)
         return _Reader(document, options, notes).drawing(space, path.stem)

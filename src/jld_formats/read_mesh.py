@@ -5,6 +5,7 @@ Faces keep any number of corners: fans are wrong for those that are not convex (
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import re
@@ -19,7 +20,7 @@ import numpy as np
 from jld_core import Floats, InputError, Layout
 from jld_core.geometry import Faces, snapping, unions
 from jld_formats.drawn_loads import MOST, Drawing
-from jld_formats.libraries import library, parsing, readable, text_of
+from jld_formats.libraries import decoded, library, parsing, readable, text_of
 from jld_formats.options import ImportOptions, Notes
 from jld_formats.paths import Path
 from jld_formats.solids import Part, Solids, split
@@ -28,10 +29,10 @@ from jld_formats.solids import Part, Solids, split
 def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
     """Read the solids of an OBJ, PLY or STL file: one per group or closed part."""
     kind = path.suffix.lower().lstrip(".")
-    data = readable(path).read_bytes()
+    data = readable(path).read_bytes().removeprefix(codecs.BOM_UTF8)
     _refuse_counts(kind, data)
     if kind == "obj":
-        points, groups = _obj(data.decode("utf-8", "replace"), options, notes)
+        points, groups = _obj(decoded(data, "replace"), options, notes)
     elif kind == "stl":
         with parsing("STL", "a file in STL"):
             points, groups = _stl(data)
@@ -138,11 +139,14 @@ def _stl(data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
         points = np.frombuffer(data, record, offset=84)["corners"].reshape(-1, 3).astype(float)
         return points, [("", "", _triples(0, len(points)))]
-    text = data.decode("utf-8-sig", "replace")
+    text = decoded(data, "replace")
     heads = [(m.start(), m.group(1).strip()) for m in re.finditer(r"(?mi)^[ \t]*solid\b[ \t]*(.*?)\r?$", text)]
     ends = [*(start for start, _ in heads[1:]), len(text)]
     corner = re.compile(r"(?i)\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
     words = [corner.findall(text[a:b]) for (a, _), b in zip(heads, ends, strict=True)]
+    if not heads or "\0" in text:
+        count = int.from_bytes(data[80:84], "little")
+        raise InputError("", f"its header promises {count} triangles in {len(data)} bytes", "a whole file")
     whole = 3 * text.lower().count("endfacet")
     if sum(map(len, words)) != whole:
         raise InputError(
@@ -180,13 +184,6 @@ def _refuse_counts(kind: str, data: bytes) -> None:
             raise InputError("", f"its header promises {sum(counts)} entries in {size} bytes", "a whole file")
     if kind == "stl" and (size // 50 if _is_binary(data) else data.lower().count(b"endfacet")) > MOST:
         raise InputError("", "it holds too many triangles", f"at most {MOST}")
-    if (
-        kind == "stl"
-        and not _is_binary(data)
-        and not data[:512].lstrip(b"\xef\xbb\xbf \t\r\n").lower().startswith(b"solid")
-    ):
-        count = int.from_bytes(data[80:84], "little") if size >= 84 else -1
-        raise InputError("", f"its header promises {count} triangles in {size} bytes", "a whole file")
 
 
 def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, unions.Surface]]:

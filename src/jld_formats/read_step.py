@@ -13,7 +13,7 @@ from jld_core import Floats, InputError
 from jld_core.geometry import Faces
 from jld_core.scene import units
 from jld_formats.cells import without_holes
-from jld_formats.libraries import parsing, readable
+from jld_formats.libraries import decoded, parsing, readable
 from jld_formats.options import ImportOptions, Notes, several
 from jld_formats.solids import Part, Solids
 
@@ -154,7 +154,7 @@ def _value(token: str) -> float | str | None:
 
 
 def read_step(path: Path, options: ImportOptions, notes: Notes) -> Solids:
-    text = readable(path).read_bytes().decode("utf-8", "replace")
+    text = decoded(readable(path).read_bytes(), "replace")
     if "ISO-10303-21" not in text[:4096]:
         raise InputError("", "it is no STEP file", "ISO-10303-21; …")
     with parsing("STEP", "a STEP file"):

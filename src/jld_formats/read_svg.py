@@ -41,6 +41,10 @@ _OF_USE: Final = ("x", "y", "width", "height", "transform", "href", "{http://www
 _SAME_SCALE: Final = 1e-3
 
 
+# Attributes that may be shares of the page, and of which side
+_SHARES: Final = {key: side for side, keys in enumerate((("x", "width", "cx"), ("y", "height", "cy"))) for key in keys}
+
+
 def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     """Read the shapes and texts of an SVG file as a drawing in the file's own units."""
     # The y axis is turned upwards. The name of the innermost named group is the layer. Where the page has a size in a
@@ -76,7 +80,7 @@ def _kind(element: ElementTree.Element) -> str:
 def _resolved(root: ElementTree.Element, notes: Notes, uneven: float) -> ElementTree.Element:
     """Return what a file shows: copies for <use>, nothing of definitions, and no page."""
     named = {name: one for one in root.iter() if (name := one.get("id"))}
-    clipped = 0
+    clipped, sides = 0, _sides(root)
 
     def copied(element: ElementTree.Element) -> ElementTree.Element | None:
         nonlocal clipped
@@ -84,7 +88,7 @@ def _resolved(root: ElementTree.Element, notes: Notes, uneven: float) -> Element
         if kind in _DEFINED:
             return None
         clipped += element.get("clip-path", "none") != "none" or "clip-path:" in element.get("style", "")
-        attributes = dict(element.items())
+        attributes = {key: _of_page(key, value, sides) for key, value in element.items()}
         if kind != "use":
             found = ElementTree.Element(element.tag, attributes)
             found.text, children = element.text, list(element)
@@ -110,6 +114,26 @@ def _resolved(root: ElementTree.Element, notes: Notes, uneven: float) -> Element
     if clipped:
         notes.doubtful.append(f"{several(clipped, 'shape')} cut by a clip path, which is not applied: read whole")
     return whole
+
+
+def _sides(root: ElementTree.Element) -> tuple[float, float] | None:
+    """Return width and height of a page in its own units; None where it states none."""
+    box = re.findall(r"[^\s,]+", root.get("viewBox", ""))[2:]
+    try:
+        wide, tall = map(float, box or [root.get(key, "").removesuffix("px") for key in ("width", "height")])
+    except ValueError:
+        return None
+    return wide, tall
+
+
+def _of_page(key: str, value: str, sides: tuple[float, float] | None) -> str:
+    """Return the value of an attribute, a share of the page as a number."""
+    if sides is None or not value.endswith("%") or key not in _SHARES:
+        return value
+    try:
+        return repr(0.01 * float(value[:-1]) * sides[_SHARES[key]])
+    except ValueError:
+        return value
 
 
 def _fitted(symbol: ElementTree.Element, use: ElementTree.Element) -> str:

@@ -373,6 +373,7 @@ def test_another_study_is_refused(scene: Path, deferred_signals: Path, tmp_path:
     tries: list[tuple[str, list[str | Path]]] = [
         ("seed", [scene, "--seed", "4"]),
         ("scene", [other_scene(scene, tmp_path)]),
+        ("objective", [scene, "--objective", "zero-dilation"]),  # not times that follow from it
     ]
     tries += [("driver", [scene, "--driver", name]) for name in DRIVERS if name != "enumeration"][:1]
     for word, arguments in tries:

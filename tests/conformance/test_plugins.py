@@ -193,3 +193,111 @@ def test_a_broken_plug_in_is_one_line(
     assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
     assert words in done.err
     assert "stranger" in done.err
+
+
+DRIVER = """
+from jld_explore import Driver
+from jld_explore.drivers import Register, operators
+class Plug(Driver):
+    name = "plug"
+    def __init__(self, space, seed=0):
+        super().__init__(space, seed)
+        self.register, self.moves = Register(space), operators(space)
+    def ask(self, limit=None):
+        {ask}
+    def tell(self, labellings, evaluations):
+        {tell}
+"""
+COUNT = """
+import numpy as np
+from jld_explore.space import Count, Terms
+def of(layouts):
+    {of}
+Plug = Count("plug", of=of, axis="x", noun="y"{terms})
+"""
+STEP = """
+from jld_explore import Step
+class Plug(Step):
+    name = "plug"
+    def entries(self, done, context):
+        {entries}
+"""
+FORMAT = """
+from jld_formats import Format
+def read(path, options, notes):
+    return {{}}["solids"]
+def write(layout, path, *, cells):
+    {write}
+Plug = Format("plug", ".plug", read, ("plug",), write=write)
+"""
+CRITERION = """
+class Plug:
+    label, parameters = {label!r}, ()
+    def __init__(self{more}): pass
+    def rows(self, faces, values): pass
+"""
+DRIES = "return layouts.labellings.sum(axis=1)"
+SOLVE = ("solve", "scene.json")
+EXPORT = ("export", "scene.json", "--format", "plug", "-o", "new.plug")
+SEARCH = ("explore", "scene.json", "--out", "out", "--driver", "enumeration")
+ASK = ("explore", "scene.json", "--out", "out", "--driver", "plug")
+LIMITED = {"limits": {"plug": [0, 3]}}
+CRACKED = {"criterion": "plug"}
+
+Faulty = tuple[str, str, tuple[str, ...], dict[str, Any], str]
+FAULTY: dict[str, Faulty] = {
+    "driver raises": ("drivers", DRIVER.format(ask="raise ValueError('a\\nb')", tell=""), ASK, {}, r"a\nb"),
+    "driver leaves": ("drivers", DRIVER.format(ask="raise SystemExit(7)", tell=""), ASK, {}, "SystemExit(7)"),
+    "nothing asked": ("drivers", DRIVER.format(ask="pass", tell=""), ASK, {}, "it asks for NoneType"),
+    "numbers asked": ("drivers", DRIVER.format(ask="return 1.0 * self.space.fixed[None]", tell=""), ASK, {}, "float64"),
+    "excluded": ("drivers", DRIVER.format(ask="return ~self.space.fixed[None]", tell=""), ASK, {}, "search excludes"),
+    "bound": ("drivers", DRIVER.format(ask="return self.space.fixed[None][:0]", tell="") + "    bound = float('nan')",
+              ASK, {}, "its bound is nan"),
+    "abstract": ("drivers", "from jld_explore import Driver\nclass Plug(Driver):\n    name = 'plug'", ASK, {},
+                 "abstract"),
+    "count raises": ("counts", COUNT.format(of="raise KeyError('x')", terms=""), SEARCH, {}, "KeyError('x')"),
+    "count is nan": ("counts", COUNT.format(of=f"{DRIES} * np.nan", terms=""), SEARCH, LIMITED, "a finite number"),
+    "one count": ("counts", COUNT.format(of="return 3", terms=""), SEARCH, {}, "a finite number for each"),
+    "other terms": ("counts", COUNT.format(of=DRIES, terms=", terms=lambda a: Terms(blocks=True)"), SEARCH, {},
+                    "add up"),
+    "short terms": ("counts", COUNT.format(of=DRIES, terms=", terms=lambda a: Terms(np.ones(1))"), SEARCH, LIMITED,
+                    "for each interface"),
+    "objective": ("objectives", "def Plug(evaluation): pass", (*SEARCH, "--objective", "plug"), {}, "TypeError"),
+    "step raises": ("steps", STEP.format(entries="raise ValueError('a\\nb')"), SEARCH, {}, r"a\nb"),
+    "step of objects": ("steps", STEP.format(entries="return {'x': object()}"), SEARCH, {}, "not JSON"),
+    "command": ("commands", "def Plug(x: str): raise ValueError(x)", ("plug", "bad"), {}, "ValueError('bad')"),
+    "reader": ("formats", FORMAT.format(write=""), ("import", "file.plug", "-o", "new.json"), {}, "KeyError"),
+    "writer": ("formats", FORMAT.format(write="raise EOFError"), EXPORT, {}, "EOFError()"),
+    "no file": ("formats", FORMAT.format(write=""), EXPORT, {}, "wrote nothing"),
+    "criterion": ("criteria", CRITERION.format(label="inner", more=", x"), SOLVE, CRACKED, "TypeError"),
+    "label": ("criteria", CRITERION.format(label="both", more=""), SOLVE, CRACKED, "in place of 'both'"),
+}  # fmt: skip
+"""Group, code, command, what the scene has besides, and words of the line."""
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("case", FAULTY)
+def test_what_a_strangers_code_does_wrong_is_one_line(
+    case: str, tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And its package is named: it raises, ends the process, returns what nobody can use, or contradicts itself."""
+    group, code, line, more, words = FAULTY[case]
+    facts, module = tmp_path / "site" / "stranger-1.dist-info", f"stranger_{case.replace(' ', '_')}"
+    facts.mkdir(parents=True)
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1\n")
+    (facts / "entry_points.txt").write_text(f"[jld.{group}]\nplug = {module}:Plug\n")
+    (facts.parent / f"{module}.py").write_text(
+        code.replace("        \n", "        pass\n").replace("    \n", "    pass\n")
+    )
+    scene = small() if "criterion" in more else small(**more)
+    scene["grid"] |= {"rows": ["aa", "##"]}
+    if "criterion" in more:
+        scene["materials"]["inner"] = more
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.json").write_text(json.dumps(scene))
+    (tmp_path / "file.plug").write_text("x")
+    with installed(facts.parent, monkeypatch):
+        done = jld(*line)
+    assert (done.code, done.err.count("\n")) == (2, 1), done
+    assert words in done.err
+    assert case in ("nothing asked", "numbers asked", "excluded", "bound", "no file") or "stranger" in done.err

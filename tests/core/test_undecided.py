@@ -22,7 +22,6 @@ from jld_core import Assembly, LimitAnalysis, Status, build_assembly, parse_scen
 from jld_core.batch import batch_solver
 from jld_core.limit.block_relaxation import BlockRelaxation, applies_to
 from jld_core.limit.case_relaxation import Relaxation
-from jld_core.mechanics.standard import StandardYield
 from jld_explore import search_space
 from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.context import possible_blocks
@@ -62,12 +61,16 @@ def crushed() -> Assembly:
     return spatial(materials={"dry": dry, "inner": inner})
 
 
+def relaxed(name: str) -> tuple[Assembly, LimitAnalysis, Relaxation]:
+    assembly = assemblies()[name]
+    analysis = LimitAnalysis(assembly)
+    return assembly, analysis, Relaxation(analysis)
+
+
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", [*CASES, "in space", "crushed in space"])
 def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
-    assembly = assemblies()[name]
-    analysis = LimitAnalysis(assembly)
-    relaxation = Relaxation(analysis)
+    assembly, analysis, relaxation = relaxed(name)
     rng = np.random.default_rng(5)
     m = len(assembly.interfaces)
     finite = 0
@@ -89,9 +92,7 @@ def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", SOME)
 def test_bound_of_a_whole_labelling_is_its_load_factor(name: str) -> None:
-    assembly = assemblies()[name]
-    analysis = LimitAnalysis(assembly)
-    relaxation = Relaxation(analysis)
+    assembly, analysis, relaxation = relaxed(name)
     rng = np.random.default_rng(3)
     nothing = np.zeros(len(assembly.interfaces), dtype=bool)
     for _ in range(10):
@@ -104,9 +105,7 @@ def test_bound_of_a_whole_labelling_is_its_load_factor(name: str) -> None:
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", [*SOME[:-1], pytest.param(SOME[-1], marks=pytest.mark.long)])
 def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> None:
-    assembly = assemblies()[name]
-    analysis = LimitAnalysis(assembly)
-    relaxation = Relaxation(analysis)
+    assembly, analysis, relaxation = relaxed(name)
     rng = np.random.default_rng(8)
     m = len(assembly.interfaces)
     rows = rng.random((150, m)) < 0.5
@@ -419,7 +418,6 @@ def _stated(case: Case, most: float) -> float:
     """max λ of formulation P in CVXPY, faces as rows instead of rays, solved by HiGHS's simplex."""
     template = case.analysis.template
     sets, faces, elements = template.yield_set, template.assembly.interfaces, template.assembly.elements
-    assert isinstance(sets, StandardYield)
     matrix, free = template.matrix.toarray(), elements.free.tolist()
     load, x = cp.Variable(), cp.Variable(len(case.blocks), nonneg=True)
     rows: list[Any] = []
@@ -471,7 +469,7 @@ def test_one_cell_slides_at_its_friction_or_tips() -> None:
 def test_rows_and_rays_state_the_same(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The program for faces of any yield set, of faces that are wedges."""
     case = case_named(name)
-    monkeypatch.setattr(StandardYield, "coulomb_wedge", lambda self, dry: None)
+    monkeypatch.setattr(type(case.analysis.template.yield_set), "coulomb_wedge", lambda self, dry: None)
     general = BlockRelaxation(case.analysis, case.blocks.members, case.blocks.inside)
     every = np.ones(len(case.blocks), dtype=bool)
     rays, rows = (one.choose(every, 0.0, 10.0) for one in (case.relaxation, general))

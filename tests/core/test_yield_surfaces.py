@@ -388,6 +388,7 @@ BAD: dict[str, tuple[str, Document, str]] = {
     "falling": ("plane", {"friction": {"coefficients": 0}, "rows": [{"M": 1, "most": 1}, {"M": -1, "most": 1}]},
                 "materials.dry.surface"),
     "beside": ("plane", {"friction": FRICTION, "bending": {}}, ".cohesion: it stands beside a yield surface"),
+    "one face": ("plane", {"friction": FRICTION, "bending": {}}, "single strengths beside it; expected all strengths"),
     "nothing": ("plane", {"reference_strength": 2.0}, "surface: it states no limit"),
     "unknown": ("plane", {"frictoin": FRICTION}, 'surface.frictoin: unknown key; expected "friction"'),
     "no such": ("plane", {"rows": [{"V1": 1, "most": 1}]}, r"rows\[0\].V1: a 2D scene has none; expected N, V, M"),
@@ -412,6 +413,8 @@ def test_a_wrong_surface_is_one_line(case: str) -> None:
     document = with_surface({"plane": PLANAR, "space": SPATIAL}[where], "dry", **surface)
     if case == "beside":
         document["materials"]["dry"]["cohesion"] = 1.0
+    if case == "one face":
+        document["materials"]["faces"] = [{"between": ["c0r0", "c1r0"], "dry": {"cohesion": 1.0}}]
     with pytest.raises(InputError, match=message) as error:
         solve(document)
     assert "\n" not in str(error.value)

@@ -41,6 +41,41 @@ def lines(space: Any, gap: float) -> None:
         space.add_line(a, b)
 
 
+OUTLINE = "id,x,y,layer\n" + "".join(f"wänd,{x},{y},wänd\n" for x, y in ((0, 0), (2, 0), (2, 1), (0, 1)))
+PAGE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 4 2"><rect x="25%" width="50%" height="50%"/></svg>'
+CUBE = [f"v {x} {y} {z}" for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+SIDES = ["1 4 3 2", "5 6 7 8", "1 2 6 5", "2 3 7 6", "3 4 8 7", "4 1 5 8"]
+MARKED: dict[str, tuple[str, list[str]]] = {
+    "csv": (OUTLINE, ["utf-8-sig", "utf-16", "cp1252"]),
+    "svg": (PAGE.replace("<rect", "<title>wänd</title><rect"), ["utf-8-sig", "utf-16", "cp1252"]),
+    "obj": ("\n".join([*CUBE, *(f"f {side}" for side in SIDES)]), ["utf-8-sig", "utf-16"]),
+}
+
+
+@pytest.mark.parametrize(("kind", "encoding"), [(kind, one) for kind, (_, every) in MARKED.items() for one in every])
+def test_texts_are_read_as_programs_write_them(kind: str, encoding: str, tmp_path: Path) -> None:
+    """A mark before the first line was part of it: the first vertex of an OBJ was lost, and a DXF was damaged."""
+    path = tmp_path / f"a.{kind}"
+    path.write_bytes(MARKED[kind][0].replace("\n", "\r\n").encode(encoding))
+    found = import_file(path, ImportOptions(support=("lowest",), unit="m")).facts()
+    assert found.get("area", found.get("volume")) == pytest.approx({"csv": 2.0, "svg": 2.0, "obj": 1.0}[kind])
+
+
+def test_a_mark_before_a_drawing_is_no_damage(tmp_path: Path) -> None:
+    path = drawing(tmp_path / "a.dxf", lambda space: box(space, 0, 0, 2, 1))
+    path.write_text(path.read_text("utf-8"), encoding="utf-8-sig")
+    assert import_file(path, ImportOptions(support=("lowest",))).facts()["area"] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("count", [0, 10, 10**9])
+def test_a_wrong_number_of_triangles_is_named(count: int, tmp_path: Path) -> None:
+    """Also where the header begins as that of a text."""
+    path = tmp_path / "a.stl"
+    path.write_bytes(b"solid x".ljust(80) + count.to_bytes(4, "little") + bytes(50 * 12))
+    with pytest.raises(InputError, match=f"its header promises {count} triangles in 684 bytes"):
+        import_file(path)
+
+
 @pytest.mark.parametrize("gap", [1e-5, 1e-4, 9e-4])
 def test_small_gaps_are_closed_and_named_by_import_and_design_alike(gap: float, tmp_path: Path) -> None:
     path = drawing(tmp_path / "a.dxf", lambda space: lines(space, gap))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 
@@ -208,8 +209,9 @@ def values_of(document: dict[str, Any]) -> dict[str, list[str]]:
     return {path: sorted(values) for path, values in found.items()}
 
 
-def layout(document: dict[str, Any]) -> Layout:
-    scene = parse_scene(document)
+@cache
+def layout(name: str) -> Layout:
+    scene = parse_scene(SCENES[name])
     assembly = build_assembly(scene)
     return Layout(scene, assembly, assembly.labels)
 
@@ -228,7 +230,7 @@ TURNED = ("force", "at", "moment", "body", "gravity")
 @pytest.mark.parametrize("name", SCENES)
 def test_every_key_is_kept_or_named(name: str, kind: str, cells: bool, tmp_path: Path) -> None:
     pytest.importorskip(LIBRARY.get(kind, "json"))
-    made = layout(SCENES[name])
+    made = layout(name)
     path = tmp_path / f"file{FORMATS[kind]}"
     try:
         export(made, kind, path, cells=cells)
@@ -250,12 +252,12 @@ def test_every_key_is_kept_or_named(name: str, kind: str, cells: bool, tmp_path:
         assert after.get(key) == values, f"{key} is lost and not named"
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("kind", ["dxf", "3dm"])
 @pytest.mark.parametrize("name", PLANAR)
 def test_the_same_load_factor_there_and_back(name: str, kind: str, tmp_path: Path) -> None:
     pytest.importorskip(LIBRARY[kind])
-    made = layout(PLANAR[name])
+    made = layout(name)
     path = export(made, kind, tmp_path / f"file{FORMATS[kind]}")
     again = parse_scene(import_file(path).document)
     before, after = solve(made.assembly, made.labels), solve(build_assembly(again))
@@ -287,8 +289,8 @@ def test_a_key_of_the_schema_is_known_or_named(kind: str) -> None:
     every = set(schema_paths(Scene))
     keeps = formats_of_exchange.formats()[kind].keeps
     assert set(keeps) <= every
-    for name, document in SCENES.items():
-        made = layout(document)
+    for name in SCENES:
+        made = layout(name)
         named = facts.lost(made, kind)
         for key, _ in stated_paths(made.scene.model_dump(mode="json", exclude_defaults=True)):
             known = any(key == one or key.startswith(f"{one}.") for one in keeps)
@@ -309,7 +311,7 @@ def test_the_samples_state_every_key_of_the_top_level() -> None:
 @pytest.mark.parametrize("kind", ["3dm", "ifc", "gltf", "obj"])
 def test_bond_is_exported_or_refused_in_one_line(kind: str, tmp_path: Path) -> None:
     pytest.importorskip(LIBRARY.get(kind, "json"))
-    assert export(layout(PLANAR["bond"]), kind, tmp_path / f"file{FORMATS[kind]}").stat().st_size > 100
+    assert export(layout("bond"), kind, tmp_path / f"file{FORMATS[kind]}").stat().st_size > 100
 
 
 def test_the_command_names_what_is_lost(jld: Command, tmp_path: Path) -> None:

@@ -237,6 +237,7 @@ class Facet:
     """Face of a solid element, prepared for the union of elements."""
 
     ring: Floats  # (k, 3) corners in order, scene units
+    middle: Floats  # (3,) their mean
     normal: Floats  # (3,) unit normal, outwards
     offset: float  # distance of the plane from the origin along the normal
     area: float  # area, scene units
@@ -260,8 +261,8 @@ def facets_of(corners: Floats, faces: tuple[tuple[int, ...], ...], step: float) 
         vector = area_vector(ring)
         area = float(np.linalg.norm(vector))
         normal = vector / area
-        offset = float(ring.mean(axis=0) @ normal)
-        found.append(Facet(ring, normal, offset, area, frozenset(places[k] for k in loop)))
+        middle = ring.mean(axis=0)
+        found.append(Facet(ring, middle, normal, float(middle @ normal), area, frozenset(places[k] for k in loop)))
     return found
 
 
@@ -289,7 +290,7 @@ def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
 def _planes(facets: Sequence[Facet], reach: float) -> list[list[Facet]]:
     """Group facets by the plane they lie in, with normals of either sense."""
     normals = np.array([facet.normal for facet in facets])
-    middles = np.array([facet.ring.mean(axis=0) for facet in facets])
+    middles = np.array([facet.middle for facet in facets])
     found, left = [], np.ones(len(facets), dtype=bool)
     for k, facet in enumerate(facets):
         if not left[k]:
@@ -307,20 +308,21 @@ def _united(facets: Sequence[Facet], reach: float) -> list[Floats]:
     # Regions where facets of opposite normals meet lie inside the union of solids and are left out.
     normal, offset, grid = facets[0].normal, facets[0].offset, SNAP * reach
     plane = across(normal)
-    members: tuple[list[shapely.Polygon], list[shapely.Polygon]] = ([], [])
-    for facet in facets:
-        members[int(facet.normal @ normal < 0.0)].append(shapely.Polygon(facet.ring @ plane.T))
-    front, back = (shapely.union_all(side, grid_size=grid) for side in members)
-    outer = [front]
-    if members[1]:
+    flat = np.concatenate([facet.ring @ plane.T for facet in facets])
+    number = np.repeat(np.arange(len(facets)), [len(facet.ring) for facet in facets])
+    polygons = shapely.polygons(shapely.linearrings(flat, indices=number))
+    turned = np.array([facet.normal @ normal < 0.0 for facet in facets])
+    outer = [shapely.union_all(polygons[~turned], grid_size=grid)]
+    if turned.any():
+        front, back = outer[0], shapely.union_all(polygons[turned], grid_size=grid)
         outer = [shapely.difference(*pair, grid_size=grid) for pair in ((front, back), (back, front))]
     found = []
     for part in [part for region in outer for part in shapely.get_parts(region)]:
         if part.geom_type != "Polygon" or part.area <= reach * part.length:
             continue
         for ring in [part.exterior, *part.interiors]:
-            flat = straightened(shapely.get_coordinates(ring)[:-1], reach)
-            found.append(flat @ plane + offset * normal)
+            loop = straightened(shapely.get_coordinates(ring)[:-1], reach)
+            found.append(loop @ plane + offset * normal)
     return found
 
 

@@ -80,7 +80,10 @@ def area_vector(corners: Floats) -> Floats:
     """
     # Coordinates relative to a corner: far from the origin, absolute ones lose digits.
     arm = corners - corners[..., :1, :]
-    return np.asarray(0.5 * np.cross(arm, np.roll(arm, -1, axis=-2)).sum(axis=-2))
+    after = np.concatenate((arm[..., 1:, :], arm[..., :1, :]), axis=-2)
+    # `numpy.cross` takes three times as long for a few corners
+    x, y, z, u, v, w = (side[..., axis] for side in (arm, after) for axis in range(3))
+    return np.asarray(0.5 * np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1).sum(axis=-2))
 
 
 def across(normal: Floats) -> Floats:

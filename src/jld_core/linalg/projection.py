@@ -17,6 +17,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.linalg.cholesky import Fronts
 
 _FULL = 20_000  # number of entries up to which products with a dense matrix are faster
+_LISTED = 256  # number of nodes and edges up to which components are found in lists
 _DENSE = 200  # number of equations up to which a stored dense projector is faster than sparse triangular solves
 
 _FEW = 1000  # number of columns up to which a pseudo-inverse is computed
@@ -149,5 +150,23 @@ def components(count: int, one: Ints, other: Ints) -> Ints:
     (count,) int array
         Component of each node.
     """
+    if count + len(one) <= _LISTED:
+        return _few_components(count, one.tolist(), other.tolist())
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _few_components(count: int, one: list[int], other: list[int]) -> Ints:
+    """Find components as `components` does, without a sparse graph, which takes longer for few nodes."""
+    root = list(range(count))
+    for pair in zip(one, other, strict=True):
+        ends = []
+        for node in pair:
+            while root[node] != node:
+                root[node] = root[root[node]]
+                node = root[node]
+            ends.append(node)
+        root[max(ends)] = min(ends)
+    for node in range(count):
+        root[node] = root[root[node]]  # the roots of lower nodes are final
+    return np.unique(root, return_inverse=True)[1].astype(np.int64)

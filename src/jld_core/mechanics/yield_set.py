@@ -272,7 +272,11 @@ def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
         own = [one.faces for one in assembly.face_strengths.criteria if one.label == name]
         lacking = np.flatnonzero(mask & np.isnan(values) & ~np.any([~mask & mask, *own], axis=0))
         if lacking.size:
-            raise InputError(key, "missing", f"this material, since face {assembly.pair(lacking[0])} may be {name}")
+            face = assembly.pair(lacking[0])
+            if any(one.any() for one in own):
+                remedy = "all strengths of it, or a criterion of its own"
+                raise InputError(key, f"it has a criterion, and face {face} states single strengths beside it", remedy)
+            raise InputError(key, "missing", f"this material, since face {face} may be {name}")
 
 
 Term = tuple[Ints, list[Floats]]

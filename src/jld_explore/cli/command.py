@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import time
+from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
 from typing import Annotated, Any, Final
 
@@ -25,6 +27,15 @@ _FUNCTIONS: Final = {
 }
 
 
+def _guarded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
+    @wraps(command)
+    def called(*given: Any, **named: Any) -> Any:
+        with plugins.guarded("jld.commands", name):
+            return command(*given, **named)
+
+    return called
+
+
 def _imported(name: str) -> Any:
     """Import a command; return None if there is none of that name."""
     if name in _FUNCTIONS:
@@ -38,6 +49,8 @@ def _imported(name: str) -> Any:
             raise plugins.refuse_type("jld.commands", name, "a function whose parameters are annotated for typer")
     else:
         return None
+    if name not in _FUNCTIONS:
+        command = _guarded(name, command)
     one = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     one.command(name=name, cls=_Command)(command)
     return typer.main.get_command(one)

@@ -156,6 +156,8 @@ def run(app: typer.Typer, started: float) -> NoReturn:
         most, lacking = memory_limit() / 1e9, " ".join(str(error).split()) or "no more can be had"
         complain(f"memory ran out: {lacking}; expected a scene that {most:.1f} GB suffice for, or fewer --jobs")
     except (Interrupted, KeyboardInterrupt, typer.Abort) as error:
+        if isinstance(error.__cause__, EOFError):  # typer takes the end of any file for that of the terminal
+            complain(f"a file ends too early: {error.__cause__ or 'nothing more'}; expected whole files")
         warn(error.words if isinstance(error, Interrupted) else STOPPED_WORDS)
         sys.exit(STOPPED)
     if code == _INTERRUPTED:

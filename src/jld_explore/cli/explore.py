@@ -6,6 +6,7 @@ import json
 import math
 import os
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated, Any, Final, Self
@@ -53,11 +54,14 @@ MoveBest = Annotated[
 ]
 
 
-def driver_options() -> dict[str, Option]:
+def driver_options(taken: Collection[str]) -> dict[str, Option]:
     """Return the options of all search drivers, texts or None: the drivers state them and validate their values."""
     kinds = {name: list(owners(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields}
     found = {}
     for name, drivers in kinds.items():
+        if name in taken:
+            remedy = f"other options than {name!r}, which every search has"
+            raise plugins.refuse_type("jld.drivers", drivers[0].name, remedy)
         spoken = " and ".join(sorted(kind.name for kind in drivers))
         field = drivers[0].Options.model_fields[name]
         words = f"{spoken.capitalize()} driver{'s' * (len(drivers) > 1)}: {field.description}."
@@ -128,10 +132,7 @@ _Jobs = Annotated[
     int | None, typer.Option(min=1, help="Worker processes; default: one per core.", rich_help_panel="Processes")
 ]
 
-_OWN: Final = driver_options()
-
-
-@with_options(
+_SEARCH: Final = (
     setting_options(SearchMethod, "driver", "seed", group="Search")
     | setting_options(BudgetSettings, group="Limits")
     | setting_options(ParallelSettings, group="Processes")
@@ -140,8 +141,11 @@ _OWN: Final = driver_options()
     | setting_options(SolveOptions, "cracks", *_MODEL, group="Model")
     | setting_options(OutputSettings, group="Files")
     | {"pictures": (_AllPictures, False)}
-    | _OWN
 )
+_OWN: Final = driver_options({*_SEARCH, "scene", "out", "objective", "move", "as_json"})
+
+
+@with_options(_SEARCH | _OWN)
 def explore_command(
     context: typer.Context,
     scene: SceneFile,

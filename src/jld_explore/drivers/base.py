@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from jld_core import plugins
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
@@ -17,6 +18,7 @@ from jld_core.models.solve_many import BatchResult
 from jld_core.parameters import require_kind, typed
 from jld_explore.evaluation import Records
 from jld_explore.evaluation.protocol import Evaluation, evaluations_of
+from jld_explore.space import feasible
 from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
@@ -75,7 +77,16 @@ class Driver(ABC):
         """Let `tell` of a driver take a `BatchResult` in place of evaluations, and check what it is given."""
         super().__init_subclass__(**others)
         if "ask" in cls.__dict__:
-            setattr(cls, "ask", typed(cls.ask))  # noqa: B010 – mypy refuses the assignment of a method
+            asked: Any = typed(cls.ask)
+
+            @wraps(asked)
+            def ask(self: Driver, *given: Any, **named: Any) -> Bits:
+                with plugins.guarded("jld.drivers", self.name):
+                    found: Bits = asked(self, *given, **named)
+                    self._require_labellings(found)
+                return found
+
+            setattr(cls, "ask", ask)  # noqa: B010 – mypy refuses the assignment of a method
         own: Any = cls.__dict__.get("tell")
         if own is not None:
 
@@ -85,9 +96,22 @@ class Driver(ABC):
                 if rows.dtype != np.bool_ or rows.ndim != 2 or len(rows) != len(found):
                     given = f"they are of shape {rows.shape}, with {len(found)} evaluations"
                     raise ParameterError("labellings", given, "those that `ask` returned, one row for each evaluation")
-                own(self, rows, found)
+                with plugins.guarded("jld.drivers", self.name):
+                    own(self, rows, found)
 
             setattr(cls, "tell", tell)  # noqa: B010
+
+    def _require_labellings(self, found: Any) -> None:
+        """Raise InputError unless `ask` returned labellings (k, m), those of a driver of others in the space."""
+        where, faces = f"driver {self.name!r}", len(self.space.fixed)
+        if not isinstance(found, np.ndarray) or found.dtype != np.bool_ or found.shape[1:] != (faces,):
+            given = f"{found.dtype} of shape {found.shape}" if isinstance(found, np.ndarray) else type(found).__name__
+            raise InputError(where, f"it asks for {given}", f"a bool array (k, {faces}), True = dry")
+        if type(self).__module__.startswith("jld_explore."):  # they propose what the operators keep feasible
+            return
+        if not (kept := feasible(self.space, found)).all():
+            text = "".join("d" if dry else "i" for dry in found[~kept][0])
+            raise InputError(where, f"it asks for {text}, which the search excludes", "what its Register admits")
 
     @classmethod
     def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:

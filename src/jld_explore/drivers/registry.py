@@ -79,4 +79,5 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
     if kind is Exact and space.search.require is not None:
         # with a required load factor the exact driver optimises a count
         return MinimumCount.made(space, seed, given)
-    return kind.made(space, seed, given)
+    with plugins.guarded("jld.drivers", name):
+        return kind.made(space, seed, given)

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from jld_core import plugins
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, without
 from jld_core.batch.batch_solver import FALLS, BatchResults, BatchSolver
@@ -227,7 +228,8 @@ class OwnObjectiveEvaluator(LabellingEvaluator):
         cases = found.cases or (math.nan,) * len(self._assembly.cases)
         if found.status is not Status.COLLAPSE:
             return replace(found, cases=(*cases, math.nan))
-        value: Any = self._function(found, self._assembly, labels)
+        with plugins.guarded("jld.objectives", self._function):
+            value: Any = self._function(found, self._assembly, labels)
         if not isinstance(value, int | float | np.integer | np.floating) or not math.isfinite(value):
             text = "".join("d" if dry else "i" for dry in labels)
             raise ParameterError("objective", f"it is {value!r} for the labelling {text}", "a finite number")

@@ -159,7 +159,10 @@ def parsed(value: object) -> Any:
 
 def require_same(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
     """Raise InputError for the first entry in which a record differs from the current study."""
-    for key in sorted((old.keys() | new.keys()) - _CHANGING):
+    # what a user names goes before what follows from it: the crack model before the scene, friction before its times
+    for key in sorted(
+        (old.keys() | new.keys()) - _CHANGING, key=lambda key: (key == "scene", isinstance(new.get(key), float), key)
+    ):
         if old.get(key) != new.get(key):
             raise InputError(
                 path,

@@ -10,6 +10,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats
 from jld_core.assembly import Assembly
+from jld_core.errors import InputError
 from jld_core.files import RUN_BY_SPREADSHEETS, harmless
 from jld_explore.space import registered
 
@@ -54,6 +55,15 @@ _RESULTS: Final = {
     "beta_monte_carlo": ("", "reliability index by simulation"),
     "evidence": ("", "what is known of the point of the front: proven, found or visited"),
 }
+
+
+def require_own_columns() -> None:
+    """Raise InputError for a count that has the name of another column of results.csv."""
+    for count in registered():
+        if count.name in _RESULTS:
+            raise InputError(f"count {count.name!r}", "another column of results.csv has that name", "another name")
+
+
 _BLOCKS: Final = {
     "block": ("", "name of the block"),
     "elements": ("", "ids of its elements"),

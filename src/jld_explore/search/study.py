@@ -14,6 +14,7 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.errors import InputError
 from jld_core.limit import load_scale, relative_width
 from jld_core.limit.bounds import exceeds
 from jld_core.limit.options import Status
@@ -147,8 +148,17 @@ class Study:
     @property
     def bound(self) -> float | None:
         """Smallest proven upper bound on λ of all layouts, scene units, of earlier runs too; None if unknown."""
-        known = [bound for bound in (self.driver.bound, self.records.bound) if bound is not None]
+        known = [bound for bound in (self._own_bound, self.records.bound) if bound is not None]
         return min(known, default=None)
+
+    @property
+    def _own_bound(self) -> float | None:
+        """Bound of the driver; InputError for one that is no number."""
+        bound = self.driver.bound
+        if bound is not None and (not isinstance(bound, int | float | np.number) or not bound > -math.inf):
+            where = f"driver {self.driver.name!r}"
+            raise InputError(where, f"its bound is {bound!r}", "a number, or None without a proof")
+        return None if bound == math.inf else bound
 
     @property
     def finite(self) -> bool:
@@ -249,7 +259,7 @@ class Study:
         workers.close()
         self.driver.close()
         try:
-            self.keep_bound(self.driver.bound, self.driver.name)
+            self.keep_bound(self._own_bound, self.driver.name)
         finally:
             self.records.close()
 
@@ -377,7 +387,7 @@ class Study:
                 self._best, self._best_labels = float(values[place]), labellings[place]
         self._look_beside()
         self._withdraw_contradicted(evaluations)
-        self.keep_bound(self.driver.bound, self.driver.name)
+        self.keep_bound(self._own_bound, self.driver.name)
         if self.report is not None:
             bound = np.nan if self.bound is None else self.bound
             budget, total = self.settings.budget, self.total

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from threading import RLock
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -498,7 +498,39 @@ def _add_plugins() -> None:
     for name, count in plugins.load_all("jld.counts", _BUILT_IN).items():
         if not isinstance(count, Count) or count.name != name or not name.isidentifier():
             raise plugins.refuse_type("jld.counts", name, f"a jld_explore.space.Count with name={name!r}")
-        _COUNTS.setdefault(name, count)
+        _COUNTS.setdefault(name, _checked(count))
+
+
+def _checked(count: Count) -> Count:
+    """Return the count of a plug-in whose values are checked, and weighed against its terms."""
+
+    def terms(assembly: Assembly) -> Terms:
+        with plugins.guarded("jld.counts", count.name):
+            found = cast(Callable[[Assembly], Terms], count.terms)(assembly)
+        faces = getattr(found, "faces", 0)
+        every = np.asarray(faces)
+        if faces is not None and (every.dtype.kind != "b" or every.shape != (len(assembly.interfaces),)):
+            remedy = "terms that are Terms, with a truth value for each interface"
+            raise plugins.refuse_type("jld.counts", count.name, remedy)
+        return found
+
+    def of(layouts: Layouts) -> Ints | Floats:
+        with plugins.guarded("jld.counts", count.name):
+            found = np.asarray(count.of(layouts))
+        size = (len(layouts.labellings),)
+        if found.shape != size or found.dtype.kind not in "biuf" or not np.isfinite(found).all():
+            remedy = f"a finite number for each of {size[0]} layouts"
+            raise plugins.refuse_type("jld.counts", count.name, remedy)
+        if count.terms is not None and layouts.assembly.sink < 0:
+            sums, one = np.zeros(size), terms(layouts.assembly)
+            sums += 0 if one.faces is None else layouts.labellings[:, one.faces].sum(axis=1)
+            sums += (layouts.cells > 0).sum(axis=0) if one.blocks else 0
+            if (sums != found).any():
+                problem = f"it is {found[sums != found][0]:g} where its terms add up to {sums[sums != found][0]:g}"
+                raise plugins.refuse_type("jld.counts", count.name, "the sum of its terms, or none stated", problem)
+        return found.astype(int) if found.dtype == bool else found
+
+    return replace(count, of=of, terms=count.terms and terms)
 
 
 def registered() -> tuple[Count, ...]:

@@ -12,6 +12,7 @@ from jld_core import plugins
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
 from jld_core.scene.schema import Scene
+from jld_explore.report.columns import require_own_columns
 from jld_explore.report.folder import save_tables
 from jld_explore.report.reading import FIELD_PICTURE, Exploration
 from jld_explore.report.tables import Summary
@@ -96,21 +97,29 @@ def with_entries(
 
 def steps_of(settings: ExploreSettings, scene: Scene, assembly: Assembly, own: Iterable[Step] = ()) -> list[Step]:
     """Return the steps that settings ask for: own ones, then those of packages by name; or InputError."""
+    require_own_columns()
     steps = list(own)
     for name, kind in plugins.load_all("jld.steps").items():
         if not (isinstance(kind, type) and issubclass(kind, Step) and getattr(kind, "name", None) == name):
             raise plugins.refuse_type("jld.steps", name, f"a subclass of jld_explore.Step with name = {name!r}")
-        steps.append(kind())
-    wanted = [step for step in steps if step.wanted(settings)]
-    for step in wanted:
-        step.refuse(scene, assembly, settings)
+        if name in Summary.__dataclass_fields__:
+            raise plugins.refuse_type("jld.steps", name, "another name: every summary has an entry of this one")
+        with plugins.guarded("jld.steps", name):
+            steps.append(kind())
+    wanted = []
+    for step in steps:
+        with plugins.guarded("jld.steps", getattr(step, "name", "")):
+            if step.wanted(settings):
+                step.refuse(scene, assembly, settings)
+                wanted.append(step)
     return wanted
 
 
 def run_steps(done: Exploration, steps: Iterable[Step], context: StepContext) -> Exploration:
     """Run steps in order, and write what they change after each, so that a killed one loses itself alone."""
     for step in steps:
-        done = save_tables(step.run(done, context), done, csv=context.settings.csv)
+        with plugins.guarded("jld.steps", getattr(step, "name", "")):
+            done = save_tables(step.run(done, context), done, csv=context.settings.csv)
     return done
 
 

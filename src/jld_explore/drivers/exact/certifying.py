@@ -116,7 +116,8 @@ class Certifier:
     def write(self, path: Path, hints: Iterable[Conflict], found: tuple[Bits, float] | None) -> None:
         """Write the certificate; ArithmeticError if two satisfiability solvers disagree."""
         hints = [hint for hint in hints if not hint.from_cube and hint.bound * self._scale <= self.bound]
-        root, ceilings = self._mechanism(*self._always_dry()), list[int]()
+        root: Mechanism | BlockMechanism | None = self._mechanism(*self._always_dry())
+        ceilings: list[int] = []
         if root is None and any(hint.by_possible_blocks for hint in hints):
             ceilings = [self._add([1, -1], reason) for reason in self._ceilings()]
             if any(hint.by_possible_blocks and not len(hint.faces) for hint in hints):
