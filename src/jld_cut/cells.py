@@ -255,10 +255,17 @@ def _sections(cells: list[Any], plane: Floats, size: float) -> list[tuple[int, i
 def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float = BENT) -> list[Joint]:
     """Return the joints between cells in planes, as pieces of few corners, convex but for a share `bent`."""
     found = []
+    met: dict[tuple[int, int], list[Floats]] = {}
     for plane in unique_planes(planes, size):
-        for a, b, region in _sections(cells, plane, size):
+        here = _sections(cells, plane, size)
+        for a, b, region in here:
+            # cells that meet in a plane also meet in one that differs by rounding: that is the same joint
+            if any(np.abs(plane - one).max() < 1e-6 * max(1.0, size) for one in met.get((min(a, b), max(a, b)), ())):
+                continue
             for piece in convex_pieces(region, 1e-7 * size, bent):
                 found.append(Joint(a, b, lifted(piece, plane), plane[:3], piece.area))
+        for a, b, _ in here:
+            met.setdefault((min(a, b), max(a, b)), []).append(plane)
     return found
 
 
@@ -275,8 +282,8 @@ def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
 
 def lifted(polygon: Any, plane: Floats) -> Floats:
     """Return the corners (k, 3) of a polygon in a plane."""
-    corners = shapely.get_coordinates(polygon.exterior)[:-1]
-    return np.asarray(corners @ basis(plane[:3]) + plane[3] * plane[:3])
+    corners = shapely.get_coordinates(polygon.exterior)[:-1] @ basis(plane[:3]) + plane[3] * plane[:3]
+    return np.where(np.abs(corners) < 1e-15, 0.0, corners)  # without the dust of rounding
 
 
 def convex_pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
@@ -351,14 +358,17 @@ def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
     return sorted(found, key=lambda one: -one[0])
 
 
-def convex_parts(cells: list[Any], most: int) -> tuple[list[Any], Ints, list[Floats], bool]:
-    """Split cells at concave edges by bisector planes: pieces, their cells, planes, and whether all are convex."""
+def convex_parts(cells: list[Any], most: int, least: float = _CONCAVE) -> tuple[list[Any], Ints, list[Floats], bool]:
+    """Split cells at concave edges by bisector planes: pieces, their cells, planes, and whether all are convex.
+
+    least: turn of an edge that is split, radians.
+    """
     # the sharpest edge of all pieces is split first, so that a limit leaves the flattest
     pieces, of, planes = list(cells), list(range(len(cells))), []
     edges = [concave_edges(cell)[:1] for cell in cells]
     while len(pieces) < most:
         turn, at = max((one[0][0], k) if one else (0.0, k) for k, one in enumerate(edges))
-        if turn < _CONCAVE:
+        if turn < least:
             break
         _, middle, first, second = edges[at][0]
         across = first - second

@@ -3,35 +3,33 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-import shapely
 
 from jld_core import Floats, InputError, Ints, ParameterError, files
 from jld_cut.cells import Limits
 from jld_cut.families import FAMILIES
+from jld_cut.fields import bounds_beside, scene_of_parts
 from jld_cut.loads import parse_load, parse_region
 from jld_cut.marks import mark, tenons
 from jld_cut.meshes import read_solid
 from jld_cut.partitions import Layouts, frames
-from jld_cut.parts import Part, different, lay, parts_of, write_parts
+from jld_cut.parts import Part, different, lay, parts_of, plain_surface, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
 from jld_cut.scene import Matter, Setting
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, search_all
 from jld_explore.report import csv_of
-from jld_formats import export
+from jld_formats import step_of_solids
 from jld_views import figures, page_of_study
 
-_FIELDS: Final = 45.0  # time from which bounds by fields have a chance, s
+_FIELDS: Final = 25.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
@@ -202,9 +200,11 @@ def cut(
     summary = _summary(chosen, families, solid, options)
     _write(chosen, summary, out, options)
     say(summary["verdict"])
-    with _fields_beside(chosen, out, left(0.95)) as bracket:
+    scene = _by_fields(chosen, wish.setting, out) if left(1.0) > _FIELDS else None
+    with bounds_beside(scene, left(0.9)) if scene else nullcontext() as bracket:
         _draw(chosen, summary, out, scale, left(0.8))
-        summary["by_fields"] = bracket(left(0.95))
+        summary["by_fields"] = bracket(left(0.95)) if bracket else None
+    say(_told_of_fields(summary["by_fields"], scene is not None))
     summary["seconds"] = time.perf_counter() - start
     files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     return summary
@@ -222,7 +222,7 @@ def _refuse_small(solid: Any, limits: Limits) -> None:
             problem = (
                 f"the solid makes at least {int(np.ceil(number))} such parts, and {limits.cells} cells are the most"
             )
-            raise InputError(name, problem, "larger parts")
+            raise InputError(name, problem, "larger parts, or another unit of the file")
 
 
 def _refuse_thin(solid: Any, clearance: float) -> None:
@@ -425,7 +425,7 @@ def verdict(summary: dict[str, Any]) -> str:
         told += "; time ended before an order of assembly was found"
     if summary["can_be_laid"] is False:
         told += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
-    return "; ".join([told, *summary.get("warnings", ())]) + "."
+    return told + "."
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options) -> None:
@@ -451,12 +451,9 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options)
     summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]
     summary["file_error"] = max(part.error for part in chosen.parts)
     files.write_text(out / "parts.csv", csv_of(table_of(chosen.parts, scale)))
-    try:
-        export(chosen.family.layout(chosen.block), "step", out / "parts.step")
-    except InputError as error:
-        summary["warnings"] = [f"parts.step was not written: {error}"]
-    except shapely.errors.GEOSException:
-        summary["warnings"] = ["parts.step was not written: a face of a part cannot be split to triangles"]
+    solids = [(part.name, False, plain_surface(part.exact)) for part in chosen.parts]
+    size = max(float(part.box.max()) for part in chosen.parts)
+    files.write_text(out / "parts.step", step_of_solids(chosen.fine.document["name"], "m", size, solids))
     summary["verdict"] = verdict(summary)
     files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")
 
@@ -490,27 +487,24 @@ def _shown(value: Any) -> str:
     return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-@contextmanager
-def _fields_beside(chosen: Chosen, out: Path, seconds: float) -> Iterator[Callable[[float], list[float | None] | None]]:
-    """Begin bounds of λ by fields in a process that the clock ends; yield what waits for its bracket."""
-    if not chosen.fine.convex or seconds < _FIELDS:
-        yield lambda _: None
-        return
-    order = [sys.executable, "-m", "jld_explore", "solve", str(out / "scene.json"), "--cracks", "fields:0.5", "--json"]
-    process = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+def _told_of_fields(bracket: list[float | None] | None, begun: bool) -> str:
+    """Return in words which of both models of cracks was reached."""
+    if bracket is None:
+        why = "time ended before the first mesh" if begun else "the parts are no union of a few convex pieces"
+        return f"λ is by cells; by fields it is not known: {why}"
+    low, high = (f"{end:.4g}" if end is not None else "–" for end in bracket)
+    return f"λ by fields, with cracks anywhere in the parts: {low} … {high}"
 
-    def bracket(seconds: float) -> list[float | None] | None:
-        try:
-            found = json.loads(process.communicate(timeout=max(0.1, seconds))[0])["bracket"]
-        except (subprocess.TimeoutExpired, ValueError, KeyError):
-            return None
-        return [None if end is None else float(end) for end in found]
 
+def _by_fields(chosen: Chosen, setting: Setting, out: Path) -> Path | None:
+    """Write the scene of the parts as convex pieces; None for parts that these do not make up."""
+    bodies = [part.exact for part in chosen.parts]
     try:
-        yield bracket
-    finally:
-        process.kill()
-        process.wait()
+        scene = scene_of_parts(chosen.fine.document["name"], chosen.family.cutting, bodies, setting)
+    except InputError:
+        return None
+    files.write_text(out / "scene_fields.json", json.dumps(scene) + "\n")
+    return out / "scene_fields.json"
 
 
 def table_of(parts: list[Part], scale: float) -> pd.DataFrame:

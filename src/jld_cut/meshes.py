@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +20,8 @@ ENDINGS: Final = ("stl", "obj", "3mf")
 MOST: Final = 200_000  # triangles of a solid
 _RECORD: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])  # of STL
 _NAMESPACE: Final = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+_DEEP: Final = 20  # components within components of a 3MF file
+_SIZES: Final = (1e-3, 1e4)  # lengths of a solid, m
 _UNITS: Final = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
 
 
@@ -86,6 +89,10 @@ def read_solid(path: Path, unit: float) -> Any:
         pieces = _read_3mf(path) if kind == "3mf" else _read(path, kind)
         if sum(len(faces) for _, faces in pieces) > MOST:
             raise InputError("", "it holds too many triangles", f"at most {MOST}, as `simplify` of a modeller leaves")
+        corners = unit * np.concatenate([points for points, _ in pieces])
+        size = float(np.ptp(corners, axis=0).max())
+        if not _SIZES[0] <= size <= _SIZES[1]:
+            raise InputError("", f"the solid is {size:.3g} m long", f"{_SIZES[0]:g} to {_SIZES[1]:g} m: another unit")
         solids = [_checked(unit * points, faces) for points, faces in pieces]
         # surfaces that are turned inwards are cavities, unless there is only one
         hollow = [not outwards and len(solids) > 1 for _, outwards in solids]
@@ -104,10 +111,12 @@ def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
     Triangles of a binary STL file that share corners are one surface; otherwise each part that the reader finds is.
     """
     try:
-        data = path.read_bytes() if kind == "stl" else b""
+        data = path.read_bytes()
     except OSError as error:
         raise InputError("", f"it cannot be read ({error.strerror})", "a file") from None
-    if len(data) > 84 and len(data) == 84 + _RECORD.itemsize * int.from_bytes(data[80:84], "little"):
+    if not data:
+        raise InputError("", "it is empty", "a closed solid")
+    if kind == "stl" and len(data) > 84 and len(data) == 84 + _RECORD.itemsize * int.from_bytes(data[80:84], "little"):
         # corners that nearly meet, as modellers leave them, are merged: only what shares no corner is another solid
         points, triangles = as_read(data)
         if np.isfinite(points).all():
@@ -134,16 +143,43 @@ def _read_3mf(path: Path) -> list[tuple[Floats, Ints]]:
             name = next(name for name in archive.namelist() if name.lower().endswith(".model"))
             root = ElementTree.fromstring(archive.read(name))
         scale = _UNITS[root.get("unit", "millimeter")]
-        found = []
-        for mesh in root.iter(f"{{{_NAMESPACE}}}mesh"):
-            points = [[float(v.get(k, "")) for k in "xyz"] for v in mesh.iter(f"{{{_NAMESPACE}}}vertex")]
-            faces = [[int(t.get(f"v{k}", "")) for k in (1, 2, 3)] for t in mesh.iter(f"{{{_NAMESPACE}}}triangle")]
-            found.append((scale * np.array(points), np.array(faces)))
+        objects = {one.get("id", ""): one for one in root.iter(f"{{{_NAMESPACE}}}object")}
+        items = root.findall(f"{{{_NAMESPACE}}}build/{{{_NAMESPACE}}}item")
+        # what is not built is not part of the model; a file that builds nothing holds it all
+        named = [(one.get("objectid", ""), _placing(one)) for one in items] or [(name, np.eye(4)) for name in objects]
+        found = [one for name, placing in named for one in _placed(objects, name, placing, _DEEP)]
+        found = [(scale * points, faces) for points, faces in found]
     except (OSError, zipfile.BadZipFile, StopIteration, ElementTree.ParseError, KeyError, ValueError):
-        raise InputError("", "it is no 3MF file", "a zip archive with a model in it") from None
+        raise InputError(
+            "", "it is no 3MF file that can be read", "a zip archive with a model: its objects, transforms and unit"
+        ) from None
     if not found or not all(len(faces) and faces.max() < len(points) for points, faces in found):
         raise InputError("", "it holds no whole mesh", "one closed mesh")
     return found
+
+
+def _placing(item: ElementTree.Element) -> Floats:
+    """Return the matrix (4, 4), for rows of points, of an item or component of a 3MF file."""
+    matrix = np.eye(4)
+    if item.get("transform") is not None:
+        matrix[:, :3] = np.array([float(word) for word in item.get("transform", "").split()]).reshape(4, 3)
+    return matrix
+
+
+def _placed(
+    objects: dict[str, ElementTree.Element], name: str, placing: Floats, deep: int
+) -> Iterator[tuple[Floats, Ints]]:
+    """Yield the meshes of an object of a 3MF file and of its components, as points and triangles."""
+    if not deep:
+        raise ValueError("components of components without end")
+    for mesh in objects[name].findall(f"{{{_NAMESPACE}}}mesh"):
+        points = [[float(v.get(k, "")) for k in "xyz"] for v in mesh.iter(f"{{{_NAMESPACE}}}vertex")]
+        faces = [[int(t.get(f"v{k}", "")) for k in (1, 2, 3)] for t in mesh.iter(f"{{{_NAMESPACE}}}triangle")]
+        # a mirrored mesh is turned inside out
+        turn = 1 if np.linalg.det(placing[:3, :3]) > 0.0 else -1
+        yield np.array(points).reshape(-1, 3) @ placing[:3, :3] + placing[3, :3], np.array(faces)[:, ::turn]
+    for one in objects[name].iterfind(f"{{{_NAMESPACE}}}components/{{{_NAMESPACE}}}component"):
+        yield from _placed(objects, one.get("objectid", ""), _placing(one) @ placing, deep - 1)
 
 
 def _checked(points: Floats, triangles: Ints) -> tuple[Any, bool]:
@@ -169,7 +205,7 @@ def _checked(points: Floats, triangles: Ints) -> tuple[Any, bool]:
         problem = f"its volume changes from {held:.6g} to {solid.volume():.6g} where it is read"
         raise InputError("", problem, "its smallest faces joined in the modeller")
     if solid.is_empty() or solid.volume() <= 1e-12 * size**3:
-        raise InputError("", f"it encloses no volume ({solid.status().name})", "a closed surface around a solid")
+        raise InputError("", "it encloses no volume", "a closed surface around a solid")
     return solid, outwards
 
 
@@ -178,7 +214,11 @@ def merged(points: Floats, triangles: Ints, tolerance: float) -> tuple[Floats, I
     _, first, place = np.unique(np.round(points / tolerance), axis=0, return_index=True, return_inverse=True)
     triangles = place.reshape(-1)[triangles]
     a, b, c = triangles.T
-    return points[first], triangles[(a != b) & (b != c) & (c != a)]
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
+    # a triangle that is there again, seen from the same side, is one
+    start = triangles.argmin(axis=1)[:, None] if len(triangles) else np.zeros((0, 1), dtype=np.int64)
+    turned = np.take_along_axis(triangles, (start + np.arange(3)) % 3, axis=1)
+    return points[first], triangles[np.sort(np.unique(turned, axis=0, return_index=True)[1])]
 
 
 def open_edges(triangles: Ints) -> Ints:

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, InputError, Ints, files
+from jld_core.geometry import unions
 from jld_cut.cells import Joint, basis, closed, union
 from jld_cut.meshes import (
     as_read,
@@ -19,6 +20,7 @@ from jld_cut.meshes import (
     kind_of,
     moments,
     obj_text,
+    open_edges,
     pieces_of,
     stl_bytes,
     surface_of,
@@ -141,6 +143,22 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
     assert best is not None
     _, part.box, part.bed, fits = best
     return bool(fits)
+
+
+def plain_surface(solid: Any) -> unions.Surface:
+    """Return the surface of a solid with each plane region as one face where that keeps its volume, else triangles."""
+    points, triangles = surface_of(solid)
+    try:
+        found = unions.union_solids([points], [triangles.tolist()])
+    except (shapely.errors.GEOSException, InputError, ValueError):  # regions that touch themselves
+        found = None
+    if found is not None:
+        fans = np.array([(f[0], f[k], f[k + 1]) for f in found.faces for k in range(1, len(f) - 1)])
+        held = [volume_of(found.points, corners) for corners in (fans, np.array(found.triangles))]
+        if not len(open_edges(fans)) and np.allclose(held, volume_of(points, triangles), rtol=1e-6, atol=0.0):
+            return found
+    faces = tuple((a, b, c) for a, b, c in triangles.tolist())
+    return unions.Surface(points, faces, faces)
 
 
 def write_parts(folder: Path, parts: list[Part], unit: float) -> None:

@@ -21,6 +21,7 @@
 - `planar_scene`: convert the content of a planar drawing to a scene document
 - `solids`: conversion of meshes to spatial elements: snapping, merging of faces, supports by name
 - `solids_of`: yield name, support flag and closed surface of each block, or of each element
+- `step_of_solids`: text of a STEP file of solids with plane faces
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from jld_formats.options import Imported, ImportOptions, Notes, Report
     from jld_formats.read_mesh import solids_of
     from jld_formats.solids import Part, Solids
+    from jld_formats.write_solids import step_of_solids
 
 __all__ = [
     "FORMATS",
@@ -60,6 +62,7 @@ __all__ = [
     "planar_scene",
     "solids",
     "solids_of",
+    "step_of_solids",
 ]
 
 export_lazily(
@@ -71,6 +74,7 @@ export_lazily(
         "options": ["ImportOptions", "Imported", "Notes", "Report"],
         "read_mesh": ["solids_of"],
         "solids": ["Part", "Solids"],
+        "write_solids": ["step_of_solids"],
     },
     submodules=["cells", "drawn_loads", "facts", "forces", "formats", "libraries", "options", "paths", "solids"],
 )

@@ -140,13 +140,14 @@ def _stl(data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
         points = np.frombuffer(data, record, offset=84)["corners"].reshape(-1, 3).astype(float)
         return points, [("", "", _triples(0, len(points)))]
     text = decoded(data, "replace")
-    heads = [(m.start(), m.group(1).strip()) for m in re.finditer(r"(?m)^[ \t]*solid\b[ \t]*(.*?)\r?$", text)]
+    heads = [(m.start(), m.group(1).strip()) for m in re.finditer(r"(?mi)^[ \t]*solid\b[ \t]*(.*?)\r?$", text)]
     ends = [*(start for start, _ in heads[1:]), len(text)]
-    words = [re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text[a:b]) for (a, _), b in zip(heads, ends, strict=True)]
+    corner = re.compile(r"(?i)\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
+    words = [corner.findall(text[a:b]) for (a, _), b in zip(heads, ends, strict=True)]
     if not heads or "\0" in text:
         count = int.from_bytes(data[80:84], "little")
         raise InputError("", f"its header promises {count} triangles in {len(data)} bytes", "a whole file")
-    whole = 3 * text.count("endfacet")
+    whole = 3 * text.lower().count("endfacet")
     if sum(map(len, words)) != whole:
         raise InputError(
             "", f"it holds {sum(map(len, words))} corners and {whole // 3} whole triangles", "a whole file"
@@ -173,19 +174,16 @@ def _refuse_counts(kind: str, data: bytes) -> None:
     if kind == "obj" and max(data.count(b"\nf"), data.count(b"\nv ") // 4) > MOST:
         raise InputError("", "it holds too many faces", f"at most {MOST}")
     if kind == "ply":
-        head = data[: data.find(b"end_header")] if b"end_header" in data[:65536] else b""
-        counts = [int(number) for number in re.findall(rb"element\s+\w+\s+(\d{1,18})", head)]
-        if not head.lower().startswith(b"ply") or not counts:
+        header = data[: data.find(b"end_header")] if b"end_header" in data[:65536] else b""
+        counts = [int(number) for number in re.findall(rb"element\s+\w+\s+(\d{1,18})", header)]
+        if not header.lower().startswith(b"ply") or not counts:
             raise InputError("", "it has no PLY header", "ply … end_header")
         if min(sum(counts), size) > 5 * MOST:
             raise InputError("", f"its header promises {sum(counts)} entries", f"at most {5 * MOST}")
         if sum(counts) > size:
             raise InputError("", f"its header promises {sum(counts)} entries in {size} bytes", "a whole file")
-    if kind == "stl" and (size // 50 if _is_binary(data) else data.count(b"endfacet")) > MOST:
+    if kind == "stl" and (size // 50 if _is_binary(data) else data.lower().count(b"endfacet")) > MOST:
         raise InputError("", "it holds too many triangles", f"at most {MOST}")
-    if kind == "stl" and not _is_binary(data) and not data[:512].lstrip().lower().startswith(b"solid"):
-        count = int.from_bytes(data[80:84], "little") if size >= 84 else -1
-        raise InputError("", f"its header promises {count} triangles in {size} bytes", "a whole file")
 
 
 def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, unions.Surface]]:

@@ -6,6 +6,7 @@ import itertools
 import json
 import struct
 import uuid
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -230,17 +231,39 @@ _UNCERTAINTY: Final = 1e-9  # stated uncertainty of lengths, relative to the siz
 
 def step_text(layout: Layout, *, cells: bool) -> str:
     """Return the text of a STEP file with a solid of plane faces for each block."""
-    # Solids are `MANIFOLD_SOLID_BREP`.
+    assembly = layout.assembly
+    return step_of_solids(assembly.name, assembly.units[0], assembly.size, solids_of(layout, cells=cells))
+
+
+def step_of_solids(name: str, unit: str, size: float, bodies: Iterable[tuple[str, bool, unions.Surface]]) -> str:
+    """Return the text of a STEP file of solids with plane faces.
+
+    Parameters
+    ----------
+    name : str
+        Title of the file.
+    unit : str
+        Unit of lengths.
+    size : float
+        Size of all, in that unit.
+    bodies : iterable of (str, bool, Surface)
+        Name, True for a support, closed surface.
+
+    Returns
+    -------
+    str
+        Solids are `MANIFOLD_SOLID_BREP`.
+    """
     file = _Part21()
-    context = file.context(layout.assembly.units[0], layout.assembly.size)
+    context = file.context(unit, size)
     supports = []
-    for name, support, surface in solids_of(layout, cells=cells):
-        solid = file.solid(name, surface)
-        file.product(name, solid, context)
+    for body, support, surface in bodies:
+        solid = file.solid(body, surface)
+        file.product(body, solid, context)
         supports += [solid] * support
     if supports:
         file.add(f"PRESENTATION_LAYER_ASSIGNMENT('supports','',({','.join(supports)}))")
-    title = _text(layout.assembly.name)
+    title = _text(name)
     head = [
         "ISO-10303-21;",
         "HEADER;",

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import time
+import zipfile
 from dataclasses import replace
+from itertools import pairwise
 from math import comb
 from pathlib import Path
 from typing import Any
@@ -15,17 +17,28 @@ import pytest
 import trimesh
 from manifold3d import Manifold, Mesh64, OpType
 
-from jld_core import InputError, ParameterError
+from jld_core import InputError, ParameterError, build_assembly, parse_scene
 from jld_cut import Options, cut
 from jld_cut.cells import BENT, Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union
 from jld_cut.cut import verdict
 from jld_cut.elastic import compressed
 from jld_cut.families import axis_of
+from jld_cut.fields import scene_of_parts
 from jld_cut.loads import outside, parse_load, shares
 from jld_cut.marks import mark, tenons
-from jld_cut.meshes import as_read, as_written, moments, pieces_of, read_solid, stl_bytes, volume_of
+from jld_cut.meshes import (
+    as_read,
+    as_written,
+    moments,
+    open_edges,
+    pieces_of,
+    read_solid,
+    stl_bytes,
+    volume_of,
+    write_3mf,
+)
 from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
-from jld_cut.parts import Part, different, lay, write_parts
+from jld_cut.parts import Part, different, lay, plain_surface, write_parts
 from jld_cut.scene import scene_of
 from jld_cut.search import Family, Truth, body_of, family_of
 from jld_explore import ExploreSettings, explore
@@ -102,6 +115,11 @@ def test_a_part_of_cells_of_different_cuts_is_closed(made: Any) -> None:
         body = union([cutting.cells[k] for k in chosen])
         assert body.volume() == pytest.approx(sum(cutting.cells[k].volume() for k in chosen), rel=1e-9)
         assert is_closed(body)
+    # as for a STEP file, with plane faces: the same volume, and two faces at each edge
+    surface = plain_surface(body)
+    fans = np.array([(face[0], *pair) for face in surface.faces for pair in pairwise(face[1:])])
+    assert volume_of(surface.points, fans) == pytest.approx(body.volume(), rel=1e-6)
+    assert len(open_edges(fans)) == 0
     everything = union(cutting.cells)
     assert is_closed(everything)
     assert everything.volume() == pytest.approx(made().volume(), rel=1e-9)
@@ -214,6 +232,70 @@ def test_loads_are_alike_for_all_cuts() -> None:
     assert wholes[0][:3] == pytest.approx([0, 0, -6])
 
 
+def _ascii(space: str, end: str, upper: bool) -> bytes:
+    lines = ["solid a"]
+    for face in mesh_of(box(1, 1, 2)).triangles:
+        corners = [space.join(["", "vertex", *map(repr, corner)]) for corner in face.tolist()]
+        lines += [f"{space}facet normal{space}0 0 0", f"{space}outer loop", *corners, "endloop", "endfacet"]
+    text = end.join([*lines, "endsolid a", ""])
+    return (text.upper() if upper else text).encode()
+
+
+def _twice() -> bytes:
+    """A binary file with a triangle that is there again, and one without area."""
+    mesh = mesh_of(box(1, 1, 2))
+    return stl_bytes(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[:1, [1, 2, 0]], [[0, 0, 1]]]))
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: _ascii(" ", "\n", False),
+        lambda: _ascii("\t  ", "\r\n", True),
+        lambda: _ascii("  ", "\n\n \n", False),
+        lambda: b"\xef\xbb\xbf" + _ascii(" ", "\r", False),
+        _twice,
+    ],
+)
+def test_files_are_read_however_they_are_spelled(tmp_path: Path, made: Any) -> None:
+    path = tmp_path / "a.stl"
+    path.write_bytes(made())
+    assert read_solid(path, 1.0).volume() == pytest.approx(2.0)
+
+
+_TWO = '<item objectid="1"/><item objectid="1" transform="1 0 0 0 1 0 0 0 1 1000 0 0"/>'
+_BOTH = '<component objectid="1"/><component objectid="1" transform="-1 0 0 0 1 0 0 0 1 0 0 0"/>'
+
+
+@pytest.mark.parametrize(
+    ("build", "more", "found"),
+    [
+        ("", "", [0, 0, 0, 1, 1, 2]),
+        (_TWO, "", [0, 0, 0, 2, 1, 2]),
+        ('<item objectid="1" transform="0 0 1 0 1 0 -1 0 0 0 0 0"/>', "", [-2, 0, 0, 0, 1, 1]),
+        ('<item objectid="9"/>', f'<object id="9"><components>{_BOTH}</components></object>', [-1, 0, 0, 1, 1, 2]),
+        ('<item objectid="9"/>', '<object id="9"><components><component objectid="9"/></components></object>', "3MF"),
+        ('<item objectid="7"/>', "", "3MF"),
+        ('<item objectid="1" transform="1 0 0"/>', "", "3MF"),
+        (_TWO.replace("1000", "5000"), "", "2 solids"),
+    ],
+)
+def test_objects_of_a_3mf_file_stand_where_it_builds_them(tmp_path: Path, build: str, more: str, found: Any) -> None:
+    path, mesh = tmp_path / "a.3mf", mesh_of(box(1, 1, 2))
+    write_3mf(path, [("a", 1e3 * mesh.vertices, mesh.faces)])
+    with zipfile.ZipFile(path) as archive:
+        model = archive.read("3D/3dmodel.model").decode()
+    start, end = model.index("<build>"), model.index("</build>")
+    model = model[:start].replace("</resources>", f"{more}</resources>") + "<build>" + build + model[end:]
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("3D/3dmodel.model", model)
+    if isinstance(found, str):
+        with pytest.raises(InputError, match=found):
+            read_solid(path, 1.0)
+    else:
+        assert read_solid(path, 1.0).bounding_box() == pytest.approx(found)
+
+
 def _open(mesh: Any) -> None:
     mesh.faces = mesh.faces[1:]
 
@@ -241,7 +323,7 @@ def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any,
     ("change", "told"),
     [
         ({"fit": (0.0, 1.0, 1.0)}, "fit"),
-        ({"fit": (0.05, 0.05, 0.05)}, "such parts, and 60 cells"),
+        ({"fit": (0.05, 0.05, 0.05)}, "such parts, and 60 cells.*another unit"),
         ({"mass": 0.5}, "mass"),
         ({"loads": ()}, "load"),
         ({"loads": ("0,0",)}, "load"),
@@ -461,6 +543,21 @@ def test_a_part_with_a_hook_slides_out() -> None:
     assert truth.convex
     steps = truth.order(np.array([0, 1]), 60.0).steps
     assert abs(steps[-1].direction @ [0, 1, 0]) == pytest.approx(1.0)
+
+
+def test_parts_are_a_few_convex_pieces_for_fields() -> None:
+    """An L of two parts is three pieces that hold its volume, joined along one bisector; a bowl is none of a few."""
+    solid = box(3, 1, 1) + box(1, 1, 3)
+    wish = Options((3.0,) * 3, ("0,0,-1000",)).wish()
+    cutting = Cutting(solid)
+    cutting.through(np.array([1.0, 0, 0]), 2.0)
+    assembly = build_assembly(parse_scene(scene_of_parts("L", cutting, cutting.cells, wish.setting)))
+    free = assembly.elements.free
+    assert len(free) == 3
+    assert assembly.elements.volume[free].sum() == pytest.approx(5.0, rel=1e-9)
+    assert sorted(assembly.interfaces.area.round(9).tolist())[:2] == [1.0, 1.0]
+    with pytest.raises(InputError, match="convex pieces"):
+        scene_of_parts("bowl", Cutting(_bowl()), [_bowl()], wish.setting)
 
 
 def test_regions_stay_whole() -> None:

@@ -578,7 +578,7 @@ class Freedom:
             checkpoint()
             # a group that moves does so at unit speed, .57 or more along some axis
             answer = linprog(-row, A_ub=matrix, b_ub=np.full(len(matrix), _TURN), bounds=(-1.0, 1.0))
-            if answer.x is None or -answer.fun > 0.5:
+            if answer.x is None or float(row @ answer.x) > 0.5:
                 return True
         return False
 
