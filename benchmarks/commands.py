@@ -139,8 +139,8 @@ def jobs() -> None:
     for turn in range(TURNS):
         for name in JOBS:
             pair = [apart("commands.by_clock", name, number) for number in (1, 2)]
-            times = [f"{found[k]:.3f}" for k in (0, 1) for found in pair]
-            row = [name, *times, str(pair[0][2] == pair[1][2]), f"{os.getloadavg()[0]:.1f}"]
+            shown = [f"{found[k]:.3f}" for k in (0, 1) for found in pair]
+            row = [name, *shown, str(pair[0][2] == pair[1][2]), f"{os.getloadavg()[0]:.1f}"]
             with FILE.open("a", newline="", encoding="utf-8") as file:
                 csv.writer(file).writerow(row)
             print(turn, *row, flush=True)
