@@ -40,7 +40,7 @@ from jld_explore.evaluation.cases import OwnObjectiveEvaluator, VoidCellsEvaluat
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
 from jld_explore.evaluation.pool import beside, deferred_signals, on_cluster
 from jld_explore.evaluation.protocol import MakeEvaluator
-from jld_explore.evaluation.records import RECORDS_FILE, recorded_driver
+from jld_explore.evaluation.records import RECORDS_FILE, recorded
 from jld_explore.report import folder as folders
 from jld_explore.report.folder import check_certificate_file, check_folder, save_tables, write_tables
 from jld_explore.report.reading import Exploration
@@ -305,7 +305,7 @@ def _driver_of(
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
     found = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
     if settings.resume and settings.driver is None:
-        known = recorded_driver(folder / RECORDS_FILE)
+        known = recorded(folder / RECORDS_FILE, "driver")
         if known in driver_kinds() and known != found[0].name:
             return choose_driver(space, replace(settings, driver=known), deadline, cracks_by_fields=fields)
     return found

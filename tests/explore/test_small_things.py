@@ -146,10 +146,17 @@ def test_findings_are_reported_unchanged(tmp_path: Path) -> None:
     assert "best λ / required" in said["cases"][0]
 
 
-def test_a_folder_of_a_killed_search_names_the_way_to_resume(tmp_path: Path) -> None:
+def test_a_folder_of_another_scene_or_a_killed_search_is_refused(tmp_path: Path) -> None:
     scene = parse_scene(small_scene())
     out = tmp_path / "out"
     explore(scene, out, ExploreSettings(driver="random", budget=3, jobs=1, pictures=False))
+    own = (out / "scene.json").read_text()
+    heavier = json.loads(own)
+    heavier["materials"]["density"] = 9.0
+    (out / "scene.json").write_text(json.dumps(heavier))
+    with pytest.raises(InputError, match=r"not the scene of the search in this folder"):
+        read_folder(out)
+    (out / "scene.json").write_text(own)
     for name in ("results.parquet", "summary.json"):
         (out / name).unlink()
     with pytest.raises(InputError, match=r"killed, or is still running; expected .* --resume"):

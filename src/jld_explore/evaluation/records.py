@@ -120,11 +120,11 @@ def errors_named(path: Path) -> Iterator[None]:
         raise damaged(path, str(error)) from None
 
 
-def recorded_driver(path: Path) -> str | None:
-    """Return the name of the driver of the study in a record file; None if it cannot be read."""
+def recorded(path: Path, key: str) -> Any:
+    """Return a fact of the study in a record file, such as its "driver" or "scene"; None if it cannot be read."""
     with suppress(sqlite3.Error, json.JSONDecodeError), closing(sqlite3.connect(path)) as file:
-        row = file.execute("SELECT value FROM meta WHERE key = 'driver'").fetchone()
-        return None if row is None else str(json.loads(row[0]))
+        row = file.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        return None if row is None else json.loads(row[0])
     return None
 
 

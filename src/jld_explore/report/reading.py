@@ -25,11 +25,11 @@ from jld_core.scene.cracks import FieldCracks, cracks_in_short
 from jld_core.scene.reading import load_scene
 from jld_core.scene.schema import Scene
 from jld_core.solvers import SOLVERS
-from jld_explore.evaluation.records import RECORDS_FILE
+from jld_explore.evaluation.records import RECORDS_FILE, recorded
 from jld_explore.report import tables
 from jld_explore.report.columns import with_evidence
 from jld_explore.report.tables import Summary, read_results, results_path
-from jld_explore.search.state import StopReason
+from jld_explore.search.state import StopReason, versions
 from jld_explore.space import cut
 from jld_explore.space.labelling import is_labelling
 
@@ -272,6 +272,11 @@ def read_folder(folder: str | Path) -> Exploration:
                 raise InputError(str(folder), problem, f"one that ended; {again}")
             raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
     scene = load_scene(folder / "scene.json")
+    known, made_by = (recorded(folder / RECORDS_FILE, key) for key in ("scene", "versions"))
+    # another version of jld may find scenes by another digest
+    if made_by == versions() and known != scene.fingerprint:
+        remedy = "the file as jld explore wrote it, or a new folder for another scene"
+        raise InputError(str(folder / "scene.json"), "it is not the scene of the search in this folder", remedy)
     try:
         assembly = build_assembly(scene)
     except InputError as error:
