@@ -149,11 +149,11 @@ def jobs() -> None:
     rows = []
     for name, (command, least) in JOBS.items():
         runs = [run for run in known if run[0] == name]
-        times = [min(float(run[k]) for run in runs) for k in range(1, 5)]
-        gains = [f"{times[k] / times[k + 1]:.2f}" for k in (0, 2)]
+        best = [min(float(run[k]) for run in runs) for k in range(1, 5)]
+        gains = [f"{best[k] / best[k + 1]:.2f}" for k in (0, 2)]
         same = "yes" if all(run[5] == "True" for run in runs) else "no"
         layouts = "all" if command.budget is None else str(command.budget)
-        shown = [f"{value:.2f}" for value in times]
+        shown = [f"{value:.2f}" for value in best]
         rows.append([name, layouts, *shown[:2], gains[0], *shown[2:], gains[1], f"{least}", same])
     head = (
         "search | layouts | one job, s | two, s | times | search, one job, s | two, s | times | to reach | same table"
