@@ -141,12 +141,12 @@ def _stl(data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
         return points, [("", "", _triples(0, len(points)))]
     text = decoded(data, "replace")
     heads = [(m.start(), m.group(1).strip()) for m in re.finditer(r"(?mi)^[ \t]*solid\b[ \t]*(.*?)\r?$", text)]
-    ends = [*(start for start, _ in heads[1:]), len(text)]
-    corner = re.compile(r"(?i)\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
-    words = [corner.findall(text[a:b]) for (a, _), b in zip(heads, ends, strict=True)]
     if not heads or "\0" in text:
         count = int.from_bytes(data[80:84], "little")
         raise InputError("", f"its header promises {count} triangles in {len(data)} bytes", "a whole file")
+    ends = [*(start for start, _ in heads[1:]), len(text)]
+    corner = re.compile(r"(?i)\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
+    words = [corner.findall(text[a:b]) for (a, _), b in zip(heads, ends, strict=True)]
     whole = 3 * text.lower().count("endfacet")
     if sum(map(len, words)) != whole:
         raise InputError(

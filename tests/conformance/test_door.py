@@ -118,7 +118,7 @@ DAMAGE: dict[str, Callable[[Path], None]] = {
     "results.csv: it is damaged": csv_alone(""),
     "results.csv: it is damaged (": csv_alone("rank,labelling\nfirst,d\n"),
     "results.csv: it has no column rank": csv_alone("a,b\n1,2\n"),
-    "best_labelling: it is of": overwritten("scene.json", json.dumps(grid_document(["aaaa", "####"]))),
+    "scene.json: it is not the scene": overwritten("scene.json", json.dumps(grid_document(["aaaa", "####"]))),
     "scene.json: it is not JSON": overwritten("scene.json", "{"),
 }
 
