@@ -497,7 +497,7 @@ def test_the_command_prints_the_keys_and_refuses_wrong_options(jld: Command, tmp
 def test_a_search_ranks_its_best_layouts_by_reliability(
     jld: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, without_pictures: None
 ) -> None:
-    monkeypatch.setattr("jld_practice.commands.SAMPLES", 150)
+    monkeypatch.setattr("jld_practice.reliability_study.SAMPLES", 150)
     path, out = tmp_path / "wall.json", tmp_path / "out"
     document = grid_document(["ab", "cd", "##"], tension=4e3, shear=5e3, block_cells=[1, 2])
     document["materials"]["dry"] = {"friction_coefficient": vary(0.75, each=True)}
