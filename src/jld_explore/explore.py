@@ -305,7 +305,7 @@ def _driver_of(
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
     found = choose_driver(space, settings, deadline, many=scene.cracks != "faces", cracks_by_fields=fields)
     if settings.resume and settings.driver is None:
-        known = recorded(folder / RECORDS_FILE, "driver")
+        known = str(recorded(folder / RECORDS_FILE).get("driver"))
         if known in driver_kinds() and known != found[0].name:
             return choose_driver(space, replace(settings, driver=known), deadline, cracks_by_fields=fields)
     return found

@@ -84,13 +84,19 @@ def _between(points: Floats, corners: Floats, middle: Floats, near: float) -> Fl
 # --- blocks one after the other ----------------------------------------------------------------------------
 
 
+def _joints_of(assembly: Assembly, element: int) -> list[Floats]:
+    """Return the corners of the joints of an element."""
+    faces = assembly.interfaces
+    own = np.flatnonzero((faces.a == element) | (faces.b == element)).tolist()
+    return [faces.polygon[face] for face in own if face < assembly.faces]
+
+
 def _chain(assembly: Assembly, near: float) -> Middles:
     """Blocks one after the other, each between two joints that are whole sides of it."""
     elements, faces = assembly.elements, assembly.interfaces
     middle = [points.copy() for points in elements.shape]
     for k in elements.free.tolist():
-        own = np.flatnonzero((faces.a == k) | (faces.b == k)).tolist()
-        joints = [faces.polygon[face] for face in own if face < assembly.faces]
+        joints = _joints_of(assembly, k)
         middle[k] = _middle_line(elements.shape[k], joints, near, f"element {elements.ids[k]!r}")
     sizes = faces.l1[: assembly.faces]
     return Middles(list(elements.shape), middle, (float(sizes.min()), float(sizes.max())), "blocks", near)
@@ -358,11 +364,10 @@ def _end(assembly: Assembly, element: int, way: Floats, near: float) -> tuple[in
 
 def _by_blocks(assembly: Assembly, near: float) -> Middles:
     """Blocks of a shell, each scaled to the middle of two free faces opposite each other."""
-    elements, faces = assembly.elements, assembly.interfaces
+    elements = assembly.elements
     middle = [points.copy() for points in elements.shape]
     for k in elements.free.tolist():
-        own = np.flatnonzero((faces.a == k) | (faces.b == k)).tolist()
-        joints = [faces.polygon[face] for face in own if face < assembly.faces]
+        joints = _joints_of(assembly, k)
         outline = [list(face) for face in elements.faces[k]]
         middle[k] = _middle_surface(elements.shape[k], outline, joints, near, f"element {elements.ids[k]!r}")
     depths = np.concatenate([2.0 * np.linalg.norm(elements.shape[k] - middle[k], axis=1) for k in elements.free])

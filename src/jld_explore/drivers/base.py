@@ -18,7 +18,7 @@ from jld_core.models.solve_many import BatchResult
 from jld_core.parameters import require_kind, typed
 from jld_explore.evaluation import Records
 from jld_explore.evaluation.protocol import Evaluation, evaluations_of
-from jld_explore.space import feasible
+from jld_explore.space import feasible, to_string
 from jld_explore.space.search_space import SearchSpace
 
 if TYPE_CHECKING:
@@ -110,8 +110,8 @@ class Driver(ABC):
         if type(self).__module__.startswith("jld_explore."):  # they propose what the operators keep feasible
             return
         if not (kept := feasible(self.space, found)).all():
-            text = "".join("d" if dry else "i" for dry in found[~kept][0])
-            raise InputError(where, f"it asks for {text}, which the search excludes", "what its Register admits")
+            problem = f"it asks for {to_string(found[~kept][0])}, which the search excludes"
+            raise InputError(where, problem, "what its Register admits")
 
     @classmethod
     def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:

@@ -353,19 +353,20 @@ class Portfolio(Anneal):
         climb.changes = []
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        bred = [key in self._of_population for key in keys(labellings)]
+        names = keys(labellings)
+        source = np.where([name in self._of_population for name in names], 1, 2)
         super().tell(labellings, evaluations)
-        objective, source, cases = [], np.where(bred, 1, 2), [max(found.governing, 0) for found in evaluations]
-        for key, labels, found in zip(keys(labellings), labellings, evaluations, strict=True):
+        objective, cases = [], [max(found.governing, 0) for found in evaluations]
+        for k, (name, labels, found, case) in enumerate(zip(names, labellings, evaluations, cases, strict=True)):
             rank, loss = sort_key(found)
-            energy, case = loss + _NO_LOAD_FACTOR * rank, max(found.governing, 0)
+            energy = loss + _NO_LOAD_FACTOR * rank
             objective.append(-energy)
             if energy < self._incumbent[0]:
                 self._incumbent = (energy, labels, case)
-            origin = self._climbing.pop(key, None)
+            origin = self._climbing.pop(name, None)
             if origin is not None:
                 self._credit(origin[0], energy, *origin[1:])
-                source[len(objective) - 1] = 2 if origin[0].floor is None else 0
+                source[k] = 2 if origin[0].floor is None else 0
                 origin[0].changes.append((energy, case, labels))
         self._told.append((labellings, np.array(objective), np.array(cases), source))
 

@@ -120,12 +120,11 @@ def errors_named(path: Path) -> Iterator[None]:
         raise damaged(path, str(error)) from None
 
 
-def recorded(path: Path, key: str) -> Any:
-    """Return a fact of the study in a record file, such as its "driver" or "scene"; None if it cannot be read."""
+def recorded(path: Path) -> dict[str, Any]:
+    """Return the facts of the study in a record file, such as its "driver" and "scene"; none if it cannot be read."""
     with suppress(sqlite3.Error, json.JSONDecodeError), closing(sqlite3.connect(path)) as file:
-        row = file.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
-        return None if row is None else json.loads(row[0])
-    return None
+        return {key: json.loads(value) for key, value in file.execute("SELECT key, value FROM meta")}
+    return {}
 
 
 def damaged(path: Path, how: str) -> InputError:

@@ -272,9 +272,9 @@ def read_folder(folder: str | Path) -> Exploration:
                 raise InputError(str(folder), problem, f"one that ended; {again}")
             raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
     scene = load_scene(folder / "scene.json")
-    known, made_by = (recorded(folder / RECORDS_FILE, key) for key in ("scene", "versions"))
+    known = recorded(folder / RECORDS_FILE)
     # another version of jld may find scenes by another digest
-    if made_by == versions() and known != scene.fingerprint:
+    if known.get("versions") == versions() and known.get("scene") != scene.fingerprint:
         remedy = "the file as jld explore wrote it, or a new folder for another scene"
         raise InputError(str(folder / "scene.json"), "it is not the scene of the search in this folder", remedy)
     try:
