@@ -104,7 +104,6 @@ class Loads:
         return self.weighted(np.full(len(self.body), factor))
 
     def weighted(self, factors: Floats) -> Loads:
-        """Return the loads on each element multiplied by its factor (n,)."""
         share, of_points = factors[:, None], factors[self.points.element][:, None]
         return Loads(
             share * self.body,

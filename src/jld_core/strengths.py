@@ -125,7 +125,6 @@ class Strengths:
 
     @property
     def stresses(self) -> dict[str, Floats]:
-        """Return all strengths (m,) that are stresses, by fields."""
         return {one.field: getattr(self, one.field) for one in PARAMETERS if one.side != "friction"}
 
     @property

@@ -58,7 +58,6 @@ def parse_load(text: str, unit: float) -> Load:
 
 
 def numbers(name: str, text: str, count: int) -> Floats:
-    """Return so many numbers of a text with commas."""
     try:
         found = np.array([float(word) for word in text.split(",")])
     except ValueError:

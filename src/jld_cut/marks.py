@@ -124,7 +124,6 @@ def mark(part: Part, unit: float) -> bool:
 
 
 def _sound(body: Any, volume: float, tool: float, unit: float) -> bool:
-    """Return whether a body is one piece of a volume, and closed in its file."""
     whole = len(pieces_of(body)) == 1 and abs(body.volume() - volume) <= _EXACT * max(tool, 1e-3 * volume)
     return whole and doubled_edges(*as_written(body, unit)) == 0
 

@@ -27,7 +27,6 @@ class Matter:
     compressive: float | None = None
 
     def document(self) -> dict[str, Any]:
-        """Return the section "materials" of a scene."""
         crushing = {} if self.compressive is None else {"compressive_strength": self.compressive}
         return {
             "density": self.density,

@@ -80,7 +80,6 @@ class BinaryFractions:
         return BinaryFractions(self.values * by.values[0, 0], self.scale + by.scale)
 
     def __add__(self, other: BinaryFractions) -> BinaryFractions:
-        """Add two matrices exactly."""
         scale = max(self.scale, other.scale)
         one, two = self.values << (scale - self.scale), other.values << (scale - other.scale)
         return BinaryFractions(one + two, scale)
@@ -353,7 +352,6 @@ def _factor(normal: Any, shift: float) -> Any:
         if failed == 0:
 
             def in_full(rhs: Floats) -> Floats:
-                """Solve with the dense factor."""
                 out = np.zeros(len(rhs))
                 out[used] = lapack.dpotrs(factor, rhs[used], lower=1)[0]
                 return out
@@ -422,7 +420,6 @@ _EXACT: Final = 1e-9  # relative residual at which these steps end
 
 
 def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
-    """Solve the RLT relaxation of one region by matrix blocks; None without convergence."""
     # The same program as that of `solve_rlt`, solved faster where faces are many.
     modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count = len(modes.rows)

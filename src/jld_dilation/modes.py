@@ -84,7 +84,6 @@ def interior_point(
 
 
 def _run(highs: Any) -> LinearAnswer:
-    """Run a HiGHS instance, and return its unverified solution."""
     highs.run()
     solution = highs.getSolution()
     found = highs.getModelStatus().name == "kOptimal"

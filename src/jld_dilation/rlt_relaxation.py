@@ -60,8 +60,6 @@ class RltSolution:
 
 @dataclass(frozen=True)
 class RltOptions:
-    """Parameters of one RLT program."""
-
     pairs: Bools  # (4m, 4m + 2e) rows y_k h_l ≥ 0 to include: slacks y of yield rows times forms h of velocities
     # σ, decrease of the objective per unit of `cost_form`. It gives the multipliers the margin that a proof needs.
     slack: float
@@ -337,7 +335,6 @@ class LowerBoundProblem:
         return bound >= self.load_below(tolerances.GAP)
 
     def gains_enough(self, low: float, bound: float, share: float = _STALL) -> bool:
-        """Return True if a step that raises the bound from `low` to `bound` gains enough."""
         return bound - low > share * (self.load - low)
 
     def less_solver_tolerance(self, bound: float) -> float:

@@ -120,7 +120,6 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
-    """Return a load entry with the names and the dimension of the file; lift: extruded."""
     if (body := scene_loads.body_of(entry)) is not None:
         return {"body": _lifted(body) if lift else body}
     element = layout.assembly.elements.index[entry["element"]]
@@ -232,8 +231,6 @@ _MOST: Final = {2: 150, 3: 40}
 
 @dataclass(frozen=True)
 class BlockFacts:
-    """Facts of one block for a file of another program."""
-
     # block, elements: ids
     block: str
     elements: tuple[str, ...]
@@ -265,7 +262,6 @@ class BlockFacts:
 
 
 def block_facts(layout: Layout) -> list[BlockFacts]:
-    """Return the facts of each block of a layout, in the order of `Layout.blocks`."""
     assembly, labels = layout.assembly, layout.labels
     ids, faces = assembly.elements.ids, assembly.interfaces
     order = _order(layout)

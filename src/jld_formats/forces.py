@@ -40,8 +40,6 @@ _BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")  # pattern of 
 
 @dataclass(frozen=True)
 class WrittenForce:
-    """Force that a text states."""
-
     values: tuple[float, ...]  # one magnitude, or the two components fx and fy, in the requested force unit
     components: bool  # True if the values are components. One value with False is a magnitude without direction.
     has_unit: bool  # True if the text names a unit
@@ -161,5 +159,4 @@ def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> 
 
 
 def _refused(text: str, problem: str, expected: str = _EXPECTED) -> InputError:
-    """Return the InputError for a text."""
     return InputError(f"the text {text!r}", problem, expected)

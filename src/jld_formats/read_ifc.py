@@ -161,7 +161,6 @@ def _group(product: Any, options: ImportOptions) -> str:
 
 
 def _moved(points: Floats, matrix: Floats) -> Floats:
-    """Return points (k, 3) transformed by a (4, 4) matrix."""
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
@@ -321,12 +320,10 @@ def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:
 
 
 def _frame(placement: Any) -> Floats:
-    """Return the (4, 4) matrix of an axis placement."""
     return np.array(import_module("ifcopenshell.util.placement").get_axis2placement(placement))
 
 
 def _profile(profile: Any, title: str) -> unions.Region:
-    """Return the area of a profile with straight edges."""
     rings = _rectangles(profile, title) if profile.is_a("IfcRectangleProfileDef") else _curves(profile, title)
     area = shapely.Polygon(rings[0], rings[1:])
     if not area.is_valid or area.area == 0.0:

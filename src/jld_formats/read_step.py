@@ -93,7 +93,6 @@ class _File:
         return found
 
     def _call(self) -> Call:
-        """Read a type with its values."""
         kind = self._token.upper()
         self._next("(")
         return kind, self._values()
@@ -133,7 +132,6 @@ class _File:
             yield number, self.of(number, kind) or []
 
     def kind(self, number: int) -> str:
-        """Return the first type of an instance."""
         return self.calls[number][0][0] if number in self.calls else "nothing"
 
 
@@ -185,7 +183,6 @@ def _unit(file: _File) -> tuple[str, float]:
 
 
 def _length(file: _File, number: int) -> float:
-    """Return a unit of length in metres."""
     converted = file.of(number, "CONVERSION_BASED_UNIT")
     if converted is None:
         prefix = (file.of(number, "SI_UNIT") or [None])[0]
@@ -195,7 +192,6 @@ def _length(file: _File, number: int) -> float:
 
 
 def _measure(file: _File, number: int) -> list[Any]:
-    """Return the values of a measure with its unit, of any type."""
     return next(values for name, values in file.calls[number] if name.endswith("MEASURE_WITH_UNIT"))
 
 
@@ -284,7 +280,6 @@ class _Reader:
                 yield owner[form], (pair[2], moved[2], moved[3])
 
     def _move(self, place: tuple[int, int, int] | None, shapes: list[int], alike: dict[int, list[int]]) -> Floats:
-        """Return the (4, 4) matrix that places a product in its assembly."""
         if place is None:
             return np.eye(4)
         first, one, two = place
@@ -299,11 +294,9 @@ class _Reader:
         return str((values[1] or values[0]) if values else "")
 
     def _point(self, number: int) -> Floats:
-        """Return a point or direction (3,)."""
         return np.array(self._file.calls[number][0][1][1], dtype=float)
 
     def _frame(self, number: int) -> Floats:
-        """Return the (4, 4) matrix of an axis placement."""
         values = self._file.of(number, "AXIS2_PLACEMENT_3D") or []
         axis = self._point(values[2]) if values[2] is not None else np.array([0.0, 0.0, 1.0])
         axis = axis / np.linalg.norm(axis)
@@ -367,7 +360,6 @@ class _Reader:
         return points, tuple(loop for loops in bounds if loops for loop in without_holes(points, loops, title))
 
     def _place(self, vertex: int) -> Floats:
-        """Return the place (3,) of a vertex, or of a point of a polygon."""
         values = self._file.of(vertex, "VERTEX_POINT")
         return self._point(values[1] if values else vertex)
 

@@ -95,7 +95,6 @@ def mesh_data(surface: unions.Surface) -> dict[str, Any]:
 
 
 def _block(name: str, node: int, surface: unions.Surface) -> dict[str, Any]:
-    """Return the data of a block: its name, its node in the graph, and its mesh."""
     return {**mesh_data(surface), "attributes": {"name": name, "node": node}}
 
 
@@ -482,5 +481,4 @@ class Dem:
 
 
 def _number(value: float) -> float | None:
-    """Return a finite number, or None."""
     return float(value) if np.isfinite(value) else None

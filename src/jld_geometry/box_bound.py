@@ -155,7 +155,6 @@ class BoxProblem:
         return found[0] / self._force, found[1] * self.unit / self._force
 
     def _mesh_areas(self) -> Floats:
-        """Return the areas (n,) of elements at y = 0."""
         areas = []
         for loop in self._mesh.loops:
             corner = self._mesh.places[loop] - self._mesh.places[loop[0]]

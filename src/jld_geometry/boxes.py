@@ -168,7 +168,6 @@ def product(one: Polynomial, other: Polynomial) -> Polynomial:
 
 
 def add(total: Polynomial, term: Mapping[tuple[int, ...], Fraction | int], factor: Fraction | int = 1) -> None:
-    """Add a multiple of a polynomial to another one, which is changed."""
     for power, value in term.items():
         total[power] = total.get(power, 0) + factor * value
 
@@ -502,8 +501,6 @@ def _halves(
 
 
 class _Checker:
-    """Checker of the mechanisms of one claim."""
-
     def __init__(self, structure: BoxStructure, claim: BoxClaim) -> None:
         self._structure, self._bound = structure, Fraction(claim.bound)
 

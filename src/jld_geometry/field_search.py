@@ -45,7 +45,6 @@ class FieldMesh:
 
     @classmethod
     def of(cls, assembly: Assembly, vertices: VertexMesh) -> FieldMesh:
-        """Return the coarsest mesh of one load case."""
         # Nodes at a vertex follow it. Ends of loads that lie at no vertex are held with their load, and all other nodes
         # follow their neighbours, so that triangles deform evenly.
         setting = fields_bounds.FieldSetting.of(assembly)

@@ -152,8 +152,6 @@ GAP: Final = 0.05  # default of the relative width of brackets by fields at whic
 
 @dataclass(frozen=True)
 class MovedSearch:
-    """Result of a search of labels and geometry."""
-
     first: Exploration  # search of labels on the grid of the scene
     rounds: list[Exploration]  # searches of all rounds, the first one as well
     layouts: list[MovedLayout]  # all layouts that were moved, the largest lower bound by fields first
@@ -388,7 +386,6 @@ def moved_facts(done: MovedSearch) -> dict[str, Any]:
 
 
 def words_of_move(facts: dict[str, Any]) -> str:
-    """Describe the best moved layout."""
     low, high = (_said(facts[name]) for name in ("fields_lo", "fields_hi"))
     found = f"best with moved joints: {low} ≤ λ ≤ {high} by fields (round {facts['round']}, row {facts['row']})"
     if facts["stated"] is not None:

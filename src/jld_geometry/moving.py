@@ -65,7 +65,6 @@ def write_move(
 
 
 def value_text(value: float | None) -> str:
-    """Return a number as text for the terminal."""
     return "none" if value is None or math.isnan(value) else "locked" if value == math.inf else f"{value:.6g}"
 
 
@@ -94,7 +93,6 @@ def shape_of(text: str) -> Shape:
 
 
 def direction_of(text: str | None) -> Floats | None:
-    """Return the vector (3,) that a text states; None for None."""
     if text is None:
         return None
     try:
@@ -178,7 +176,6 @@ def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str
 
 
 def _write(done: ShapedJoints, out: Path) -> None:
-    """Write scene, table of shapes and picture."""
     import pandas as pd  # slow to import and needed for tables only
 
     from jld_views import figures
@@ -530,7 +527,6 @@ def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
 
 
 def _words(facts: dict[str, Any], out: Path) -> str:
-    """Describe a move for the terminal."""
     ends = {
         "stationary": "stationary: no small movement raises it (a local statement; try --starts or --seconds)",
         "locked": 'locked: no live load is too large; limit "block_mass", "angle" or "box"',

@@ -38,8 +38,6 @@ from jld_geometry.spatial_rates import face_rates, length_rates, load_rates, res
 
 @dataclass(frozen=True)
 class MovedJoints:
-    """Result of an optimisation of joints."""
-
     scene: Scene  # scene with the joints at the best positions found
     # before, after: analyses at start and end; None where the start does not stand
     before: LimitAnalysisResult | None
@@ -300,7 +298,6 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
 
 
 def _planar(result: LimitAnalysisResult, forces: Floats, mechanism: Floats, sided: bool) -> GeometrySensitivities:
-    """Return the rates of a planar result with its forces (m, 3) and its mechanism (n, 3)."""
     assembly = result.assembly
     mesh = vertex_mesh(assembly)
     velocity = mechanism[assembly.elements.free].ravel()

@@ -114,7 +114,6 @@ def _curve(ax: Axes, shown: pd.DataFrame, key: str, assembly: Assembly) -> None:
 
 
 def _contours(figure: Figure, ax: Axes, grid: list[Floats], values: Floats) -> None:
-    """Draw λ as filled contours."""
     field = np.ma.masked_invalid(values.reshape(len(grid[0]), len(grid[1])).T)
     if field.count() and np.ptp(field.compressed()) > 0.0:
         with warnings.catch_warnings():
@@ -264,7 +263,6 @@ def _axis(text: str) -> tuple[str, list[Any]]:
 
 
 def _told(table: Any, took: float) -> dict[str, Any]:
-    """Return the facts of a map."""
     value = table["load_factor"].to_numpy(dtype=float)
     known = value[np.isfinite(value)]
     kinds = table["labelling" if "labelling" in table else "mechanism"].value_counts()

@@ -260,13 +260,11 @@ class Grid:
 
 
 def _value(own: list[Any], place: float) -> Any:
-    """Return the value at a position, or between two."""
     low = int(place)
     return own[low] if low == place else (1.0 - place + low) * own[low] + (place - low) * own[low + 1]
 
 
 def _differs(base: Floats, values: Floats) -> Bools:
-    """Return where values (k, ...) differ from a base (...) at any k."""
     return np.asarray(~((values == base) | (np.isnan(values) & np.isnan(base))).all(axis=0))
 
 
@@ -359,7 +357,6 @@ def _uncut(assembly: Assembly, labels: Bits) -> Bits:
 
 
 def _solved(structure: Any, labels: Any, fields: bool, seconds: float | None) -> dict[str, Any]:
-    """Return the columns of one point, solved alone."""
     assembly = structure if isinstance(structure, Assembly) else build_assembly(structure)
     own = assemblies.labels_of(assembly, labels)
     found = solve(assembly, own)
@@ -371,7 +368,6 @@ def _solved(structure: Any, labels: Any, fields: bool, seconds: float | None) ->
 
 
 def _row(found: Any) -> dict[str, Any]:
-    """Return the columns of a result."""
     name = ""
     if found.status is Status.COLLAPSE and found.mechanism is not None:
         jumps = face_jumps(found.assembly, found.mechanism)[None]
@@ -488,7 +484,6 @@ class Swept:
         return columns
 
     def _governing(self, cases: list[dict[str, Any]]) -> dict[str, Any]:
-        """Combine the columns of load cases."""
         found = cases[0]
         if self.assembly.cases:
             required = self.assembly.required.tolist()

@@ -267,7 +267,6 @@ class _Walls:
         self.near = _SAME * float(np.ptp(shapely.get_coordinates(plan), axis=0).max())
 
     def _refusal(self, problem: str, expected: str) -> InputError:
-        """Return the error of an element that cannot be cut."""
         return InputError(f"element {self.name!r}", problem, expected)
 
     def walls(self, k: int) -> list[Rectangle]:
@@ -336,7 +335,6 @@ class _Walls:
         return limit if limit - reach < least else reach
 
     def stones(self, k: int, own: list[tuple[Rectangle, Interval]], beside: list[Rectangle]) -> list[Rectangle]:
-        """Return the stones of a course beside its lintels, in plan."""
         found = []
         near = [self.voids[j] for j in (k - 1, k + 1) if 0 <= j < len(self.voids)]
         for wall in self.walls(k):

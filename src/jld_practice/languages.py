@@ -218,13 +218,11 @@ _VECTOR: Final = re.compile(r"\(([-−+\d., e]*\.[-−+\d., e]*)\)")
 
 
 def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -> dict[str, str]:
-    """Return texts in one language, by key."""
     place = LANGUAGES.index(language)
     return {key: texts[place] for key, texts in words.items()}
 
 
 def phrase_in(language: str, text: str) -> str:
-    """Return a sentence of `PHRASES` in a language; any other text as it is."""
     place = LANGUAGES.index(language)
     if place > 0:
         for pattern, *others in PHRASES:

@@ -255,7 +255,6 @@ _TRIANGLES: Final = 500
 
 
 def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, float] | None:
-    """Return the sides of stock cuboids that a user states, None for none."""
     if stock is None:
         if kerf:
             raise ParameterError("kerf", "it is given without `stock`", "both")

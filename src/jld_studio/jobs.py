@@ -63,7 +63,6 @@ class Job:
 
     @property
     def results(self) -> Path:
-        """Return the results folder of the search."""
         return self.folder if self.kind == "study" else self.folder / "results"
 
     @property
@@ -191,7 +190,6 @@ class Jobs:
             return list(self.all.values())
 
     def find(self, name: str) -> Job:
-        """Return a search by its name."""
         with self._turn:
             if name not in self.all:
                 raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
@@ -331,7 +329,6 @@ class _Teller:
         self.tell(progress)
 
     def tell(self, progress: Progress) -> None:
-        """Write progress as one line of JSON."""
         best, bound = (None if not math.isfinite(v) else v for v in (progress.best, progress.bound))
         told: dict[str, Any] = {"done": progress.done, "total": progress.total, "best": best, "bound": bound}
         told["labelling"] = progress.labelling

@@ -192,7 +192,6 @@ class NotebookPage:
         return f"NotebookPage({self._title!r})"
 
     def _html(self) -> str:
-        """Return the first part of the output."""
         given = self._data["notebook"]
         assert given is not None
         rows = "".join(
@@ -216,7 +215,6 @@ class NotebookPage:
             display(bridge)
 
     def widget(self) -> Any:
-        """Return the widget that connects the page with this process."""
         if not _has_anywidget():
             return None
         import anywidget
@@ -277,7 +275,6 @@ def _result_page(scene: Scene | None, found: LimitAnalysisResult, height: int) -
 
 
 def _study_page(done: Exploration, height: int) -> NotebookPage:
-    """Return the page of a finished search."""
     structure = structure_of(done.scene, done.assembly)
     fixed = done.scene.cracks != "faces"
 

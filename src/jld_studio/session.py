@@ -117,7 +117,6 @@ class JointVertices:
         return found
 
     def scene(self, base: Scene, labels: Bits, places: Floats) -> Scene:
-        """Return a scene with its vertices at the places (v, 2)."""
         return self.mover(base, labels).at(places)
 
     def mover(self, base: Scene, labels: Bits) -> MovedScene:
@@ -639,7 +638,6 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
 
 
 def _rows(rows: list[str], element: object, support: bool) -> list[str]:
-    """Return the rows of a grid with a cell as support or free."""
     place = _CELL.fullmatch(element) if isinstance(element, str) else None
     column, row = (int(place[1]), int(place[2])) if place else (-1, -1)
     if not (0 <= row < len(rows) and 0 <= column < len(rows[row]) and rows[row][column] != "."):

@@ -62,7 +62,6 @@ def _beyond(way: Floats, height: float) -> shapely.Geometry:
 
 
 def _moments(shape: shapely.Geometry) -> Floats:
-    """Return area and first moments (3,) of a shape."""
     centre = shape.centroid
     return np.zeros(3) if shape.is_empty else shape.area * np.array([1.0, centre.x, centre.y])
 
@@ -132,7 +131,6 @@ class _Parts:
         self.names, self.gauges = _NAMES[faces.dimension], list[Gauge]()
 
     def limits(self) -> Iterator[Limits]:
-        """Yield the rows of all parts."""
         keys, strength = self.keys, self.keys.reference_strength
         yield self._same(np.zeros((1, len(self.names))), np.zeros(1))
         if keys.rows:
@@ -222,7 +220,6 @@ class _Parts:
         return np.asarray(np.sign(along))
 
     def _cone(self, cone: Cone, part: str) -> None:
-        """Add the gauge of a cone."""
         along = self._along(cone.direction, part)
         shear = None if cone.shear is None else _turned(along, np.array(cone.shear))
         capacity = cone.capacity * self.keys.reference_strength

@@ -308,7 +308,6 @@ def _whole_numbers(ax: Axes, count: Count) -> None:
 
 
 def say_nothing(ax: Axes, text: str) -> None:
-    """Write a text in the middle of empty axes."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=10, color=SOFT)
     ax.set_xticks([])
     ax.set_yticks([])

@@ -170,8 +170,6 @@ _PUSH_SPATIAL: Final = 0.3  # least multiplier at the starting point, spatial, s
 
 @dataclass(frozen=True)
 class _Start:
-    """Starting point of the iterations, scaled."""
-
     # forces, jumps: (m, q) resultants, and jumps of the velocities
     forces: Floats
     jumps: Floats

@@ -169,7 +169,6 @@ _RUNNING: Final = BoundedSemaphore(os.cpu_count() or 1)
 def compile_variant(
     variant: str, folder: Path, compiler: list[str], extra: tuple[str, ...] = (), patience: float | None = None
 ) -> Path:
-    """Compile one variant of the batch solver, and return the path of the library."""
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"_{variant}.so"
     flags = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_SHARED, *extra]

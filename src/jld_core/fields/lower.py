@@ -86,7 +86,6 @@ class LowerBound:
         return None if found is None else replace(found, rate=self._rate(answer.dual))
 
     def _parts(self, answer: Answer) -> tuple[Floats, float]:
-        """Return the stresses (size,) and λ of an answer."""
         return answer.point[: self._size], float(answer.point[-1])
 
     def _blend(self, proposed: Answer, labels: Bits) -> StressField | None:

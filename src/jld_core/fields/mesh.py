@@ -175,7 +175,6 @@ class Mesh:
 
     @property
     def dimension(self) -> int:
-        """2 or 3."""
         return int(self.points.shape[1])
 
     @cached_property
@@ -223,7 +222,6 @@ class Mesh:
 
     @cached_property
     def sides(self) -> Sides:
-        """All sides with their neighbours, each once."""
         # Where two cells share a side that is on no interface, each cell has one of its own.
         _, number = self.side_nodes
         flat, each = number.ravel(), number.shape[1]

@@ -530,7 +530,6 @@ class UpperBound:
         return None
 
     def _velocity(self, answer: Answer) -> Floats:
-        """Return the velocities (t, d + 1, d) of an answer."""
         return answer.point[: self.live.size].reshape(self.live.shape)
 
     def _falling(self, labels: Bits) -> VelocityField | None:
@@ -585,7 +584,6 @@ class UpperBound:
 
     @cached_property
     def _velocity_program(self) -> VelocityProgram:
-        """The program without margins."""
         return VelocityProgram(self.problem, self.live, self.dead, many=self._many)
 
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:

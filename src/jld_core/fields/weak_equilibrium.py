@@ -70,7 +70,6 @@ class WeakEquilibrium:
         return found
 
     def rows(self) -> ConeRows:
-        """Return equilibrium, yield and cones of this labelling."""
         p, mesh = self.problem, self.problem.mesh
         count, last = len(mesh), self.width - 1
         live, dead = self._loads

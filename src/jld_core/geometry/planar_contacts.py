@@ -23,8 +23,6 @@ from jld_core.geometry.stated_fit import NearMiss, Overlap, refuse_overlaps
 
 @dataclass(frozen=True)
 class PlanarContact:
-    """Straight contact of two polygons."""
-
     # a, b: indices of the elements
     a: int
     b: int
@@ -33,7 +31,6 @@ class PlanarContact:
 
 
 def without_repeats(polygons: list[Floats]) -> list[Floats]:
-    """Remove corners that repeat the previous one."""
     kept = list(polygons)
     for chosen, stack in measures.by_corner_count(polygons):
         step = np.linalg.norm(stack - np.roll(stack, 1, axis=1), axis=2)

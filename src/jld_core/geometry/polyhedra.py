@@ -449,7 +449,6 @@ def _off_segments(point: Floats, start: Floats, end: Floats) -> Floats:
 
 
 def _off_triangle(triangle: Floats) -> float:
-    """Return the distance of the origin from a triangle (3, 3)."""
     edge = float(_off_segments(np.zeros(3), triangle, np.roll(triangle, -1, axis=0)).min())
     normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
     size = float(np.linalg.norm(normal))

@@ -304,7 +304,6 @@ class _Loops:
         return len(self.count)
 
     def of(self, face: int) -> Ints:
-        """Return the nodes (k,) of one face."""
         return self.node[self.start[face] : self.start[face] + self.count[face]]
 
     def stacks(self) -> list[tuple[Ints, Ints]]:

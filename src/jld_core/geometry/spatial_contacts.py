@@ -33,8 +33,6 @@ _AT_ONCE = 20_000  # pairs of elements per batch: cubes have about 25 pairs of f
 
 @dataclass(frozen=True)
 class SpatialContact:
-    """Plane contact of two polyhedra."""
-
     # a, b: indices of the elements
     a: int
     b: int

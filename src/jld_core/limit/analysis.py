@@ -589,7 +589,6 @@ FALLBACKS: Final = (
 
 
 def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback) -> tuple[Fallback, ...]:
-    """Return fallbacks with one more before the one of a name; ValueError for an unknown name."""
     names = [fallback.name for fallback in fallbacks]
     if name not in names:
         raise ValueError(f"there is no fallback {name!r}; expected one of {', '.join(names)}")

@@ -243,7 +243,6 @@ class SampleAnalysis:
 
     @cached_property
     def _repeated(self) -> BatchRows | None:
-        """Return the rows of the structure for all samples of a call."""
         rows = self._plain
         if rows is None:
             return None

@@ -98,7 +98,6 @@ def effects(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats | None) -> list[dict[str, Any]]:
-    """Return the JSON objects of all members; forces and elongations are None where not given."""
     # The force is positive in tension; pins also have a shear.
     members, ids = assembly.members, assembly.elements.ids
     force = None if forces is None else tensions(assembly, forces)
@@ -343,7 +342,6 @@ class LimitAnalysisResult(Result):
 
     @property
     def contact(self) -> str:
-        """Return the contact model, "convex" or "concave"."""
         return self.model.contact
 
     @property
@@ -358,7 +356,6 @@ class LimitAnalysisResult(Result):
 
     @property
     def effective_areas(self) -> EffectiveAreas | None:
-        """Return the convergence of effective areas; None without them."""
         return EffectiveAreas.of(self.facts)
 
     def to_json(self) -> dict[str, Any]:

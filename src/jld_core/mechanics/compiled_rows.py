@@ -160,7 +160,6 @@ def _rows(assembly: Assembly, numbers: Strengths, bending: Bending | None, dry: 
 
 
 def _taken(gauge: Gauge, faces: Bools) -> Gauge:
-    """Return a gauge of some faces (m,)."""
     numbers = (np.asarray(part)[faces] for part in (gauge.torsion, gauge.capacity, gauge.friction))
     return Gauge(None if gauge.shear is None else gauge.shear[faces], *numbers)
 

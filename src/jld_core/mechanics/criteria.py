@@ -137,7 +137,6 @@ class Criterion(Protocol):
 
 
 def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None, label: Any) -> FaceGeometry:
-    """Return the geometry of some faces; bending: of all faces, None in the plane."""
     own = faces.take(which)
     if bending is None:
         edge = np.array([[0.0, 1.0], [0.0, -1.0]])

@@ -210,7 +210,6 @@ class PrescribedFriction:
         return None
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return None: wedges are not available for prescribed friction."""
         return None
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:

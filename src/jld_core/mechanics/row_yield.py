@@ -71,7 +71,6 @@ class Parabolas:
     shift: Floats
 
     def slack(self, forces: Floats) -> Floats:
-        """Return the slack (k,) of scaled forces (k, 3)."""
         n = forces[:, 0]
         return np.asarray(n - n * n / self.limit - abs(forces[:, 2]))
 
@@ -565,11 +564,9 @@ class RowYield:
         return Hull(self._laid_out[1], self.active(every) | self.active(~every))
 
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
-        """Return None: rows are no parabolas."""
         return None
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return None: rows are no wedges."""
         return None
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:

@@ -50,7 +50,6 @@ class Bending:
 
     @property
     def face(self) -> Ints:
-        """Return the face (rows,) to which each row belongs."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
     def table(self, *, dry: bool) -> tuple[Floats, Floats, Bools]:
@@ -343,7 +342,6 @@ class StandardYield(RowYield):
 
 
 def _standard_yield(numbers: Strengths, bending: Bending | None, point: Bools) -> StandardYield:
-    """Return the yield sets of faces with scaled strengths."""
     dry, inner = _sides(numbers, point)
     capped = np.isfinite(inner.crush).any()
     late = 0 if not capped else 2 if bending is None else int(np.diff(bending.start).max(initial=0))
@@ -369,7 +367,6 @@ def _sides(numbers: Strengths, point: Bools) -> tuple[Side, Side]:
 
 
 def _crushing(dry: Side, inner: Side, *, plane: bool) -> Crushing | None:
-    """Return the sets of the dry faces that crush; None if none does."""
     faces = np.flatnonzero(np.isfinite(dry.crush))
     if not faces.size:
         return None

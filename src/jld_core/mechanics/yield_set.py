@@ -297,7 +297,6 @@ class Sheet:
         self._length = self._cones = 0
 
     def column(self, face: Ints, resultant: int) -> Ints:
-        """Return the columns of one resultant of the faces (k,)."""
         return self.freedoms * face + resultant
 
     def new_columns(self, count: int) -> Ints:

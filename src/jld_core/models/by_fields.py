@@ -81,7 +81,6 @@ class FieldResult(Result):
 
     @property
     def gap(self) -> float:  # type: ignore[override]
-        """Return the relative width of the bracket."""
         return _width(*self.bracket)
 
     @property

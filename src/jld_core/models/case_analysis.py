@@ -173,7 +173,6 @@ class CaseAnalysis:
         return governing_result(self.assembly, dict(zip(names, found, strict=True)))
 
     def _solve_case(self, analysis: LimitAnalysis, labels: Bits, stands: bool) -> LimitAnalysisResult:
-        """Solve one labelling under the load case of an analysis."""
         start = time.process_time()
         proof = solve_labelling(analysis, labels, self.model, stands=stands)
         least = least_bracket(analysis, labels, self.model, proof)

@@ -107,7 +107,6 @@ def _facts(result: LimitAnalysisResult, towards: Floats) -> dict[str, Any]:
 
 
 def tilt_in_words(facts: Mapping[str, Any], name: str = "") -> dict[str, str]:
-    """Return the angle among the facts of a result as a fact in words."""
     if "tilt_bracket" not in facts:
         return {}
     angle, *ends = ("none" if end is None else f"{end:.9g}" for end in (facts["tilt_angle"], *facts["tilt_bracket"]))

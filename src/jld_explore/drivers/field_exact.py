@@ -258,7 +258,6 @@ class FieldExact(ProvingDriver):
 
     @property
     def relaxations(self) -> int:
-        """Number of programs solved."""
         return self.refuter.programs + self.pool.programs
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:

@@ -263,7 +263,6 @@ def _storage(url: str) -> Any:
 
 
 def _journal(file: Path) -> Any:
-    """Open the journal in the folder of a study."""
     # The lock of the study excludes other writers, so a lock file and an incomplete line of a killed run are removed.
     # One of `_JOURNAL_ERRORS` is raised for a damaged journal.
     from optuna.storages import JournalStorage

@@ -112,8 +112,6 @@ def _blocks(space: SearchSpace, deadline: Deadline) -> BlockSpace | None:
 
 
 class _Proof:
-    """State of the process."""
-
     current: _Proof | None = None
 
     def __init__(self, space: SearchSpace, model: SolveOptions, blocks: BlockSpace | None) -> None:

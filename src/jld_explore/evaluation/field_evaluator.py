@@ -420,7 +420,6 @@ class RequirementAim:
         return rows[np.lexsort((-high[rows], self._counts[rows]))]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the required factor for all layouts."""
         return np.full(len(low), self._required)
 
 

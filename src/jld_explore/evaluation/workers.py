@@ -311,7 +311,6 @@ class Run:
             yield slice(part.start, part.start + len(found)), found
 
     def _arguments(self, number: int) -> tuple[Any, ...]:
-        """Return the arguments of `evaluate_batch` for one task."""
         part = self._slices[number]
         required, thresholds = self._first_required and number == 0, self._thresholds[part]
         return self._workers.spec, number, self._labellings[part], self._deadline, thresholds, required

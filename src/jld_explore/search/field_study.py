@@ -138,7 +138,6 @@ class FieldStudy(Study):
         super()._count(evaluations, labellings)
 
     def _until(self, deadline: Any) -> None:
-        """Set the deadline of the next phase."""
         self.deadline, self._end = deadline, deadline.end
 
     def _open_again(self) -> None:
@@ -298,5 +297,4 @@ class FieldStudy(Study):
 
 
 def _finite(value: float | None) -> float | None:
-    """Return a number for JSON, None for one that is not finite."""
     return value if value is not None and math.isfinite(value) else None

@@ -304,7 +304,6 @@ class Study:
 
     @property
     def worker_spec(self) -> WorkerSpec:
-        """Return the specification of the evaluators of this study."""
         return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make)
 
     def _restore(self) -> None:

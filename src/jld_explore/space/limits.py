@@ -129,7 +129,6 @@ class Sized:
         return size
 
     def one(self, members: Iterable[int]) -> SizeOf:
-        """Return a function that gives the size of one set."""
         rows = sorted(members)
 
         def size(measure: Measure) -> Floats:
@@ -175,8 +174,6 @@ _MEASURED: Final = 1e-6  # relative rounding allowed for values measured on the 
 
 @dataclass(frozen=True)
 class Limits:
-    """All limits of a search over an assembly."""
-
     assembly: Assembly  # structure with n elements and m faces
     search: Search  # section "search" of a scene
 

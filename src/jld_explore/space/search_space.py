@@ -186,7 +186,6 @@ def _asked(bounds: Range) -> str:
 
 
 def _written(bounds: list[float | None]) -> str:
-    """Return [least, most] as in a scene."""
     return "[" + ", ".join("null" if bound is None else f"{bound:g}" for bound in bounds) + "]"
 
 
@@ -254,7 +253,6 @@ class SearchSpace:
 
     @cached_property
     def limits(self) -> Limits:
-        """Limits on blocks and counts."""
         return Limits(self.assembly, self.search)
 
     @cached_property
@@ -503,7 +501,6 @@ def _words(bounds: Range) -> str:
 
 
 def _members(space: SearchSpace, block: Ints, name: int) -> Ints:
-    """Return the free elements of a block."""
     return np.flatnonzero((block == name) & ~space.assembly.elements.support)
 
 

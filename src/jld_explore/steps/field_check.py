@@ -40,8 +40,6 @@ FALL: Final = 0.05
 
 @dataclass(frozen=True)
 class CheckPlan:
-    """Plan for a check of the best layouts by fields."""
-
     count: int  # layouts checked beside the structure without cuts, 0 for no check
     seconds: float  # expected processor time, s
     skipped: str  # reason why nothing is checked, "" if something is

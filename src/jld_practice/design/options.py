@@ -647,7 +647,6 @@ def _defaults(options: DesignOptions) -> list[str]:
 
 
 def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) -> dict[str, Any]:
-    """Return the value of the key "materials" with those of the options and with defaults."""
     # Default strengths and friction replace missing ones, and a low friction is added.
     found = {**materials}
     if options.density is not None:

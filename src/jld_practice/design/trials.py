@@ -187,7 +187,6 @@ class Design:
 
     @property
     def winner(self) -> Trial | None:
-        """Strongest layout of `allowed`, or None."""
         return next(iter(self.allowed), None)
 
     @property
@@ -283,7 +282,6 @@ def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> l
 
 
 def _timed(work: Design, name: str, make: Callable[[Design, Deadline], Check], until: Deadline) -> Check:
-    """Return the result of a check, or that no time was left."""
     # a first mesh and a first solve end late rather than never
     return Check(name, f"{name}: no time was left") if until.remaining() < _LEAST else make(work, until)
 

@@ -465,7 +465,6 @@ def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _blocks(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the blocks nearest to cracking."""
     found = blocks_near_cracking(check)
     rows = [[one["block"], "–".join(one["face"]), _percent(one["share"])] for one in found[:LISTED]]
     head = [words["block"], words["face"], words["share"]]

@@ -173,7 +173,6 @@ class _Iteration:
         self.here = self.limit(point)
 
     def limit(self, point: Floats) -> Limit:
-        """Return the limit function at a point, and keep its gradient."""
         found = self.function.at(point)
         if math.isfinite(found.distance):
             self.met = [*self.met, (point, found)][-_KEPT:]
@@ -292,8 +291,6 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """Result of a simulation."""
-
     # samples, failures, resolved, undecided: samples; those that surely fail; those that the batch solver left open and
     # another route solved; those that stay open, which count as failures
     samples: int
@@ -325,8 +322,6 @@ def index_of(probability: float) -> float | None:
 
 @dataclass(frozen=True)
 class _Part:
-    """Counts of a portion of the samples."""
-
     failures: int
     resolved: int
     undecided: int
@@ -621,8 +616,6 @@ class ReliabilityOptions:
 
 @dataclass(frozen=True)
 class Reliability:
-    """Reliability of one layout by both methods."""
-
     variables: Variables  # random variables of the structure
     form: Form  # result of the first-order method
     simulation: MonteCarlo  # result of the simulation

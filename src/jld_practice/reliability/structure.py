@@ -169,7 +169,6 @@ class RandomStructure:
         return found
 
     def at(self, values: Floats, case: int) -> Assembly:
-        """Return the assembly of a load case at values (v,) of the variables."""
         dead, live = self.loads(values[None], case)
         stress = self.cases[case].members.self_stress
         return replace(
@@ -387,7 +386,6 @@ def _rate(after: Floats, before: Floats, change: float, digits: float = 1.0) -> 
 
 
 def _only(load: Floats, element: int) -> Floats:
-    """Return loads (n, q) of one element alone."""
     found = np.zeros_like(load)
     found[element] = load[element]
     return found
@@ -457,7 +455,6 @@ class SampleBounds:
 
     @one_thread()
     def of(self, values: Floats, required: float | None = None) -> GoverningBounds:
-        """Compute bounds for samples (k, v)."""
         if not self.batched:
             return self.proven(values)
         size, cases = batch_solver.SAMPLES_OF_A_CALL, range(len(self.analyses))
@@ -494,7 +491,6 @@ class SampleBounds:
         return low, high
 
     def solved(self, values: Floats, case: int) -> tuple[LimitAnalysis, Proof]:
-        """Solve a load case at values (v,) of the variables; return analysis and proof."""
         analysis = limit_analysis(
             self.structure.at(values, case), _OPTIONS, reference=self.labels, single_labelling=True
         )

@@ -129,11 +129,9 @@ class SchurSystem:
             self._edge.append(filled((m, high, count), family.edge, data))
 
     def equations(self, x: Floats) -> Floats:
-        """Return E x (equations,) for x (columns,)."""
         return np.asarray(self._equations @ x)
 
     def yields(self, x: Floats) -> Floats:
-        """Return G x (yield rows,) for x (columns,)."""
         return np.asarray(self._yields @ x)
 
     def transposed(self, u: Floats, v: Floats) -> Floats:
@@ -591,7 +589,6 @@ class _Iteration:
         return Iterate(x, u, s, v)
 
     def _status_of(self, it: Iterate) -> tuple[RawStatus | None, float]:
-        """Return the final status of an iterate, or None to continue, and its error."""
         # The error is relative to the tolerances.
         system, q, r, h = self.system, self.q, self.r, self.h
         gradient = system.transposed(it.u, it.v)
@@ -631,5 +628,4 @@ class _Iteration:
 
 
 def _largest(vector: Floats) -> float:
-    """Return the largest absolute value of a vector, 0 if it is empty."""
     return float(abs(vector).max(initial=0.0))

@@ -33,8 +33,6 @@ _GROWN: Final = 4  # sets, as a multiple of `MOST`, above which sets of one size
 
 @dataclass(frozen=True)
 class PossibleBlocks:
-    """List of p possible blocks."""
-
     members: tuple[tuple[int, ...], ...]  # elements of each block, ascending
     inside: tuple[tuple[int, ...], ...]  # faces with both sides in the block, ascending
 
@@ -452,8 +450,6 @@ _LABELLINGS_IN_LONG_PROOF: Final = 0.06
 
 
 class AnnealingSchedule:
-    """Schedule for interleaving annealing with the proof."""
-
     def __init__(self, *, batched: bool, disabled: bool) -> None:
         self._share = _LABELLINGS_PER_RELAXATION[not batched]
         self._interval = math.inf if disabled else _FIRST_INTERVAL

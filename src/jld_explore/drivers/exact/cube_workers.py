@@ -55,8 +55,6 @@ class Task:
 
 @dataclass
 class TaskResult:
-    """Result of a task."""
-
     conflicts: list[Conflict] = field(default_factory=list)  # conflicts found
     unrefuted: list[Bits] = field(default_factory=list)  # labellings that no mechanism refutes
     closed: bool = False  # whether no labelling of the cube is left
@@ -358,16 +356,12 @@ def delay_point(place: str) -> None:
 
 @dataclass
 class _Target:
-    """Current target of refutation."""
-
     count: int | Range | None  # count as in `Formula.aim`
     threshold: float  # scaled λ to refute
     exhausted: bool = False  # whether no labelling is left above the threshold
 
 
 class _GeneratorThread:
-    """State of one thread: its conflict generator and its formula."""
-
     def __init__(self, generator: ConflictGenerator, state: ProofState) -> None:
         self._generator, self._state = generator, state
         self._target: _Target | None = None
@@ -525,7 +519,6 @@ class ConflictSources:
         return self._formula
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
-        """Continue with another formula."""
         self._formula, self._count = formula, count
         self._generator.begin(formula)
         if self._threads is not None:

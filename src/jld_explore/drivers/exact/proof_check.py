@@ -56,8 +56,6 @@ class Claim:
 
 @dataclass(frozen=True)
 class ProofCheck:
-    """Result of checking a proof."""
-
     problem: str  # problem in one line, "" if the proof passed
     seconds: float  # time of the check, s
     conflicts: int = 0  # number of conflicts that the claims rest on
@@ -312,7 +310,6 @@ class _Propagation:
         self._conflict: int | None = None
 
     def add(self, literals: Sequence[int]) -> None:
-        """Add a clause and propagate it."""
         clause = list(dict.fromkeys(literals))
         name = len(self._clauses)
         self._clauses.append(clause)
@@ -543,7 +540,6 @@ _INCREASE: Final = 0.5 * tolerances.PROVEN
 
 
 def front_count(space: SearchSpace) -> Count | None:
-    """Return the count of an exact front; None where no formula expresses the front."""
     asked = space.search.front
     count = count_named(asked.count)
     return None if asked.counts or count.terms is None else count

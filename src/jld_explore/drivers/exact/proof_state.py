@@ -28,8 +28,6 @@ class Evidence(IntEnum):
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Mechanism that proves a conflict."""
-
     case: int  # index of the load case
     velocity: Floats  # (q · free,) scaled velocities of the free elements
 

@@ -80,7 +80,6 @@ class FreeBits:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def _repaired(self, rows: Bits, rng: BufferedRandom) -> Bits:
-        """Repair the rows that are not feasible, and drop those for which repair fails."""
         good = feasible(self.space, rows)
         if good.all():
             return rows

@@ -323,7 +323,6 @@ class Segmentations:
         return [0.75 if part[a] != part[b] else 0.25 for a, b in self.graph.pairs]
 
     def random(self, rng: BufferedRandom) -> Parts | None:
-        """Return a random segmentation as a partition, or None if none is found."""
         low, high = self.limits.parts
         threshold = rng.real()
         if (low, high) != (-inf, inf):
