@@ -124,7 +124,6 @@ class Loads:
         )
 
     def take(self, rows: Ints) -> Loads:
-        """Return the loads on the elements `rows` (k,), renumbered in this order."""
         place = np.full(len(self.body), -1, dtype=np.int64)
         place[rows] = np.arange(len(rows))
         own = np.flatnonzero(place[self.points.element] >= 0)

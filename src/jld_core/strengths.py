@@ -111,7 +111,6 @@ class Strengths:
         return Side(**{"tension": np.zeros(len(self.friction)), **found})
 
     def under(self, labels: Bits) -> Side:
-        """Return the numbers of each face under labels (m,)."""
         dry, inner = self.side(dry=True), self.side(dry=False)
         return Side(**{name: np.where(labels, value, getattr(inner, name)) for name, value in vars(dry).items()})
 
@@ -136,7 +135,6 @@ class Strengths:
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
     def joined(self, more: Strengths) -> Strengths:
-        """Return these strengths, followed by those of further interfaces."""
         return Strengths(**{
             one.name: np.concatenate([getattr(self, one.name), getattr(more, one.name)]) for one in fields(Strengths)
         })  # fmt: skip

@@ -389,7 +389,6 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
 
 
 def verdict(summary: dict[str, Any]) -> str:
-    """Return one sentence on what parts carry."""
     many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
     low = summary["bracket"][0]
     if summary["locked"]:
@@ -426,7 +425,6 @@ def verdict(summary: dict[str, Any]) -> str:
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options) -> None:
-    """Write parts, table, order and pictures."""
     scale = UNITS[options.unit]
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}

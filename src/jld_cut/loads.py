@@ -86,7 +86,6 @@ def _clip(polygon: Floats, box: Floats) -> Floats:
 
 
 def _measure(polygon: Floats) -> tuple[float, Floats]:
-    """Return area and centroid of a plane polygon (k, 3)."""
     if len(polygon) < 3:
         return 0.0, np.zeros(3)
     one, other = polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]

@@ -145,7 +145,6 @@ def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float
 
 
 def _tenon(comes: Part, stays: Part, joint: Joint, into: Floats, clearance: float, fit: Floats, unit: float) -> bool:
-    """Put one tenon on a part; return whether both parts stay sound."""
     plane = np.array([*into, float(joint.polygon[0] @ into)])
     spot = _spot(shapely.Polygon(joint.polygon @ basis(into).T), plane)
     side = _TENON * np.sqrt(joint.area)

@@ -54,7 +54,6 @@ class Part:
 
     @property
     def watertight(self) -> bool:
-        """Whether its file is closed and holds its volume."""
         return not self.open and self.error <= _TRUE
 
     @property

@@ -62,7 +62,6 @@ def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
 
 
 def figure_of_parts(parts: list[Part], title: str) -> Figure:
-    """Return a picture of parts pulled apart."""
     middles = np.array([np.array(part.exact.bounding_box()).reshape(2, 3).mean(axis=0) for part in parts])
     moves = 0.45 * (middles - middles.mean(axis=0))
     moves[:, 2] -= moves[:, 2].min()

@@ -85,7 +85,6 @@ class BinaryFractions:
         return BinaryFractions(one + two, scale)
 
     def __sub__(self, other: BinaryFractions) -> BinaryFractions:
-        """Subtract two matrices exactly."""
         return self + BinaryFractions(-other.values, other.scale)
 
     def __matmul__(self, other: BinaryFractions) -> BinaryFractions:

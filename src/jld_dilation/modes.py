@@ -53,7 +53,6 @@ class LinearRows:
         self._highs.changeRowsBounds(len(place), place, highs_ends(low), highs_ends(high))
 
     def minimise(self, objective: Floats) -> LinearAnswer:
-        """Minimise an objective (columns,) over the present bounds."""
         self._highs.changeColsCost(len(self._columns), self._columns, np.ascontiguousarray(objective))
         return _run(self._highs)
 
@@ -453,8 +452,6 @@ def _by_weight(ways: Floats) -> list[int]:
 
 @dataclass(frozen=True)
 class Region:
-    """Part of the solutions on which a bound is proven."""
-
     # low, high: ends of the interval of scaled λ
     low: float
     high: float

@@ -243,7 +243,6 @@ def _lower_bound(
 
 
 def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float) -> LowerBound | None:
-    """Compute the lower bound of a planar scene; None for spatial scenes and with crushing."""
     found, modes = search.found, search.modes
     if modes is None:
         return None

@@ -305,7 +305,6 @@ class LowerBoundProblem:
 
     @property
     def seconds_used(self) -> float:
-        """Return the processor time used so far, in seconds."""
         return time.process_time() - self._start
 
     @property

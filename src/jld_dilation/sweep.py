@@ -499,5 +499,4 @@ class MultiStartSearch:
 
 
 def _load_of(pair: PrimalDualPair | None) -> float:
-    """Return the scaled λ of a pair, NaN without a pair."""
     return math.nan if pair is None else pair.state.load

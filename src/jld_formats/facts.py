@@ -171,7 +171,6 @@ def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
 
 
 def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]:
-    """Map each stated interface to the values by which it overrides the materials."""
     # Keys are the ids of its two elements and the bytes of its origin. Values are taken from the scene: an assembly
     # holds neither low values of a spread nor which key was given.
     if not scene.interfaces:

@@ -238,7 +238,6 @@ _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")  # elemen
 
 
 def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
-    """Read the blocks, supports and interfaces of a COMPAS JSON file."""
     try:
         document = json.loads(text_of(path), parse_constant=_refuse)
     except json.JSONDecodeError as error:

@@ -332,7 +332,6 @@ def _profile(profile: Any, title: str) -> unions.Region:
 
 
 def _rectangles(profile: Any, title: str) -> list[Floats]:
-    """Return the corners (4, 2) of a rectangular profile, and of its hole if hollow."""
     halves = [(0.5 * float(profile.XDim), 0.5 * float(profile.YDim))]
     if profile.is_a("IfcRectangleHollowProfileDef"):
         wall = float(profile.WallThickness)
@@ -345,14 +344,12 @@ def _rectangles(profile: Any, title: str) -> list[Floats]:
 
 
 def _curves(profile: Any, title: str) -> list[Floats]:
-    """Return the corners (k, 2) of the outline of a profile, and of each of its holes."""
     if not profile.is_a("IfcArbitraryClosedProfileDef"):
         raise _refused(profile, title)
     return [_corners(curve, title) for curve in (profile.OuterCurve, *(getattr(profile, "InnerCurves", None) or ()))]
 
 
 def _corners(curve: Any, title: str) -> Floats:
-    """Return the corners (k, 2) of a closed curve with straight edges."""
     if curve.is_a("IfcPolyline"):
         corners = np.array([[float(x) for x in point.Coordinates[:2]] for point in curve.Points])
     elif curve.is_a("IfcIndexedPolyCurve") and not any(s.is_a("IfcArcIndex") for s in curve.Segments or ()):

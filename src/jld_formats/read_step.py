@@ -71,7 +71,6 @@ class _File:
                 self.by_kind.setdefault(kind, []).append(number)
 
     def _read(self, text: str) -> Iterator[str]:
-        """Yield the tokens of the data section."""
         begin = re.search(r"\bDATA\s*(\([^;]*\))?\s*;", text)
         for found in _TOKEN.finditer(text, begin.end() if begin else len(text)):
             if found.lastgroup:
@@ -98,7 +97,6 @@ class _File:
         return kind, self._values()
 
     def _values(self) -> list[Any]:
-        """Read values up to the closing bracket."""
         found: list[Any] = []
         self._next()
         while self._token not in (")", ""):
@@ -123,7 +121,6 @@ class _File:
         return found
 
     def of(self, number: int, kind: str) -> list[Any] | None:
-        """Return the values of an instance of a type; None where it is of another."""
         return next((values for name, values in self.calls.get(number, ()) if name == kind), None)
 
     def every(self, kind: str) -> Iterator[tuple[int, list[Any]]]:
@@ -136,7 +133,6 @@ class _File:
 
 
 def _plain(token: str) -> str:
-    """Return a text without quotes and escapes."""
     words = token[1:-1].replace("''", "'")
     words = re.sub(r"\\X4\\([0-9A-F]+)\\X0\\", lambda m: bytes.fromhex(m[1]).decode("utf-32-be", "replace"), words)
     words = re.sub(r"\\X2\\([0-9A-F]+)\\X0\\", lambda m: bytes.fromhex(m[1]).decode("utf-16-be", "replace"), words)
@@ -340,7 +336,6 @@ class _Reader:
         self._parts.append(Part(name, group, points, faces))
 
     def _faces(self, shell: int, title: str) -> tuple[Floats, Faces]:
-        """Return vertices (k, 3) and loops of a shell of plane faces."""
         number: dict[int, int] = {}
         bounds = []
         for face in self._file.calls[shell][0][1][1]:
@@ -364,7 +359,6 @@ class _Reader:
         return self._point(values[1] if values else vertex)
 
     def _corners(self, loop: int, title: str) -> list[int]:
-        """Return the vertices along a loop of straight edges."""
         polygon = self._file.of(loop, "POLY_LOOP")
         if polygon is not None:
             return [int(point) for point in polygon[1]]

@@ -205,7 +205,6 @@ class Dem:
         return str(uuid.uuid5(_SPACE, f"{self._name} {kind} {name}"))
 
     def analysis(self) -> dict[str, Any]:
-        """Return the analysis: the model, and a problem for the loads."""
         data = {"name": self._name, "model": self._model(), "problems": [self._problem()]}
         return self._object("compas_dem.models/Analysis", self._name, data)
 
@@ -451,7 +450,6 @@ class Dem:
         return self._object("compas_dem.problem/Results", self._name, data)
 
     def _scale(self) -> float:
-        """Return the factor from velocities of the mechanism to displacements."""
         result = self._layout.result
         if result is None or result.mechanism is None:
             return 0.0

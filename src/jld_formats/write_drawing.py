@@ -145,7 +145,6 @@ def svg_text(layout: Layout, *, cells: bool = False) -> str:
     box = (low[0] - margin, -high[1] - margin, high[0] - low[0] + 2 * margin, high[1] - low[1] + 2 * margin)
 
     def ring(points: Floats) -> str:
-        """Return the path data of a closed outline."""
         return "M " + " L ".join(f"{x!r},{-y!r}" for x, y in points.tolist()) + " Z"
 
     groups: dict[str, list[str]] = {}
@@ -210,8 +209,6 @@ def write_rhino(layout: Layout, path: Path, *, cells: bool) -> None:
 
 
 class _File:
-    """Rhino model under construction."""
-
     def __init__(self, rhino: Any, layout: Layout) -> None:
         self._rhino, self._layout = rhino, layout
         self.model = rhino.File3dm()

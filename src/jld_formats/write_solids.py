@@ -160,7 +160,6 @@ class _Ifc:
         return element
 
     def _brep(self, surface: unions.Surface) -> Any:
-        """Return a faceted B-rep of a closed surface."""
         make = self.model.create_entity
         places = (self._scale * np.asarray(surface.points)).tolist()
         points = [make("IfcCartesianPoint", Coordinates=tuple(place)) for place in places]
@@ -286,7 +285,6 @@ def _real(value: float) -> str:
 
 
 def _triple(values: Floats) -> str:
-    """Return three real numbers in parentheses."""
     return "(" + ",".join(_real(value) for value in values.tolist()) + ")"
 
 
@@ -347,7 +345,6 @@ class _Part21:
         return self.add(f"AXIS2_PLACEMENT_3D('',{self._point(place)},{self._direction(axis)},{self._direction(along)})")
 
     def solid(self, name: str, surface: unions.Surface) -> str:
-        """Add a solid with plane faces, and return its reference."""
         # Each edge is shared by the two faces that meet in it.
         places = [self._point(point) for point in surface.points]
         vertices = [self.add(f"VERTEX_POINT('',{place})") for place in places]

@@ -61,8 +61,6 @@ _HIGHS: Final = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_toleran
 
 @dataclass(frozen=True)
 class BoxBound:
-    """Upper bound on λ over one box of positions."""
-
     # λ of every position in the box that stands for some λ ≥ 0 is at most this; inf where none was proven, −inf where
     # no position stands
     value: float

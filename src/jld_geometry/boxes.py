@@ -124,7 +124,6 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
 
 
 def _node(line: dict[str, Any]) -> Node:
-    """Read a node; raise ValueError for an invalid line."""
     if line.keys() == {"split", "at"}:
         (axis,) = certificate.numbers_of([line["split"]])
         return Split(axis, _number(line["at"]))
@@ -255,7 +254,6 @@ class BoxStructure:
             self.cases.append((dead, self._loads(case["live"], sizes, {}), Fraction(case["required"])))
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
-        """Return the displacement by each parameter of every point that moves."""
         corners = {point for loop in self.outlines for point in loop}
         found: dict[Pair, list[Vector]] = {}
         for parameter, motion in enumerate(claim.directions):

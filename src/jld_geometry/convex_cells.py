@@ -152,7 +152,6 @@ def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
 
 
 def _distances(corners: Floats) -> Floats:
-    """Return the distances (k, k) between corners (k, 2)."""
     return np.asarray(np.linalg.norm(corners[:, None] - corners[None], axis=2))
 
 

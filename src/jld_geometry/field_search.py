@@ -61,7 +61,6 @@ class FieldMesh:
         return cls(setting, base, setting.coarse, follow, _interpolation(base, setting.coarse), loaded)
 
     def refined(self, mesh: fields_mesh.Mesh) -> FieldMesh:
-        """Return the same case on a mesh that was refined from the present one."""
         return replace(self, mesh=mesh, inside=_interpolation(self.base, mesh))
 
     @property

@@ -121,7 +121,6 @@ def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
 
 @one_thread()
 def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
-    """Bound the governing factor of one layout by fields."""
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=False)
 
 
@@ -159,7 +158,6 @@ class MovedSearch:
 
     @property
     def best(self) -> MovedLayout:
-        """Layout with the largest lower bound by fields."""
         return self.layouts[0]
 
 

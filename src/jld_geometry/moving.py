@@ -50,7 +50,6 @@ def write_move(
     titles: tuple[str, str],
     out: Path,
 ) -> None:
-    """Write scene, table and picture of moved joints to files of one name."""
     import pandas as pd  # slow to import and needed for tables only
 
     names = ["start", "step", "value", "bracket_lo", "bracket_hi", "predicted", "radius", "solves", "seconds"]
@@ -497,7 +496,6 @@ def _doubts(checked: dict[str, Any] | None) -> list[str]:
 
 
 def _facts(done: MovedJoints) -> dict[str, Any]:
-    """Return the object that `jld move --json` prints."""
     after = done.after
     load_factor = math.nan if after is None else after.load_factor
     bracket = (math.nan, math.nan) if after is None else after.bracket
@@ -520,7 +518,6 @@ def _facts(done: MovedJoints) -> dict[str, Any]:
 
 
 def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
-    """Return the line on the check by fields for the terminal, by name."""
     if checked is None or checked["skipped"] is not None:
         return {}
     return {"by fields": f"λ ≥ {value_text(checked['before'])} before, λ ≥ {value_text(checked['after'])} after"}

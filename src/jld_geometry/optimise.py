@@ -123,7 +123,6 @@ def _best_of_starts(
 def moved_result(
     search: GeometrySearch, before: Evaluated | None, best: tuple[Evaluated, str], points: list[Point]
 ) -> MovedJoints:
-    """Assemble the result of a search; best: the last point, and why its search ended."""
     point, end = best
     places = search.variables.places(point.values)
     scene = search.moved.at(places, point.friction)

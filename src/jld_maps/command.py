@@ -36,7 +36,6 @@ _POWERS: Final = {(1, 0): "{f}", (0, 1): "{l}", (1, 1): "{f}·{l}", (1, -1): "{f
 
 
 def label_of(key: str, names: tuple[str, str]) -> str:
-    """Return a key with its unit; names: of the units of length and force."""
     last = key.split(".")[-1].split("[")[0]
     if key == ANGLE or last.endswith("friction_angle"):
         return f"{key} [°]"

@@ -179,7 +179,6 @@ class Grid:
         self.middle = np.array([(count - 1) // 2 for count in self.shape])
 
     def _number(self, key: str, value: Any) -> Any:
-        """Return a value as a number in scene units where it is a text with a unit."""
         if not isinstance(value, str):
             return value
         document = deepcopy(self.document)
@@ -425,7 +424,6 @@ class Swept:
         return [SampleAnalysis(limit_analysis(case, _OPTIONS, reference=labels), labels) for case in assembly.by_case]
 
     def all(self, places: Floats, jobs: int) -> dict[str, Any]:
-        """Return the columns of all points (k, axes)."""
         size = min(_PORTION, -(-len(places) // jobs))
         portions = [places[k : k + size] for k in range(0, len(places), size)]
         parts = Parallel(n_jobs=jobs, prefer="threads")(delayed(self._portion)(one) for one in portions)

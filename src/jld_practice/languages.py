@@ -245,7 +245,6 @@ def decimal_commas(text: str) -> str:
 
 
 def localise(page: Figure, language: str, names: Container[str] = ()) -> None:
-    """Write numbers and legends of a page in the format of its language."""
     # 5.062 would be five thousand in German and Italian.
     from matplotlib.text import Text
 

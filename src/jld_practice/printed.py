@@ -380,7 +380,6 @@ class _Book:
 
     @property
     def length(self) -> float:
-        """Factor from the scene's lengths to those of the report."""
         return factor_to(self.unit, self.scene.units.length)
 
     def new(self, title: str) -> Figure:

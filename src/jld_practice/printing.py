@@ -58,8 +58,6 @@ class Placed:
 
 @dataclass(frozen=True)
 class Stock:
-    """Stones placed in equal stock cuboids."""
-
     size: tuple[float, float, float]  # sides of a stock cuboid, in the unit of the scene
     placed: tuple[Placed, ...]  # place of every stone
     cuboids: int  # number of stock cuboids

@@ -127,8 +127,6 @@ class Jobs:
     def start(
         self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any], shown: Mapping[str, Any] | None = None
     ) -> Job:
-        """Start a search of a scene in a new folder and process, and return it."""
-
         def fill(folder: Path) -> None:
             files.write_text(folder / "scene.json", json.dumps(scene, indent=1))
 

@@ -52,8 +52,6 @@ _STRENGTHS: Final = {(one.label, one.key): one.field for one in standard.PARAMET
 
 
 class Structure(Protocol):
-    """Structure whose materials can be changed."""
-
     materials: dict[str, Any]
     """Its materials, in the form of a scene file."""
 
@@ -207,7 +205,6 @@ class NotebookPage:
         return self.html
 
     def _ipython_display_(self) -> None:
-        """Display both parts, as Jupyter calls for it."""
         from IPython.display import display  # a notebook has it
 
         display({"text/html": self.html, "text/plain": repr(self)}, raw=True)
@@ -308,7 +305,6 @@ def _frame(data: page_contract.PageData, height: int) -> str:
 
 
 def _sliders(materials: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    """Yield name and value of each number of the materials."""
     for part in ("dry", "inner"):
         for key, value in materials.get(part, {}).items():
             if isinstance(value, int | float):
@@ -316,7 +312,6 @@ def _sliders(materials: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
 
 
 def _has_anywidget() -> bool:
-    """Return True if the library of the sliders is installed."""
     from importlib.util import find_spec
 
     return find_spec("anywidget") is not None

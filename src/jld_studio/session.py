@@ -478,7 +478,6 @@ class StudioSession:
         return found
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the scene file of a state of the page as a document."""
         setup, labels = self.setup(changes), self.labels(letters)
         if changes.get("vertices"):
             joints = self._movable()
@@ -557,7 +556,6 @@ class SceneStore:
         return name
 
     def find(self, name: object) -> StudioSession:
-        """Return the solver of a scene by name, None for the first."""
         if name is None or name == self.first_name:
             return self._first
         with self._turn:
@@ -602,7 +600,6 @@ class SceneStore:
 
 
 def _digest(document: dict[str, Any]) -> str:
-    """Return the name of a scene document: 16 hexadecimal digits."""
     return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -152,7 +152,6 @@ class _Parts:
             yield from self._hoek_brown(keys.hoek_brown)
 
     def _same(self, rows: Floats, sides: Floats) -> Limits:
-        """Return rows (r, q) of every face."""
         count = len(self.faces)
         return np.broadcast_to(rows, (count, *rows.shape)), np.broadcast_to(sides, (count, len(sides)))
 
@@ -226,7 +225,6 @@ class _Parts:
         self.gauges.append(Gauge(shear, cone.torsion, capacity, cone.friction))
 
     def _friction(self, stated: Friction) -> Iterator[Limits]:
-        """Yield the rows of friction, or add its gauge."""
         pairs = [value if isinstance(value, list) else [value] * 2 for value in (stated.coefficients, stated.cohesion)]
         (first, second), (c, d) = pairs
         isotropic = first == second and c == d

@@ -132,7 +132,6 @@ class Tilting(Step):
         return with_entries(done, entries, {"tilt_angle": 0.5 * (low + high), "tilt_lo": low, "tilt_hi": high})
 
     def _found(self, done: Exploration, context: StepContext) -> tuple[dict[str, Any], dict[str, Bracket]]:
-        """Return the entries, and the brackets of layouts by their labellings."""
         rows, model, angles = done.results.head(_BEST), context.settings.model, dict[str, Bracket]()
         for text, status in zip(rows["labelling"], rows["status"], strict=True):
             if status == str(Status.COLLAPSE) and not context.deadline.passed():

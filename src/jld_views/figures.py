@@ -277,6 +277,7 @@ def draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
 
 
 def figure_of_assembly(assembly: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
+    """Return a figure of an assembly under the name of the scene."""
     figure, axes = figure_for(assembly, 1)
     draw_assembly(axes[0], assembly)
     if ids:
@@ -298,6 +299,7 @@ def figure_of_mechanism(result: LimitAnalysisResult) -> tuple[Figure, Axes]:
 
 
 def figure_of_result(result: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
+    """Return a figure of labels, forces and mechanism of one result."""
     # The axes are side by side, or above one another for very wide scenes. The title has name, λ with its bracket, and
     # status. Of several load cases the governing one is drawn.
     if result.governing is not None:

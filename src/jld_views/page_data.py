@@ -319,7 +319,6 @@ PLANAR: Final = {"figures.js": "figures_planar.js"}  # modules replaced in pages
 
 
 def asset(name: str, wing: str = "report") -> str:
-    """Return the text of a front-end file."""
     return _assets(wing).joinpath(name).read_text(encoding="utf-8")
 
 
@@ -381,7 +380,6 @@ def _place(name: str, instead: Mapping[str, str]) -> str:
 
 
 def page(data: Mapping[str, Any]) -> str:
-    """Return the self-contained HTML of a report page."""
     script = linked("report.js", PLANAR if data["structure"]["dimension"] == 2 else None)
     style = asset("page.css")
     policy = (

@@ -40,7 +40,6 @@ class CoveredEdge:
     side: float  # horizontal direction in which the outward normal leans: 1, −1, or 0 for a level edge
 
     def between(self, low: float, high: float) -> CoveredEdge:
-        """Return the piece of the edge between two shares of its length, from 0 to 1."""
         share = np.array([low, high])
         place = self.place[0] + share * (self.place[1] - self.place[0])
         height = self.height[0] + share * (self.height[1] - self.height[0])

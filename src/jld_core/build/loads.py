@@ -413,7 +413,6 @@ class Boundary:
         return Loads(body, couples, points_of(points, d), tuple(tractions))
 
     def _on_fill(self, entry: FillLoad, where: str) -> list[Traction | PointEntry]:
-        """Return a load on the surface of the fill; raise InputError without fill."""
         if self.backing is None:
             raise InputError(f"{where}.on_fill", "the scene has no fill", '"fill" with level, density and friction')
         return self.backing.spread(entry, where)

@@ -85,8 +85,6 @@ class _FreeFace:
 
 @dataclass(frozen=True)
 class _Force:
-    """Force on a free face, scene units."""
-
     at: float  # distance of its place from the start of the face
     vector: Floats  # (2,)
     width: float | None  # of its patch, None where none is stated

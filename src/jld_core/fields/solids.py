@@ -242,8 +242,6 @@ class _Force:
 
 
 class _Piece(NamedTuple):
-    """Part of a facet in its plane, with the tractions on it."""
-
     polygon: shapely.Polygon
     mean: Floats  # (2, 3) dead and live stress vector at the origin of the facet
     slope: Floats  # (2, 3, 3) their derivatives

@@ -112,7 +112,6 @@ class WeakEquilibrium:
         return [(first, -1.0, every), (second, 1.0, some)]
 
     def _yield(self) -> Rows:
-        """Return the linear rows of yield in the material and on dry joints."""
         p, linear, panels = self.problem, Rows(), np.arange(self._panels)
         for a, b in p.material.lines:
             linear.add([(3 * self._panels + panels, 1.0), (3 * panels, -b)], a, self._panels)

@@ -435,7 +435,6 @@ def distance_from_face(faces: Interfaces, face: int, point: Floats) -> float:
 
 
 def _region(faces: Interfaces, face: int) -> shapely.MultiPolygon:
-    """Return the polygons of a spatial face in its plane, about its centroid."""
     arm = np.asarray(faces.polygon[face], dtype=float) - faces.origin[face]
     return area_of(shapely.Polygon(arm @ np.array([faces.e1[face], faces.e2[face]]).T))
 

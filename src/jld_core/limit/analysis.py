@@ -211,7 +211,6 @@ class AttemptState:
         return self.proof.status is Status.COLLAPSE and not self.open
 
     def _width(self, load_scale: float) -> float:
-        """Return the width of the bracket relative to its ends, or to `load_scale` if larger."""
         return relative_width(self.proof.low, self.proof.high, load_scale)
 
 

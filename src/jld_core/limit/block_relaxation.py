@@ -119,7 +119,6 @@ class BatchBlockProgram:
         return [self._multipliers(answers, k) for answers in found for k in range(len(answers.state))]
 
     def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
-        """Return velocities, multipliers and shares of one set of allowed blocks."""
         shared = answers.shared[k]
         return BlockMultipliers(
             velocity=-answers.own[k][self._balance],

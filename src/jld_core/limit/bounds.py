@@ -454,24 +454,7 @@ def relative_width(low: float, high: float, load_scale: float) -> float:
 
 
 def exceeds(low: float, bound: float, load_scale: float) -> bool:
-    """Return whether a proven lower bound on λ contradicts an upper bound.
-
-    The difference must exceed the proof tolerance.
-
-    Parameters
-    ----------
-    low : float
-        Proven lower bound on λ.
-    bound : float
-        Upper bound on λ, may be infinite.
-    load_scale : float
-        λ below which differences are negligible, in the unit of the bounds.
-
-    Returns
-    -------
-    bool
-        True if low − bound exceeds `tolerances.PROVEN` times the largest of |low|, |bound| and `load_scale`.
-    """
+    """Return whether a proven lower bound on λ contradicts an upper one by more than `tolerances.PROVEN`."""
     return low - bound > tolerances.PROVEN * max(abs(low), abs(bound) if np.isfinite(bound) else 0.0, load_scale)
 
 

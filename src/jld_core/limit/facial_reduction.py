@@ -331,8 +331,6 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _RowPosition:
-    """Slacks of a vector in a set of yield rows."""
-
     linear: Floats  # (k,) slacks of the linear rows
     head: Floats  # (c,) value of the first row of each cone
     tail: Floats  # (c, 2) values of its other rows
@@ -344,7 +342,6 @@ class _RowPosition:
 
     @property
     def least(self) -> float:
-        """Return the least slack of all linear rows and cones."""
         return float(min(self.linear.min(initial=np.inf), self.inside.min(initial=np.inf)))
 
 

@@ -523,20 +523,7 @@ def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:
 
 
 def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) -> LimitAnalysisResult:
-    """Combine the results of load cases into the result of the structure.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with load cases; supplies the required factors.
-    cases : dict of str to LimitAnalysisResult
-        Result of each case by name, in the order of the assembly's cases.
-
-    Returns
-    -------
-    LimitAnalysisResult
-        Governing factor with its bracket; forces and mechanism are those of the governing case.
-    """
+    """Combine the results of load cases, in their order, into that of the structure."""
     found = list(cases.values())
     known = [CaseBounds(one.status, *one.bracket, one.load_factor) for one in found]
     decided = governing(known, assembly.required.tolist())

@@ -83,7 +83,6 @@ class Parabolas:
         return np.where(p <= 0.0, 0.0, crushed)
 
     def share(self, forces: Floats, least: float) -> Floats:
-        """Return the ratio (k,) of a demand to its capacity."""
         n = forces[:, 0]
         return np.maximum(used(abs(forces[:, 2]), n * (1.0 - n / self.limit), least), used(n, self.limit, least))
 
@@ -119,7 +118,6 @@ class Rectangles:
     limit: Floats
 
     def slack(self, forces: Floats) -> Floats:
-        """Return the slack t (k,) of scaled forces (k, 6)."""
         # t is the largest value with (N + t)³ ≤ N_c (N − |m1| − t)(N − |m2| − t) and both factors ≥ 0, computed by
         # bisection. It is concave and never changes faster than its three arguments. The plain difference of both sides
         # would change faster near the apex of the set.
@@ -385,7 +383,6 @@ class LabelRows:
 
     @cached_property
     def gauge_sizes(self) -> Floats:
-        """Return the divisors (m, 2) of the rows of gauges in a program."""
         return np.maximum(np.maximum(1.0, self.mu), self.c) if self.sized is None else self.sized.gauge_sizes
 
 
@@ -570,7 +567,6 @@ class RowYield:
         return None
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Return None: the rows have no fixed order."""
         return None
 
     @property

@@ -267,7 +267,6 @@ class StandardYield(RowYield):
 
     @property
     def associative(self) -> StandardYield:
-        """Return the set with associative friction, which is this set itself."""
         return self
 
     def is_dry(self, labels: Bits) -> Bools:
@@ -398,23 +397,7 @@ def standard_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBen
 
 
 def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
-    """Convert strengths to forces, stress times area, and divide them by the force scale.
-
-    A material that the scene does not name gives a face without strength. `require_materials` refuses the labellings
-    that need such a material.
-
-    Parameters
-    ----------
-    strengths : Strengths
-        Strengths, scene units.
-    unit : (m,) array
-        Area of each face over the force scale.
-
-    Returns
-    -------
-    Strengths
-        Scaled forces.
-    """
+    """Convert strengths to forces, by the area of each face over the force scale; materials not named have none."""
 
     def scaled(stress: Floats) -> Floats:
         # A face without area has no limit, as one without compressive strength.

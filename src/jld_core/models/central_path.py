@@ -160,7 +160,6 @@ class MovingRows:
 
     @property
     def size(self) -> int:
-        """Return the number n of columns of the program."""
         return len(self.objective)
 
     @cached_property
@@ -229,8 +228,6 @@ _FLIP: Final = np.array([1.0, -1.0, -1.0])  # signs of the quadratic form of a s
 
 @dataclass(frozen=True)
 class PathPoint:
-    """Primal and dual variables of one iterate."""
-
     y: Floats  # (n,) forces, further variables, and λ as the last entry, scaled
     u: Floats  # (equalities,) multipliers of equilibrium, which are velocities
     s: Floats  # (rows,) slacks of the rows
@@ -263,7 +260,6 @@ class CentralPath:
 
     @property
     def _degree(self) -> int:
-        """Return the number of linear rows and cones."""
         return self.rows.linear + (len(self.rows.rhs) - self.rows.linear) // 3
 
     def points(self) -> Iterator[PathPoint]:

@@ -385,7 +385,6 @@ def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, pro
     unit = other.load / one.load
 
     def state(found: State | None) -> State | None:
-        """Convert a state of the point assembly, None if there is none."""
         if found is None:
             return None
         forces = resultants_of_faces(full.assembly, points.assembly, parent, found.forces * other.face) / one.face
@@ -464,24 +463,7 @@ def limit_analysis(
 
 
 def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
-    """Raise InputError if the options do not support an assembly.
-
-    Call this function before any work starts.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly to be solved, with all its load cases.
-    options : Model
-        Options to check. Only effective areas and a solver other than "auto" can fail.
-    dry : (m,) bool array
-        Faces that may be dry in some labelling, True = may be dry.
-
-    Raises
-    ------
-    InputError
-        If effective areas or prescribed friction do not apply, or the solver rejects programs of this structure.
-    """
+    """Raise InputError if options do not support an assembly; `dry` (m,): faces that may be dry."""
     if options.effective_area:
         require_rectangles(assembly, dry)
     if options.friction != "associative":

@@ -29,8 +29,6 @@ _MOST_SHARES: Final = 64
 
 @dataclass(frozen=True)
 class Piece:
-    """Part of an element after the split."""
-
     keys: dict[str, Any]  # geometry keys of its scene entry
     share: float  # its volume over that of the element
 

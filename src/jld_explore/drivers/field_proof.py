@@ -57,9 +57,7 @@ class ProofAim(Protocol):
         """Return the governing factor that a lower bound of a labelling must exceed to be of use."""
         ...
 
-    def restart(self) -> None:
-        """Forget all bounds and return to the first target."""
-        ...
+    def restart(self) -> None: ...
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
         """Record the target's bound; return the known one of the next, None at the end. left: (k,) open counts."""
@@ -406,8 +404,6 @@ _SHARED: Final = (3.5, 8.0)
 
 @dataclass(frozen=True)
 class CommonBound:
-    """Bound on all labellings under one load case."""
-
     mesh: Mesh
     found: WeighedField  # velocity field with the factor that no labelling exceeds
     bound: float  # governing factor that no labelling exceeds
@@ -484,7 +480,6 @@ class FieldIncumbents:
             self._known[labels.tobytes()] = bounds[0], bounds[1], int(count)
 
     def is_known(self, labels: Bits) -> bool:
-        """Return whether bounds of this labelling (m,) are stored."""
         return labels.tobytes() in self._known
 
     def in_pool(self, labels: Bits) -> bool:

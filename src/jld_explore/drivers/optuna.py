@@ -78,8 +78,6 @@ class OptunaOptions(DriverOptions):
 
 
 class Optuna(Searcher):
-    """Driver that proposes the trials of an Optuna sampler."""
-
     name = "optuna"
     Options = OptunaOptions
 
@@ -278,5 +276,4 @@ def _journal(file: Path) -> Any:
 
 
 def _unusable(url: str, error: Exception) -> InputError:
-    """Return the InputError for a storage that cannot be used."""
     return ParameterError("storage", f"{url!r} cannot be used ({str(error).splitlines()[0]})", "the URL of a database")

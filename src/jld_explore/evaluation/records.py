@@ -128,7 +128,6 @@ def recorded(path: Path) -> dict[str, Any]:
 
 
 def damaged(path: Path, how: str) -> InputError:
-    """Return the InputError, not raised, for a damaged record file."""
     return InputError(str(path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
 
 

@@ -52,7 +52,6 @@ class FieldStudy(Study):
 
     @property
     def gap(self) -> float:
-        """Return the relative gap of bounds that the scene asks for."""
         cracks = self.scene.cracks
         if not isinstance(cracks, FieldCracks):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
@@ -84,7 +83,6 @@ class FieldStudy(Study):
         return self._run_search()
 
     def _run_all(self) -> StopReason:
-        """Enumerate all layouts and race them."""
         pool: FieldPool | None = None
         try:
             labellings = self._enumerated()
@@ -141,7 +139,6 @@ class FieldStudy(Study):
         self.deadline, self._end = deadline, deadline.end
 
     def _open_again(self) -> None:
-        """Open the record that a finished search closed."""
         self.records, self._refined = self.open_records(), None
 
     def _race(self, pool: FieldPool) -> None:
@@ -162,7 +159,6 @@ class FieldStudy(Study):
         return BestAim()
 
     def _pool(self, labellings: Bits) -> FieldPool:
-        """Return a pool of labellings (k, m) with the bounds on record."""
         rows = self.table_records.rows
         unstable = statuses(rows) == "unstable"
         high = np.where(unstable, _UNSTABLE, rows["high"])

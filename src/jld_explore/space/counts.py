@@ -371,7 +371,6 @@ def _largest_mass(layouts: Layouts) -> Floats:
 
 
 def _mass(layouts: Layouts) -> Floats:
-    """Return (k,) mass of all elements that are not left out."""
     elements = layouts.assembly.elements
     mass = elements.mass[elements.free]
     total = float(mass.sum()) or 1.0

@@ -40,7 +40,6 @@ class Range:
 
     @property
     def given(self) -> bool:
-        """True if there is at least one bound."""
         return self.low is not None or self.high is not None
 
     def above(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:

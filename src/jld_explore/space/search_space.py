@@ -462,7 +462,6 @@ def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
 
 
 def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
-    """Return violations of limits on the size and shape of blocks."""
     limits, found = space.limits, []
     names = np.unique(blocks[0][space.assembly.elements.free])
     excepted = np.isin(names, blocks[0][limits.excepted])
@@ -483,7 +482,6 @@ def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
 
 
 def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
-    """Return violations of limits on counts and of the assembly sequence."""
     limits, found = space.limits, []
     for count, bounds in limits.on_counts:
         value = values_of(count, space.assembly, labels[None], space.graph, limits.block_shapes)[0]

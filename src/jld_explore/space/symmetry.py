@@ -210,7 +210,6 @@ def _is_image(mark: Mark, image: Mark, to: Ints, matrix: Floats, centre: Floats,
 
 
 def _size(one: Floats, other: Floats) -> float:
-    """Return the largest magnitude in two arrays."""
     return max(float(abs(one).max(initial=0.0)), float(abs(other).max(initial=0.0)))
 
 

@@ -97,7 +97,6 @@ class FieldCheck(Step):
         return entries
 
     def run(self, done: Exploration, context: StepContext) -> Exploration:
-        """Return the search with the bounds of its best layouts."""
         start, space = time.perf_counter(), context.space
         ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(self.plan.count)
         low, high = np.full((2, len(done.results)), np.nan)

@@ -164,7 +164,6 @@ class Balances:
         return self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
 
     def _jump(self, face: int, moves: Moves) -> list[int]:
-        """Return the integer jump of a face under given velocities."""
         found = [0] * self.assembly.freedoms
         for element, sign, rows in self._sides[face]:
             velocity = moves.get(element)

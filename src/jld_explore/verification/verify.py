@@ -58,8 +58,6 @@ _IDLE: Final = {"symmetry", "front"}  # keys under "search" that do not affect w
 
 
 class Labellings:
-    """Labellings of a scene as fixed labels and clauses."""
-
     def __init__(self, scene: Scene, assembly: Assembly) -> None:
         # literals: face + 1 states that a face is inner, −(face + 1) that it is dry; limits that clauses cannot express
         # are ignored, so that the proof covers more labellings

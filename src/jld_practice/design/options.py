@@ -35,8 +35,6 @@ _ON: Final = 1e-6  # distance from a line, circle or support, relative to the st
 
 @dataclass(frozen=True)
 class Edge:
-    """Edge of a free element that carries a load."""
-
     element: int  # index of the element
     # low, high: places of both ends along the side or line, length
     low: float

@@ -495,8 +495,6 @@ Solution = LimitAnalysisResult | models_by_fields.FieldResult  # solution of a s
 
 @dataclass(frozen=True)
 class CaseCheck:
-    """Utilisation of one load case under one combination."""
-
     name: str  # name of the load case; "" for a single load
     required: float  # required factor of the case, 1 if the scene states none
     combination: Combination

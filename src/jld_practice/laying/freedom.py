@@ -124,7 +124,6 @@ def _meets(planes: Floats, polygon: Floats, near: float) -> bool:
 
 
 def _volumes(elements: Elements) -> Floats:
-    """Compute the volumes (n,) of polyhedra from their faces."""
     # Volumes given by a scene are ignored.
     found = []
     for corners, faces in zip(elements.shape, elements.faces, strict=True):
@@ -581,7 +580,6 @@ class Freedom:
         return False
 
     def _separable(self, group: Ints) -> bool:
-        """Return whether the blocks of a group can be separated by translations."""
         if len(group) < 2:
             return True
         key = group.tobytes()

@@ -117,7 +117,6 @@ class LimitFunction:
 
     @one_thread()
     def at_values(self, values: Floats) -> Limit:
-        """Return value and gradient by the values (v,) of the variables themselves."""
         found: list[tuple[float, Floats | None]] = []
         for case, asked in enumerate(self.bounds.structure.assembly.required.tolist()):
             analysis, proof = self.bounds.solved(values, case)
@@ -165,8 +164,6 @@ def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.nd
 
 
 class _Iteration:
-    """Iteration for the design point, with the gradients that it met."""
-
     def __init__(self, function: LimitFunction, point: Floats) -> None:
         self.function, self.point, self.reach = function, point, function.variables.reach
         self.met: list[tuple[Floats, Limit]] = []

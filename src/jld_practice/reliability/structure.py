@@ -367,7 +367,6 @@ class _Measurement:
 
     @staticmethod
     def _grow_pairs(growths: list[Growth], weights: list[int], body: int, dead: Floats, live: Floats) -> None:
-        """Add loads that grow with a body load and each of the weights of one value."""
         if not (dead.any() or live.any()):
             return
         if len(weights) == 1:

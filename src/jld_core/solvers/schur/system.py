@@ -220,7 +220,6 @@ class SchurSystem:
         return best
 
     def _once(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """Solve the system once, without refinement."""
         blocks, scaling = self.blocks, self._scaling
         rho = scaling.divide(r)
         c = p + np.asarray(self._yields_t @ scaling.divide(rho))
@@ -515,8 +514,6 @@ class SchurSolver(Solver):
 
 
 class _Iteration:
-    """State of the interior-point iterations for one program."""
-
     def __init__(self, program: ConicProgram, system: SchurSystem, tolerance: float, gap: float) -> None:
         edge = program.structure.equalities
         self.system, self.tolerance, self.gap = system, tolerance, gap

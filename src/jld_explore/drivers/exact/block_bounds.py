@@ -153,7 +153,6 @@ class BlockBoundTightening:
         self._next = math.inf
 
     def is_due(self, relaxations: int, least: float) -> bool:
-        """Return whether the programs should be solved now."""
         last = self._least
         return relaxations >= self._next and (last is None or least > last + _INCREASE * abs(last))
 

@@ -393,7 +393,6 @@ class BlockSearch:
         self._jobs = jobs
 
     def abandon(self) -> None:
-        """Drop the tree and stop its workers."""
         self._tree = None
         self.close()
 

@@ -417,7 +417,6 @@ class _Units:
 
 
 def _whole(values: Iterable[float], digits: int) -> tuple[int, ...]:
-    """Round values times 2**digits to integers."""
     return tuple(round(Fraction(float(value)) * (1 << digits)) for value in values)
 
 

@@ -188,7 +188,6 @@ class CubeWorkers:
 
     @property
     def has_workers(self) -> bool:
-        """True if there are workers, including those that are starting."""
         return len(self._pool) > 0
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:

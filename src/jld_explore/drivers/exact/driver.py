@@ -127,7 +127,6 @@ class ProvingDriver(Driver):
 
     @property
     def _time_is_up(self) -> bool:
-        """True if the deadline has passed."""
         return self._deadline.passed()
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
@@ -204,7 +203,6 @@ class ConflictDriver(ProvingDriver):
 
     @property
     def relaxations(self) -> int:
-        """Number of relaxations solved in all threads and processes."""
         here = 0 if self._context is None else self._context.relaxation.solves
         return here + (0 if self._sources is None else self._sources.solves)
 
@@ -330,7 +328,6 @@ class ConflictDriver(ProvingDriver):
         return self._state.take_waiting()
 
     def _hand_over(self, labels: Bits) -> None:
-        """Hand over a labelling (m,) that no mechanism refuted."""
         self._state.hand_over([labels])
 
     def _exclude_handed_over(self) -> None:
@@ -641,7 +638,6 @@ class Exact(ConflictDriver):
         self._targets.lower_bound(target, bound, self._state.handed_over)
 
     def _settle(self, target: int | None) -> None:
-        """Close a target, its formula and its block tree."""
         self._targets.settle(target)
         if self._block_search is not None:
             self._block_search.abandon()

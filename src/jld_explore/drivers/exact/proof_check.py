@@ -68,7 +68,6 @@ class ProofCheck:
 
     @property
     def passed(self) -> bool:
-        """True if the check found no problem."""
         return not self.problem
 
     def to_dict(self) -> dict[str, Any]:
@@ -247,8 +246,6 @@ _LOGGING = "cadical195"  # satisfiability solver that logs its proof
 
 @dataclass(frozen=True)
 class Refutation:
-    """Proof that clauses contradict each other."""
-
     needed: tuple[int, ...]  # positions of the clauses that are used, ascending
     # literals of each lemma, and its reasons: positions of clauses, or number of clauses + position of a lemma
     lemmas: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
@@ -556,7 +553,6 @@ class Targets:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all bounds and return to the first target."""
         self.found = {None: self._target_with_bound(None, math.inf)}
         self.left = [None]
         self._listed = False

@@ -164,7 +164,6 @@ class Conflicts:
         self.save()
 
     def clear(self) -> None:
-        """Forget all conflicts, in memory and on record."""
         with self._lock:
             self._known, self._bounds = [], LeastBounds()
             self._saved = self._mechanisms = 0

@@ -71,8 +71,6 @@ class Sink:
 
 @dataclass(frozen=True)
 class PartLimits:
-    """Limits of a search as operators handle them."""
-
     # limits on each part with a free element, by key of the measure. Limits that are proportional to the number of
     # cells are converted to limits on cells.
     sizes: dict[str, Range]

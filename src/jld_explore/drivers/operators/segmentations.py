@@ -270,7 +270,6 @@ class Segmentations:
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed))
 
     def parts(self, labellings: Bits) -> list[Parts]:
-        """Return the partition of each labelling (k, m): the part of each atom."""
         found: list[Parts] = blocks_of(self.space.graph, labellings)[:, self.graph.first].tolist()
         return found
 
