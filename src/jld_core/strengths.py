@@ -1,7 +1,6 @@
 """Strengths of faces; a **route**, a reader of them, is refused unless it knows every **fact** in them.
 
-A fact is a kind of statement, such as friction of joints or a criterion of a plug-in. New facts are thus refused by
-routes not taught them.
+A fact is a kind of statement, such as friction of joints or a criterion of a plug-in.
 """
 
 from __future__ import annotations

@@ -1,15 +1,8 @@
-"""Certificate of a lower bound without dilation, checked in integer arithmetic.
+"""Certificate of a lower bound without dilation (4.8), checked in integer arithmetic.
 
-For multipliers M ≥ 0, g ≥ 0 and any Q, Ψ there is an identity of forms in Φ = (F, λ, 1) and w = (u, t),
-
-    (λ − p)(b_λ·u) − σ cost = Σ M_kl ŷ_k h_l + Σ g_k ŷ_k (b_λ·u) + (K Φ)ᵀ Q w + Φᵀ Ψ z_closed + Φᵀ R w
-
-with forms h = (z, forms of loops). In a solution, its left side is λ − p − σ cost and its right side is at least
-ΦᵀR w. Every double precision number in the identity is a binary fraction, so R follows without rounding. With force
-bounds |Φ| ≤ f and velocity bounds |w| ≤ v · cost, λ ≥ p is proven if Σ |R_ij| f_i v_j ≤ σ (docs/method.md (4.8)).
-Rounding errors in the identities of loops are charged together with R.
-
-The multipliers are first corrected so that R becomes small.
+Every double precision number in the identity is a binary fraction, so its remainder R follows without rounding.
+Rounding
+errors in the identities of loops are charged together with R. Multipliers are first corrected so that R becomes small.
 """
 
 from __future__ import annotations

@@ -1,12 +1,7 @@
-"""Planar collapse without dilation as one complementarity problem, scaled.
+"""Planar collapse without dilation as one complementarity problem (4.6), scaled: four rows y and four modes z a face.
 
-    A F + b + λ b_λ = 0,   y = C F + d            four rows a face: N ∓ m, μN ∓ V; inner N + σtA ∓ 3m, τA ∓ V
-    b_λ·u = 1,             z = H (u, t)           four modes a face: hinge either way, slide either way
-
-with y ≥ 0, z ≥ 0, y_k z_k = 0. An opening is both hinges at once, and sliding does not open a face, docs/method.md
-(4.5) and (4.6). With the jumps (δ, s, θ) = Aᵀu, the hinge modes are z = βδ ∓ θ (β = 1 dry, 3 inner) and the slides are
-t and t + s with t ≥ 0. Modes may be scaled arbitrarily, so these formulas hold exactly in the numbers of A. In every
-solution a face slides one way at most: t = max(0, −s).
+An opening is both hinges at once, and sliding does not open a face, docs/method.md (4.5). In every solution a face
+slides one way at most: t = max(0, −s). Modes may be scaled, so the formulas hold exactly in the numbers of A.
 """
 
 from __future__ import annotations

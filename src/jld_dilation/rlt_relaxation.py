@@ -1,11 +1,7 @@
-"""Lower bound on λ over all non-dilatant solutions: RLT relaxation as one linear program.
+"""Lower bound on λ over all non-dilatant solutions: RLT relaxation (4.7) as one linear program.
 
-With Φ = (F, λ, 1) and w = (u, t), every solution yields a matrix X = Φ wᵀ. Linear conditions on Φ and on w multiply to
-linear conditions on X: equilibrium times every w is zero, y_k z_l ≥ 0, y_k z_k = 0, (λ − L) z ≥ 0, b_λ·u = 1. The least
-λ b_λ·u over all X that satisfy these conditions is a lower bound on λ. Modes that cannot move remove their w from the
-program.
-
-Source: reformulation-linearisation technique of Sherali & Adams; docs/method.md (4.7).
+Modes that cannot move remove their velocities from the program. Source: reformulation-linearisation technique of
+Sherali & Adams.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Prove lower bounds step by step: each program starts where the last certificate ended.
 
-The nearer the bound is to the solution, the more modes are proven not to move, and the smaller the programs become.
-Where a step gains little, more products are formed. Where all products exist, the region is split: either a mode does
-not move, or its slack is zero.
+The nearer the bound is to the solution, the fewer modes move, and the smaller the programs become. Where a step gains
+little, more products are formed; where all exist, the region is split: a mode does not move, or its slack is zero.
 """
 
 from __future__ import annotations

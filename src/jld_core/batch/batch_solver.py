@@ -1,7 +1,4 @@
-"""Batch solver: proven bounds on λ for many labellings of one assembly, several in the SIMD lanes at once.
-
-All rows come from the yield sets of a template. Labellings that stay open are solved one at a time elsewhere.
-"""
+"""Batch solver: proven bounds on λ for many labellings of one assembly, several in the SIMD lanes at once."""
 
 from __future__ import annotations
 

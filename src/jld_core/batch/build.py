@@ -1,8 +1,8 @@
 """Compile the batch solver: one shared library per variant, by the system's compiler or that of `ziglang`.
 
 `setup.py` and ``--in-place`` compile into the package, with ``--best`` or ``--ends`` the best variant or also the base;
-else the first use compiles the best into the user's cache. It imports nothing of the package, because `setup.py` loads
-it before the package exists.
+else the first use compiles the best into the user's cache. `setup.py` loads it alone: it imports nothing of the
+package.
 """
 
 from __future__ import annotations

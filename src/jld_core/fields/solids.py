@@ -1,8 +1,4 @@
-"""Loads of spatial cells as body forces and tractions with the resultants of the scene, docs/method.md (9.5), (10.3).
-
-Forces that no free face takes are constant in each tetrahedron of the coarsest mesh, so that refinement never changes
-the load.
-"""
+"""Loads of spatial cells as body forces and tractions with the scene's resultants, docs/method.md (9.5), (10.3)."""
 
 from __future__ import annotations
 

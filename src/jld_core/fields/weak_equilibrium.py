@@ -1,8 +1,7 @@
-"""Dual of the upper bound: stresses in weak equilibrium, and derivatives by nodes.
+"""Dual of the upper bound (11.9): stresses in weak equilibrium, and derivatives by nodes.
 
-By strong duality their largest λ is that of the best velocity field on the mesh (docs/method.md (11.9)). Stresses are
-constant in triangles and linear along edges, yield does not depend on the geometry, and equilibrium is polynomial in
-the positions of nodes. That makes this form the one for steps over positions. It proves nothing: `UpperBound` does.
+Yield does not depend on the geometry and equilibrium is polynomial in the positions of nodes, which makes this the form
+for steps over positions. It proves nothing: `UpperBound` does.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Checked bounds on λ, computed from raw solver output (docs/method.md (3.3)).
+"""Checked bounds on λ, computed from raw solver output, all scaled (docs/method.md (3.3)).
 
-A lower bound is the λ of forces that satisfy equilibrium and lie in every yield set. An upper bound is the work
-balance of velocities whose dissipation is finite on every face. Neither relies on the solver: its answer is repaired
-and checked, and gives no bound if the check fails. All quantities here are scaled.
+An answer is repaired and checked, and gives no bound if the check fails: lower bounds are the λ of forces in
+equilibrium
+and in every yield set, upper ones the work balance of velocities of finite dissipation.
 """
 
 from __future__ import annotations

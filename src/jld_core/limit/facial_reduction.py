@@ -1,9 +1,5 @@
-"""Facial reduction: finite-dissipation motions of assemblies that a self-stress confines.
+"""Facial reduction: finite-dissipation motions of assemblies that a self-stress confines, docs/method.md (3.12).
 
-A motion of finite dissipation has jumps J = −Gᵀz with z in the dual cones of the yield rows. A self-stress R in the
-recession cones gives z·(−G R) = 0. So z is zero in rows where R has slack. In a second-order cone with R on its
-boundary, z lies on the one conjugate ray: z = κ (1, −V/|V|), κ ≥ 0. Such rows are removed, and such cones are replaced
-by that ray. The search for self-stress is repeated until none is found (docs/method.md (3.12)).
 Sources: Borwein & Wolkowicz, Regularizing the abstract convex program, J. Math. Anal. Appl. 83 (1981); Permenter &
 Parrilo, Partial facial reduction, Math. Program. 171 (2018).
 """

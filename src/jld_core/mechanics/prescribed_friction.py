@@ -1,7 +1,6 @@
 """Yield sets with friction from prescribed normal forces, and constant effective areas.
 
-The conic programs of associative limit analysis stay the same. Only the numbers in the rows |V| + |MT|/c_T ≤ c + μN
-change. Programs, bounds and repairs take these sets like any other yield set.
+Only the numbers in the rows |V| + |MT|/c_T ≤ c + μN change.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
 """Yield sets stated as rows, one class for plane and space: what every route needs follows from rows and gauges.
 
-x are the resultants of the core of a face, scaled: (N, V, m) in the plane; in space (N, m1, m2), or all six. The set is
-C x + d ≥ 0, and |B (V1, V2)| + k|mT| ≤ c + μN; in the plane V is alone, or stands in the rows; in space there may be
-one such limit for shear and one for torsion, or rows in the place of them. The dissipation of a jump is its greatest
-work over the vertices of the core, after its opening has lost μ g°(s, ω), where g° is the dual of the gauge. It is
-finite where no ray of the core works, docs/method.md (2.19), (2.20). Dry joints that crush have a curved core, see
-`crushing`.
+x are the scaled resultants of the core of a face: (N, V, m) in the plane; in space (N, m1, m2), or all six. Sets and
+dissipation: docs/method.md (2.19), (2.20). Dry joints that crush have a curved core, see `crushing`.
 """
 
 from __future__ import annotations

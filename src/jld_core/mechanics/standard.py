@@ -1,8 +1,7 @@
 """The standard criterion, stated once for both labels, plane and space: friction, shear, tension and crushing.
 
-Each label requires c·m ≤ N + σtA for the rows c of bending, |V| + |mT| ≤ c + μN, and c·m ≥ N − σcA where there is a
-compressive strength; dry joints have no tension, and crush along a curve, see `crushing`. Planar faces have the rows
-±m of a line and no torsion. Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12).
+Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12). Dry joints crush along a curve, see
+`crushing`; planar faces have the rows ±m of a line and no torsion.
 """
 
 from __future__ import annotations

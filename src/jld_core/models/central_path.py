@@ -1,10 +1,7 @@
 """Interior-point method for programs whose rows follow their own solution (quasi-variational inequalities).
 
-Wanted is a point y that is optimal in the program frozen at y. Each step is a Newton step on the optimality conditions
-of the frozen program, in which the rows are functions of y. Weights of the barrier select one of several paths.
-
-Source: docs/method.md (2.16) to (2.18); Facchinei, Kanzow and Sagratella 2014, Math. Program. 144, 369–412 for the
-conditions; Nesterov and Todd 1997, Math. Oper. Res. 22, 1–42 for the scaling of cones.
+Weights of the barrier select one of several paths. Source: docs/method.md (2.16) to (2.18); Facchinei, Kanzow and
+Sagratella 2014, Math. Program. 144, 369–412; Nesterov and Todd 1997, Math. Oper. Res. 22, 1–42.
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
 """Solve blocks whose inner faces need not yield as rigid bodies (docs/method.md (7.2)).
 
-A block glued by inner faces that stay below yield moves as one body. The equilibrium equations of its elements are
-summed. Its inner faces, and slits inside the block, are removed. The rigid λ is an upper bound: its mechanism is also a
-mechanism of the full model, where all inner jumps are zero by construction.
-
-The rigid λ is exact if every block has admissible inner forces under the boundary forces found: the full model then has
-a state with the same λ. A failed check proves nothing, because boundary forces are not unique. Blocks that fail are
-taken apart into their elements, and everything is solved and checked again.
+The rigid λ is an upper bound: all inner jumps of its mechanism are zero. It is exact if every block has admissible
+inner
+forces under the boundary forces found. A failed check proves nothing, because boundary forces are not unique: blocks
+that fail are taken apart into their elements, and everything is solved and checked again.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Template of the conic programs of one assembly: data independent of the labelling.
 
-Rows: equilibrium, λ ≥ −c (feasible near zero; gives proofs of instability their sign), yield rows. A labelling chooses
-between two arrays of numbers.
+The row λ ≥ −c, feasible near zero, gives proofs of instability their sign.
 """
 
 from __future__ import annotations

@@ -1,14 +1,13 @@
-"""Linear systems of the interior-point method, solved by a Schur complement.
+"""Linear systems of the interior-point method, solved by a Schur complement, docs/method.md (8.5).
 
-With W the scaling of the cones, E the equations and G the yield rows of a program, each step solves
+With W the scaling of the cones, E the equations and G the yield rows, each step solves
 
     [ 0  Eᵀ  Gᵀ ] [x]   [p]
     [ E  0   0  ] [u] = [q]
     [ G  0  −W² ] [v]   [r]
 
-H = GᵀW⁻²G has one small matrix block per face, so that A H⁻¹ Aᵀ couples only elements that touch. Its pattern is
-analysed once and it is factored by sparse Cholesky. Columns that border the matrix blocks are eliminated last. Source:
-docs/method.md (8.5); Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
+H = GᵀW⁻²G has one small matrix block per face. Columns that border the matrix blocks are eliminated last. Source:
+Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
 """
 
 from __future__ import annotations

@@ -1,13 +1,9 @@
 """Cube-and-conquer proof: split the search space into cubes and refute them in workers.
 
-This process keeps the formula, the bound and the records. Each worker receives a cube for a short time and
-returns conflicts and labellings that no mechanism refutes. Conflicts hold for the whole
-space and are sent to all other workers. A cube without any labelling left is **closed**. A cube that lasts is split
-in two by the most promising face as soon as there are too few cubes for all workers. A worker that
-dies loses only its current task; another worker receives the cube.
-
-The proof does not depend on the workers. Every conflict is proven by the same code wherever it is found. A closed
-cube is the answer of a satisfiability solver to a formula of such conflicts.
+Each worker receives a cube for a short time and returns conflicts, which hold for the whole space and go to all others,
+and labellings that no mechanism refutes. A cube without any labelling left is **closed**, by a satisfiability solver. A
+cube that lasts is split by the most promising face once there are too few for all workers. A worker that dies loses
+only its current task.
 """
 
 from __future__ import annotations
