@@ -15,7 +15,7 @@ and on a satisfiability solver, never on the tolerance of an optimiser.
 1. `context`: data that stay fixed; when to aim at which λ, and when annealing seeks better labellings.
 2. `driver`: `ProvingDriver` holds state, check and contradictions of every proof, by fields too (`field_exact`);
    `ConflictDriver` asks, checks and goes on; `Exact` proves the largest λ, or a front, and `minimum_count` the best
-   count that carries a required λ. `targets` holds what is to be proven.
+   count that carries a required λ. `Targets` hold what is to be proven.
 3. `cube_workers` gets conflicts in this process, its threads or others; `conflict_generation` draws labellings from the
    `formula`, refutes them and minimises their conflicts.
 4. `proof_state` stores conflicts and labellings handed over, once for all threads, and on record.
