@@ -39,7 +39,6 @@ class Limits:
 
     @property
     def extent(self) -> float:
-        """Longest side of the box."""
         return float(self.fit[-1])
 
 
@@ -174,7 +173,6 @@ def closed(bodies: list[Any], volume: float) -> Any | None:
 
 
 def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
-    """Return the name of the group (n,) that each cell joins."""
     group, volume = list(range(len(cells))), [cell.volume() for cell in cells]
     boxes = [np.array(cell.bounding_box()) for cell in cells]
     area: dict[tuple[int, int], float] = {}
@@ -270,7 +268,6 @@ def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float =
 
 
 def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
-    """Return planes without those that another one equals."""
     kept: list[Floats] = []
     for plane in planes:
         sign = 1.0 if plane[:3][np.argmax(np.abs(plane[:3]) > 1e-6)] > 0 else -1.0
@@ -281,7 +278,6 @@ def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
 
 
 def lifted(polygon: Any, plane: Floats) -> Floats:
-    """Return the corners (k, 3) of a polygon in a plane."""
     corners = shapely.get_coordinates(polygon.exterior)[:-1] @ basis(plane[:3]) + plane[3] * plane[:3]
     return np.where(np.abs(corners) < 1e-15, 0.0, corners)  # without the dust of rounding
 

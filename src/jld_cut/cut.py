@@ -191,7 +191,6 @@ def cut(
     out.mkdir(parents=True, exist_ok=True)
 
     def left(share: float) -> float:
-        """Return a share of the time that is left, s."""
         return share * (options.seconds - (time.perf_counter() - start))
 
     now = time.time()
@@ -304,7 +303,6 @@ def _low(bracket: Bracket) -> float:
 def _chosen(
     family: Family, block: Ints, coarse: float, bracket: Bracket, wish: Wish, clearance: float, end: float
 ) -> Chosen:
-    """Return a layout with its order and parts."""
     parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
     turned = frames(family.normals)
     large = [part.number for part in parts if not lay(part, wish.limits.fit, turned)]
@@ -315,7 +313,6 @@ def _chosen(
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
-    """Return the facts of a cut solid."""
     low, high, locked = chosen.bracket
     found, parts = chosen.family.found, len(chosen.parts)
     volumes = [cell.volume() for cell in chosen.family.cutting.cells]
@@ -392,7 +389,6 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
 
 
 def verdict(summary: dict[str, Any]) -> str:
-    """Return one sentence on what parts carry."""
     many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
     low = summary["bracket"][0]
     if summary["locked"]:
@@ -429,7 +425,6 @@ def verdict(summary: dict[str, Any]) -> str:
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options) -> None:
-    """Write parts, table, order and pictures."""
     scale = UNITS[options.unit]
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}

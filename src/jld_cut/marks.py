@@ -124,7 +124,6 @@ def mark(part: Part, unit: float) -> bool:
 
 
 def _sound(body: Any, volume: float, tool: float, unit: float) -> bool:
-    """Return whether a body is one piece of a volume, and closed in its file."""
     whole = len(pieces_of(body)) == 1 and abs(body.volume() - volume) <= _EXACT * max(tool, 1e-3 * volume)
     return whole and doubled_edges(*as_written(body, unit)) == 0
 
@@ -146,7 +145,6 @@ def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float
 
 
 def _tenon(comes: Part, stays: Part, joint: Joint, into: Floats, clearance: float, fit: Floats, unit: float) -> bool:
-    """Put one tenon on a part; return whether both parts stay sound."""
     plane = np.array([*into, float(joint.polygon[0] @ into)])
     spot = _spot(shapely.Polygon(joint.polygon @ basis(into).T), plane)
     side = _TENON * np.sqrt(joint.area)

@@ -54,19 +54,16 @@ class Part:
 
     @property
     def watertight(self) -> bool:
-        """Whether its file is closed and holds its volume."""
         return not self.open and self.error <= _TRUE
 
     @property
     def fault(self) -> str:
-        """What is wrong with its file."""
         edges = f"{self.open} edges that other than two faces meet at" if self.open else ""
         volume = f"a volume that differs by {self.error:.1e}" if self.error > _TRUE else ""
         return f"part {self.number} has {' and '.join(word for word in (edges, volume) if word)}"
 
     @property
     def name(self) -> str:
-        """Name of its files."""
         return f"part_{self.number:02d}"
 
 

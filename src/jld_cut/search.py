@@ -69,7 +69,6 @@ class Family:
 
     @property
     def normals(self) -> Floats:
-        """Return the different normals (c, 3) of its cuts."""
         found = np.array([plane[:3] for plane in self.cutting.planes]).reshape(-1, 3)
         return found[[k for k, n in enumerate(found) if not (np.abs(found[:k] @ n) > 1 - 1e-6).any()]]
 
@@ -88,8 +87,6 @@ class Family:
 
 @dataclass(frozen=True)
 class Wish:
-    """What a search is asked for."""
-
     setting: Setting
     limits: Limits
     mass: float | None
@@ -118,7 +115,6 @@ def body_of(solid: Any, wish: Wish) -> Body:
 
 
 def _scattered(facet: Facet) -> list[Facet]:
-    """Return each triangle of a surface as one of its own."""
     return [Facet(facet.corners[k : k + 1], facet.normals[k : k + 1]) for k in range(len(facet.corners))]
 
 
@@ -201,7 +197,6 @@ class Truth:
 
 
 def finite(value: float) -> float | None:
-    """Return a number, or None for an infinite or unknown one."""
     return float(value) if np.isfinite(value) else None
 
 

@@ -217,7 +217,6 @@ def exploration(done: Exploration) -> str:
 
 
 def _number(value: float | None) -> str:
-    """Return a number as text, "none" for None."""
     return "none" if value is None else f"{value:.9g}"
 
 

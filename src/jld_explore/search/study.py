@@ -114,7 +114,6 @@ class Study:
         }
 
     def open_records(self) -> Records:
-        """Open the record in the folder, existing or new; errors are those of `Records`."""
         own = self.settings.own_objective is not None
         values = len(self.assembly.cases) + (self.assembly.has_low_values) + own
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
@@ -153,7 +152,6 @@ class Study:
 
     @property
     def _own_bound(self) -> float | None:
-        """Bound of the driver; InputError for one that is no number."""
         bound = self.driver.bound
         if bound is not None and (not isinstance(bound, int | float | np.number) or not bound > -math.inf):
             where = f"driver {self.driver.name!r}"
@@ -304,11 +302,9 @@ class Study:
 
     @property
     def worker_spec(self) -> WorkerSpec:
-        """Return the specification of the evaluators of this study."""
         return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make)
 
     def _restore(self) -> None:
-        """Hand the evaluations on record to the driver."""
         packed = self.records.rows["labelling"]
         rows = unpack(packed, len(self.assembly.interfaces))
         known = [self.records.find(labels) for labels in rows]

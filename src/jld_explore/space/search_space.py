@@ -186,7 +186,6 @@ def _asked(bounds: Range) -> str:
 
 
 def _written(bounds: list[float | None]) -> str:
-    """Return [least, most] as in a scene."""
     return "[" + ", ".join("null" if bound is None else f"{bound:g}" for bound in bounds) + "]"
 
 
@@ -254,7 +253,6 @@ class SearchSpace:
 
     @cached_property
     def limits(self) -> Limits:
-        """Limits on blocks and counts."""
         return Limits(self.assembly, self.search)
 
     @cached_property
@@ -464,7 +462,6 @@ def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
 
 
 def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
-    """Return violations of limits on the size and shape of blocks."""
     limits, found = space.limits, []
     names = np.unique(blocks[0][space.assembly.elements.free])
     excepted = np.isin(names, blocks[0][limits.excepted])
@@ -485,7 +482,6 @@ def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
 
 
 def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
-    """Return violations of limits on counts and of the assembly sequence."""
     limits, found = space.limits, []
     for count, bounds in limits.on_counts:
         value = values_of(count, space.assembly, labels[None], space.graph, limits.block_shapes)[0]
@@ -503,7 +499,6 @@ def _words(bounds: Range) -> str:
 
 
 def _members(space: SearchSpace, block: Ints, name: int) -> Ints:
-    """Return the free elements of a block."""
     return np.flatnonzero((block == name) & ~space.assembly.elements.support)
 
 
