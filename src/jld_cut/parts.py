@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Floats, InputError, Ints, files
+from jld_core import Floats, InputError, Ints, checkpoint, files
 from jld_core.geometry import unions
 from jld_cut.cells import Joint, basis, closed, union
 from jld_cut.meshes import (
@@ -144,6 +144,7 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
 
 def plain_surface(solid: Any) -> unions.Surface:
     """Return the surface of a solid with each plane region as one face where that keeps its volume, else triangles."""
+    checkpoint()
     points, triangles = surface_of(solid)
     try:
         found = unions.union_solids([points], [triangles.tolist()])
