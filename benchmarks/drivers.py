@@ -185,7 +185,7 @@ def of_driver(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) ->
 def bits_of(space: SearchSpace) -> tuple[int, Callable[[Any], Bits]]:
     """How many bits a layout has for pymoo and nevergrad, and the layout nearest to some (one each, or none)."""
     ways = operators(space)
-    return ways.keys, lambda bits: ways.read(np.where(np.asarray(bits, dtype=bool), 0.75, 0.25).tolist())
+    return ways.keys, lambda bits: ways.read(np.where(np.asarray(bits, dtype=bool), 0.75, 0.25)[None])[0]
 
 
 def of_peer(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> Iterator[tuple[Bits, Any]]:
@@ -260,7 +260,7 @@ def neighbourhoods(space: SearchSpace, values: Callable[[list[Any]], Any], seed:
     yield rows, found
     while True:
         best = known[int(np.argmax(told))]
-        part = np.array(ways.parts(ways.read(np.where(best, 0.75, 0.25).tolist()))[0])
+        part = np.array(ways.parts(ways.read(np.where(best, 0.75, 0.25)[None])[0])[0])
         base, inside = part[ends[:, 0]] != part[ends[:, 1]], [int(rng.integers(len(part)))]
         for a in inside:  # the blocks nearest to a place, up to so many cells
             if len(inside) > 10 + 20 * rng.random():
