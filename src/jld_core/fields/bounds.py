@@ -21,7 +21,14 @@ from jld_core.fields.loads import FieldLoads, Segment, loaded_mesh
 from jld_core.fields.lower import LowerBound, StressField, tractions
 from jld_core.fields.mesh import Mesh, bisect, fanned, refine, split_at_centroids, subdivide
 from jld_core.fields.problem import Problem, Units, material_of, problem_of, require_refinement, units_of
-from jld_core.fields.transfer import REPAIRED, FieldMechanism, FieldStresses, mechanism_of, stresses_of, weighed
+from jld_core.fields.transfer import (
+    REPAIRED,
+    FieldMechanism,
+    FieldStresses,
+    mechanism_bounds,
+    mechanism_of,
+    stresses_of,
+)
 from jld_core.fields.upper import Settling, UpperBound, VelocityField, halved, jumps
 
 # Share of the indicator that marked triangles hold together (Dörfler marking). With 0.5 the flagship needs 3500
@@ -220,8 +227,6 @@ class FieldSetting:
 
 @dataclass(frozen=True)
 class Fields:
-    """Certified fields of one labelling on one mesh."""
-
     mesh: Mesh  # simplices of the velocities, scene coordinates
     split: Mesh  # simplices of the stresses: the same in the plane; in space each is split in four at its centroid
     labels: Bits  # (m,) True = dry
@@ -357,8 +362,6 @@ def status_of_bounds(lower: float, upper: float, gap: float) -> FieldStatus:
 
 @dataclass(frozen=True)
 class FieldStep:
-    """Bounds on one mesh."""
-
     simplices: int  # number of triangles or tetrahedra
     # lower, upper: bounds on λ from this mesh alone, infinite where none was found
     lower: float
@@ -406,21 +409,17 @@ class FieldBounds:
 
     @property
     def shape(self) -> str:
-        """Name of the simplices, in the plural."""
         return "triangles" if self.dimension == 2 else "tetrahedra"
 
     @property
     def simplices(self) -> int:
-        """Number of simplices of the last mesh."""
         return self.history[-1].simplices if self.history else 0
 
     @property
     def seconds(self) -> float:
-        """Time of all meshes, s."""
         return self.history[-1].seconds if self.history else 0.0
 
     def improved(self, fields: Fields, seconds: float, gap: float) -> FieldBounds:
-        """Return these bounds with each one that the fields of a further mesh improve."""
         units, (lower, upper), best = fields.problem.units, fields.bounds, self
         if fields.stress is not None and lower > best.lower:
             stress = units.stress * tensors(fields.stress.stress)
@@ -729,7 +728,7 @@ class PartialUpperBound:
 
     def weigh(self, velocity: Floats) -> FieldMechanism | None:
         """Compute the bounds that velocities (t, 3, 2) prove, without a solver; None where they prove nothing."""
-        return weighed(self._upper, velocity)
+        return mechanism_bounds(self._upper, velocity)
 
     def finer(self, mesh: Mesh, velocity: Floats, labels: Bits, undecided: Bools) -> Mesh:
         """Refine the mesh where a velocity field dissipates most, undecided faces taken as inner."""
@@ -743,7 +742,7 @@ class PartialUpperBound:
         best: WeighedField | None = None
         for share in REPAIRED:
             moved = self._upper.repaired(velocity, share)
-            found = weighed(self._upper, moved)
+            found = mechanism_bounds(self._upper, moved)
             bound = np.inf if found is None else found.bound_of(labels, undecided)
             if found is not None and np.isfinite(bound) and (best is None or bound < best.bound):
                 best = WeighedField(moved, found, float(bound))
