@@ -184,7 +184,7 @@ def of_driver(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) ->
 def bits_of(space: SearchSpace) -> tuple[int, Callable[[Any], Bits]]:
     """How many bits a layout has for pymoo and nevergrad, and the layout nearest to some (one each, or none)."""
     ways = operators(space)
-    return ways.keys, lambda bits: ways.read(np.where(np.asarray(bits, dtype=bool), 0.75, 0.25).tolist())
+    return ways.keys, lambda bits: ways.read(np.where(np.asarray(bits, dtype=bool), 0.75, 0.25)[None])[0]
 
 
 def of_peer(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> Iterator[tuple[Bits, Any]]:
