@@ -23,7 +23,7 @@ from jld_practice.design import (
 )
 from jld_practice.design.run import move_in_rounds, moved_trial
 from jld_practice.design.tessellations import with_materials_of
-from jld_practice.design.trials import NONE
+from jld_practice.design.trials import UNPROVEN
 
 FRICTION = 0.9
 
@@ -78,7 +78,7 @@ def test_results_of_earlier_rounds_are_kept(wall: Scene, tmp_path: Path) -> None
     """The winner after the rounds has the largest proven λ of all layouts that were moved, and more than at first."""
     assembly = build_assembly(wall)
     faces = solve(wall).bracket
-    stated = Trial("bond", "stated", wall, solve(wall).load_factor, faces, NONE, "")
+    stated = Trial("bond", "stated", wall, solve(wall).load_factor, faces, UNPROVEN, "")
     options = DesignOptions(seconds=20.0, jobs=1)
     work = Design(options, Outline(wall, ()), tmp_path, [Tessellation("bond", "bond", wall)], [stated])
     work.layouts["bond"] = [assembly.labels]

@@ -165,22 +165,23 @@ class Layers:
 
 
 def layers_of(surface: Surface, cell: int) -> Layers | None:
-    """Cut a long or flat cell of width w ≥ 3 s at s from both ends of side s, or half way for w ≥ 2 s.
+    """Cut a cell of width w between opposite facets of size s: at s from both if w ≥ 3 s, half way if w ≥ 2 s.
 
     None for others.
     """
-    own = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
-    normals = np.array([surface.facets[index].normal for index in own])
+    facets = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
+    normals = np.array([surface.facets[index].normal for index in facets])
     cosine = normals @ normals.T
     across = cosine.argmin(axis=1)
-    nodes = _nodes(surface, own)
+    nodes = _nodes(surface, facets)
     planes: list[tuple[Floats, float]] = []
     for i, j in enumerate(across.tolist()):
+        # facets that are each other's most opposite one
         if i < j and across[j] == i and cosine[i, j] < _OPPOSITE:
-            planes += _planes(surface, surface.facets[own[i]], surface.facets[own[j]], nodes)
+            planes += _planes(surface, surface.facets[facets[i]], surface.facets[facets[j]], nodes)
     if not planes:
         return None
-    parts = [Part((), tuple((k, surface.points[surface.facets[k].ring]) for k in own), ())]
+    parts = [Part((), tuple((k, surface.points[surface.facets[k].ring]) for k in facets), ())]
     for number, (normal, offset) in enumerate(planes):
         parts = [half for part in parts for half in _halves(part, number, normal, offset, surface.reach)]
     return Layers(np.array([n for n, _ in planes]), np.array([d for _, d in planes]), tuple(parts))
