@@ -273,7 +273,6 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def by_case(self) -> tuple[Assembly, ...]:
-        """Return one assembly for each load case; itself without cases."""
         if not self.cases:
             return (self,)
         return tuple(

@@ -81,7 +81,6 @@ class Experiments:
             files.write_text(self.folder / FILE, csv_of(self.table()))
 
     def table(self) -> pd.DataFrame:
-        """Return all experiments, strongest first."""
         import pandas as pd
 
         table = pd.DataFrame(list(self.rows.values()), columns=list(COLUMNS))
@@ -100,7 +99,6 @@ def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[s
 
 
 def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[str, Any]:
-    """Run one experiment and return its row of the table."""
     # A layout that does not stand under its dead loads carries 0.
     from jld_experiment import run_experiment
 
@@ -311,7 +309,6 @@ def table(curve: Curve) -> pd.DataFrame:
 
 
 def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return a result of limit analysis with the displacements of an experiment as mechanism."""
     # scaled to live power 1, or to a largest entry of 1 where it does not stand or the loads do not advance
     moved = curve.at_end
     power = float((curve.assembly.live * moved).sum())

@@ -124,7 +124,6 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
 
 
 def _node(line: dict[str, Any]) -> Node:
-    """Read a node; raise ValueError for an invalid line."""
     if line.keys() == {"split", "at"}:
         (axis,) = certificate.numbers_of([line["split"]])
         return Split(axis, _number(line["at"]))
@@ -168,7 +167,6 @@ def product(one: Polynomial, other: Polynomial) -> Polynomial:
 
 
 def add(total: Polynomial, term: Mapping[tuple[int, ...], Fraction | int], factor: Fraction | int = 1) -> None:
-    """Add a multiple of a polynomial to another one, which is changed."""
     for power, value in term.items():
         total[power] = total.get(power, 0) + factor * value
 
@@ -256,7 +254,6 @@ class BoxStructure:
             self.cases.append((dead, self._loads(case["live"], sizes, {}), Fraction(case["required"])))
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
-        """Return the displacement by each parameter of every point that moves."""
         corners = {point for loop in self.outlines for point in loop}
         found: dict[Pair, list[Vector]] = {}
         for parameter, motion in enumerate(claim.directions):
@@ -502,8 +499,6 @@ def _halves(
 
 
 class _Checker:
-    """Checker of the mechanisms of one claim."""
-
     def __init__(self, structure: BoxStructure, claim: BoxClaim) -> None:
         self._structure, self._bound = structure, Fraction(claim.bound)
 

@@ -45,7 +45,6 @@ class FieldMesh:
 
     @classmethod
     def of(cls, assembly: Assembly, vertices: VertexMesh) -> FieldMesh:
-        """Return the coarsest mesh of one load case."""
         # Nodes at a vertex follow it. Ends of loads that lie at no vertex are held with their load, and all other nodes
         # follow their neighbours, so that triangles deform evenly.
         setting = fields_bounds.FieldSetting.of(assembly)
@@ -62,7 +61,6 @@ class FieldMesh:
         return cls(setting, base, setting.coarse, follow, _interpolation(base, setting.coarse), loaded)
 
     def refined(self, mesh: fields_mesh.Mesh) -> FieldMesh:
-        """Return the same case on a mesh that was refined from the present one."""
         return replace(self, mesh=mesh, inside=_interpolation(self.base, mesh))
 
     @property

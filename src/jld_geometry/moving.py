@@ -50,7 +50,6 @@ def write_move(
     titles: tuple[str, str],
     out: Path,
 ) -> None:
-    """Write scene, table and picture of moved joints to files of one name."""
     import pandas as pd  # slow to import and needed for tables only
 
     names = ["start", "step", "value", "bracket_lo", "bracket_hi", "predicted", "radius", "solves", "seconds"]
@@ -65,7 +64,6 @@ def write_move(
 
 
 def value_text(value: float | None) -> str:
-    """Return a number as text for the terminal."""
     return "none" if value is None or math.isnan(value) else "locked" if value == math.inf else f"{value:.6g}"
 
 
@@ -94,7 +92,6 @@ def shape_of(text: str) -> Shape:
 
 
 def direction_of(text: str | None) -> Floats | None:
-    """Return the vector (3,) that a text states; None for None."""
     if text is None:
         return None
     try:
@@ -178,7 +175,6 @@ def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str
 
 
 def _write(done: ShapedJoints, out: Path) -> None:
-    """Write scene, table of shapes and picture."""
     import pandas as pd  # slow to import and needed for tables only
 
     from jld_views import figures
@@ -500,7 +496,6 @@ def _doubts(checked: dict[str, Any] | None) -> list[str]:
 
 
 def _facts(done: MovedJoints) -> dict[str, Any]:
-    """Return the object that `jld move --json` prints."""
     after = done.after
     load_factor = math.nan if after is None else after.load_factor
     bracket = (math.nan, math.nan) if after is None else after.bracket
@@ -523,14 +518,12 @@ def _facts(done: MovedJoints) -> dict[str, Any]:
 
 
 def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
-    """Return the line on the check by fields for the terminal, by name."""
     if checked is None or checked["skipped"] is not None:
         return {}
     return {"by fields": f"λ ≥ {value_text(checked['before'])} before, λ ≥ {value_text(checked['after'])} after"}
 
 
 def _words(facts: dict[str, Any], out: Path) -> str:
-    """Describe a move for the terminal."""
     ends = {
         "stationary": "stationary: no small movement raises it (a local statement; try --starts or --seconds)",
         "locked": 'locked: no live load is too large; limit "block_mass", "angle" or "box"',

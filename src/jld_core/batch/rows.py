@@ -119,7 +119,6 @@ class FactorPattern:
 
     @property
     def products(self) -> int:
-        """Return the number of products of matrix blocks in one factorisation."""
         return len(self.pair) + len(self.left)
 
 
@@ -141,7 +140,6 @@ def _key(a: Ints, b: Ints, places: Floats) -> tuple[bytes, bytes, bytes, tuple[i
 
 
 def _ends(first: bytes, second: bytes) -> tuple[Ints, Ints]:
-    """Return the ends (e,), (e,) of the edges of a key."""
     return np.frombuffer(first, dtype=np.int64), np.frombuffer(second, dtype=np.int64)
 
 
@@ -338,7 +336,6 @@ def _decided(template: Template) -> BatchRows | None:
 
 
 def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
-    """Compute the rows of all labels; None if unsupported."""
     return rows_of_sets(template.yield_set, len(template.assembly.interfaces), template.assembly.dimension, undecided)
 
 

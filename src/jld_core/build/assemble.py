@@ -166,7 +166,6 @@ def _glued_supports(scene: Scene, assembly: Assembly) -> tuple[str, ...]:
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
-    """Return the entry of "materials.faces" of each interface, or None."""
     found: list[FaceMaterial | None] = [None] * len(interfaces)
     for position, entry in enumerate(scene.materials.faces):
         where = f"materials.faces[{position}].between"
@@ -265,7 +264,6 @@ def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
 
 
 def _case(name: str, key: str, dead: Loads, live: Loads, required: float, elements: Elements) -> LoadCase:
-    """Return one load case; raise InputError if its live load is zero."""
     if not np.any(resultants(live, elements)):
         raise InputError(f"{key}.live", "the live load is zero", "at least one load that acts on a free element")
     return LoadCase(name, dead, live, required)

@@ -227,8 +227,6 @@ class FieldSetting:
 
 @dataclass(frozen=True)
 class Fields:
-    """Certified fields of one labelling on one mesh."""
-
     mesh: Mesh  # simplices of the velocities, scene coordinates
     split: Mesh  # simplices of the stresses: the same in the plane; in space each is split in four at its centroid
     labels: Bits  # (m,) True = dry
@@ -364,8 +362,6 @@ def status_of_bounds(lower: float, upper: float, gap: float) -> FieldStatus:
 
 @dataclass(frozen=True)
 class FieldStep:
-    """Bounds on one mesh."""
-
     simplices: int  # number of triangles or tetrahedra
     # lower, upper: bounds on λ from this mesh alone, infinite where none was found
     lower: float
@@ -413,21 +409,17 @@ class FieldBounds:
 
     @property
     def shape(self) -> str:
-        """Name of the simplices, in the plural."""
         return "triangles" if self.dimension == 2 else "tetrahedra"
 
     @property
     def simplices(self) -> int:
-        """Number of simplices of the last mesh."""
         return self.history[-1].simplices if self.history else 0
 
     @property
     def seconds(self) -> float:
-        """Time of all meshes, s."""
         return self.history[-1].seconds if self.history else 0.0
 
     def improved(self, fields: Fields, seconds: float, gap: float) -> FieldBounds:
-        """Return these bounds with each one that the fields of a further mesh improve."""
         units, (lower, upper), best = fields.problem.units, fields.bounds, self
         if fields.stress is not None and lower > best.lower:
             stress = units.stress * tensors(fields.stress.stress)

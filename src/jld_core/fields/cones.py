@@ -65,16 +65,10 @@ class Factor:
 
 @dataclass(frozen=True)
 class Terms:
-    """Entries of the reduced system as sums over weights of rows.
+    """Entries (e,) of the reduced system as sums over weights of rows.
 
-    The e entries are the diagonal ones, then those of `Factor.row`.
-
-    Attributes
-    ----------
-    fixed : (e,) float array
-        Part of each entry without weights.
-    start, weight, coefficient : (e + 1,), (t,), (t,) arrays
-        Terms of each entry. Weights are those of linear rows, then six of each cone: its upper triangle row by row.
+    fixed: part without weights. start, weight, coefficient: (e + 1,), (t,), (t,) terms. Entries are diagonal ones, then
+    those of `Factor.row`; weights those of linear rows, then six of each cone: its upper triangle row by row.
     """
 
     fixed: Floats
@@ -219,8 +213,6 @@ class Regularisation:
 
 @dataclass(frozen=True)
 class Stopping:
-    """Stopping criteria of the interior-point method."""
-
     # gap, residual: absolute or relative duality gap, and relative residual, at which a program counts as solved
     gap: float = 1e-9
     residual: float = 1e-9

@@ -1,7 +1,7 @@
 """Long and flat cells, cut in layers by planes before they are filled with tetrahedra.
 
-Fans about the centroid of a long or flat cell have no planes at 45° to its edges, where blocks shear, and none in the
-middle of its depth, where bending changes sign. Bricks of its smallest width at its ends have both.
+Fans about their centroid have no planes at 45° to edges, where blocks shear, and none in the middle of the depth, where
+bending changes sign. Bricks of the smallest width at the ends have both.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""Loads of cells as body forces and tractions with the resultants of the scene.
+"""Loads of cells as body forces and tractions with the resultants of the scene, docs/method.md (9.5).
 
-Rules: docs/method.md (9.5). Self-weight and body loads are uniform in each cell. Pressures and line loads are tractions
-where they act. A force on a free face of its cell is a traction on that face or on a patch of it. All other forces and
-moments are body forces that are constant in each triangle of the coarsest mesh, so that refinement never changes the
+Forces that no free face takes are constant in each triangle of the coarsest mesh, so that refinement never changes the
 load.
 """
 
@@ -85,8 +83,6 @@ class _FreeFace:
 
 @dataclass(frozen=True)
 class _Force:
-    """Force on a free face, scene units."""
-
     at: float  # distance of its place from the start of the face
     vector: Floats  # (2,)
     width: float | None  # of its patch, None where none is stated

@@ -1,7 +1,6 @@
-"""Lower bound: stress fields in equilibrium and within yield, linear in each simplex.
+"""Lower bound: stress fields in equilibrium and within yield, linear in each simplex, proven without the solver.
 
-Formulas: docs/method.md (9.6) to (9.9), in space (10.1), (10.4) and (10.5). The solver proposes a field. This module
-proves the bound: it projects the field onto equilibrium and checks every yield condition.
+Formulas: docs/method.md (9.6) to (9.9), in space (10.1), (10.4) and (10.5).
 """
 
 from __future__ import annotations
@@ -86,7 +85,6 @@ class LowerBound:
         return None if found is None else replace(found, rate=self._rate(answer.dual))
 
     def _parts(self, answer: Answer) -> tuple[Floats, float]:
-        """Return the stresses (size,) and λ of an answer."""
         return answer.point[: self._size], float(answer.point[-1])
 
     def _blend(self, proposed: Answer, labels: Bits) -> StressField | None:

@@ -175,7 +175,6 @@ class Mesh:
 
     @property
     def dimension(self) -> int:
-        """2 or 3."""
         return int(self.points.shape[1])
 
     @cached_property
@@ -223,7 +222,6 @@ class Mesh:
 
     @cached_property
     def sides(self) -> Sides:
-        """All sides with their neighbours, each once."""
         # Where two cells share a side that is on no interface, each cell has one of its own.
         _, number = self.side_nodes
         flat, each = number.ravel(), number.shape[1]
@@ -377,24 +375,10 @@ def subdivide(mesh: Mesh, parts: int) -> Mesh:
 
 
 def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
-    """Split marked triangles in four, and others as conformity requires.
+    """Split marked triangles (t,) in four, and others as conformity requires; tags and roots are inherited.
 
     Each triangle is bisected at its longest edge before its other edges (Plaza & Carey 2000, 4T-LE), so that angles
-    stay bounded away from 0; a marked one with a singular corner is bisected at that corner.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Any mesh.
-    marked : (t,) bool array
-        Triangles to split.
-    singular : (t,) int array, optional
-        Corner that a marked triangle is bisected at, −1 where it is the one opposite to the longest edge.
-
-    Returns
-    -------
-    Mesh
-        Conforming; tags and roots are inherited.
+    stay bounded away from 0; a marked one with a corner `singular` (t,), not −1, is bisected at that corner.
     """
     unique, number = mesh.side_nodes
     number = np.roll(number, 1, axis=1)  # column k is the edge from corner k to k + 1

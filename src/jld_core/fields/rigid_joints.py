@@ -1,7 +1,6 @@
 """Meshes of dry joints, fitted by rigid blocks before any field is solved for.
 
-Linear tractions cannot press at a corner, where hinges turn. Rigid blocks, whose programs are small, tell what that
-costs in each triangle.
+Linear tractions cannot press at a corner, where hinges turn; small programs tell what that costs in each triangle.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Loads of spatial cells as body forces and tractions with the resultants of the scene, docs/method.md (9.5), (10.3).
-
-Forces that no free face takes are constant in each tetrahedron of the coarsest mesh, so that refinement never changes
-the load.
-"""
+"""Loads of spatial cells as body forces and tractions with the scene's resultants, docs/method.md (9.5), (10.3)."""
 
 from __future__ import annotations
 
@@ -242,8 +238,6 @@ class _Force:
 
 
 class _Piece(NamedTuple):
-    """Part of a facet in its plane, with the tractions on it."""
-
     polygon: shapely.Polygon
     mean: Floats  # (2, 3) dead and live stress vector at the origin of the facet
     slope: Floats  # (2, 3, 3) their derivatives

@@ -1,8 +1,7 @@
-"""What one certified field proves for other labellings: upper and lower bounds on λ.
+"""What one certified field proves for other labellings: upper and lower bounds on λ, docs/method.md (9.13), (9.14).
 
-A mechanism dissipates in blocks and on faces; only the latter depends on labels, each face on its own. A stress field
-is within yield everywhere, so that it stands under every labelling whose dry faces it presses within friction.
-Formulas: docs/method.md (9.13) and (9.14).
+Only the dissipation of faces depends on labels, each on its own. A stress field within yield everywhere stands under
+every labelling whose dry faces it presses within friction.
 """
 
 from __future__ import annotations

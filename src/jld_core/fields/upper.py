@@ -1,8 +1,7 @@
-"""Upper bound: velocity fields that are linear in each simplex, with jumps on every side.
+"""Upper bound: velocity fields that are linear in each simplex, with jumps on every side, proven without the solver.
 
-Formulas: docs/method.md (9.10), (9.11), in space (10.2) and (10.6). The solver proposes velocities. This module proves
-the bound: in the plane it adds opening until every flow rule holds, in space the solver keeps a margin to them; then it
-recomputes dissipation and work from the velocities alone.
+Formulas: docs/method.md (9.10), (9.11), in space (10.2) and (10.6). In the plane opening is added until every flow rule
+holds; in space the solver keeps a margin to them.
 """
 
 from __future__ import annotations
@@ -548,7 +547,6 @@ class UpperBound:
         return None
 
     def _velocity(self, answer: Answer) -> Floats:
-        """Return the velocities (t, d + 1, d) of an answer."""
         return answer.point[: self.live.size].reshape(self.live.shape)
 
     def _falling(self, labels: Bits) -> VelocityField | None:
@@ -603,7 +601,6 @@ class UpperBound:
 
     @cached_property
     def _velocity_program(self) -> VelocityProgram:
-        """The program without margins."""
         return VelocityProgram(self.problem, self.live, self.dead, many=self._many)
 
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:

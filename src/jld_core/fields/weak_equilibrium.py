@@ -1,8 +1,7 @@
-"""Dual of the upper bound: stresses in weak equilibrium, and derivatives by nodes.
+"""Dual of the upper bound (11.9): stresses in weak equilibrium, and derivatives by nodes.
 
-By strong duality their largest λ is that of the best velocity field on the mesh (docs/method.md (11.9)). Stresses are
-constant in triangles and linear along edges, yield does not depend on the geometry, and equilibrium is polynomial in
-the positions of nodes. That makes this form the one for steps over positions. It proves nothing: `UpperBound` does.
+Yield does not depend on the geometry and equilibrium is polynomial in the positions of nodes, which makes this the form
+for steps over positions. It proves nothing: `UpperBound` does.
 """
 
 from __future__ import annotations
@@ -70,7 +69,6 @@ class WeakEquilibrium:
         return found
 
     def rows(self) -> ConeRows:
-        """Return equilibrium, yield and cones of this labelling."""
         p, mesh = self.problem, self.problem.mesh
         count, last = len(mesh), self.width - 1
         live, dead = self._loads
@@ -113,7 +111,6 @@ class WeakEquilibrium:
         return [(first, -1.0, every), (second, 1.0, some)]
 
     def _yield(self) -> Rows:
-        """Return the linear rows of yield in the material and on dry joints."""
         p, linear, panels = self.problem, Rows(), np.arange(self._panels)
         for a, b in p.material.lines:
             linear.add([(3 * self._panels + panels, 1.0), (3 * panels, -b)], a, self._panels)

@@ -435,7 +435,6 @@ def distance_from_face(faces: Interfaces, face: int, point: Floats) -> float:
 
 
 def _region(faces: Interfaces, face: int) -> shapely.MultiPolygon:
-    """Return the polygons of a spatial face in its plane, about its centroid."""
     arm = np.asarray(faces.polygon[face], dtype=float) - faces.origin[face]
     return area_of(shapely.Polygon(arm @ np.array([faces.e1[face], faces.e2[face]]).T))
 
@@ -449,7 +448,6 @@ def _off_segments(point: Floats, start: Floats, end: Floats) -> Floats:
 
 
 def _off_triangle(triangle: Floats) -> float:
-    """Return the distance of the origin from a triangle (3, 3)."""
     edge = float(_off_segments(np.zeros(3), triangle, np.roll(triangle, -1, axis=0)).min())
     normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
     size = float(np.linalg.norm(normal))

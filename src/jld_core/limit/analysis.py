@@ -211,7 +211,6 @@ class AttemptState:
         return self.proof.status is Status.COLLAPSE and not self.open
 
     def _width(self, load_scale: float) -> float:
-        """Return the width of the bracket relative to its ends, or to `load_scale` if larger."""
         return relative_width(self.proof.low, self.proof.high, load_scale)
 
 
@@ -589,7 +588,6 @@ FALLBACKS: Final = (
 
 
 def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback) -> tuple[Fallback, ...]:
-    """Return fallbacks with one more before the one of a name; ValueError for an unknown name."""
     names = [fallback.name for fallback in fallbacks]
     if name not in names:
         raise ValueError(f"there is no fallback {name!r}; expected one of {', '.join(names)}")

@@ -1,21 +1,9 @@
-"""Upper bounds on λ over all choices of blocks that cover an assembly.
+"""Upper bounds on λ over all choices of blocks that cover an assembly, docs/method.md (6.5), (6.6).
 
-Where the possible blocks p can be listed, a segmentation is a choice x_p ∈ {0, 1} with every element in exactly one
-block. The **block relaxation** gives every block forces of its own, in equilibrium under x_p times its weight and its
-share of λ. On the faces around the block they lie in x_p times the dry set, on the faces inside it in x_p times the
-inner set. Sets of wedge shape are represented by rays (`BlockProgram`), other sets by the rows and cones of the yield
-sets (`ConeProgram`). Forces on a face agree on both sides, and the shares of λ agree on all elements (docs/method.md
-(6.5), (6.6)). For blocks of few elements this bound is much tighter than the face-by-face `Relaxation`, because each
-block is one body.
-
-The dual is a mechanism for every block: velocities u of each element of each block, and a velocity w of each face,
-relative to which the blocks on either side open. For a load factor θ a block has an **excess**
-
-    e_p = θ b_λ·u_p + b·u_p − Σ_{inside} D_inner(J) − Σ_{around} D_dry(half jump),
-
-and a segmentation whose blocks have Σ e_p > 0 does not reach θ. Numbers v on the elements bound Σ e_p from below for
-all choices at once: Σ e_p ≥ Σ v + Σ_p min(0, e_p − Σ_{e ∈ p} v_e). All bounds are computed here from the values that
-the solver returned, whatever its status.
+Every possible block p has forces of its own, in equilibrium under x_p times its loads and in x_p times its sets; forces
+on a face agree on both sides, and λ on all elements. Sets of wedge shape are rays (`BlockProgram`), others rows and
+cones (`ConeProgram`). For blocks of few elements the bound is much tighter than that of the face-by-face `Relaxation`,
+because each block is one body. Bounds are computed from the values that the solver returned, whatever its status.
 """
 
 from __future__ import annotations
@@ -122,7 +110,6 @@ class BatchBlockProgram:
         return [self._multipliers(answers, k) for answers in portions_solved for k in range(len(answers.state))]
 
     def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
-        """Return velocities, multipliers and shares of one set of allowed blocks."""
         shared = answers.shared[k]
         return BlockMultipliers(
             velocity=-answers.own[k][self._balance],

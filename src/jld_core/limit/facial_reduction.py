@@ -1,9 +1,5 @@
-"""Facial reduction: finite-dissipation motions of assemblies that a self-stress confines.
+"""Facial reduction: finite-dissipation motions of assemblies that a self-stress confines, docs/method.md (3.12).
 
-A motion of finite dissipation has jumps J = −Gᵀz with z in the dual cones of the yield rows. A self-stress R in the
-recession cones gives z·(−G R) = 0. So z is zero in rows where R has slack. In a second-order cone with R on its
-boundary, z lies on the one conjugate ray: z = κ (1, −V/|V|), κ ≥ 0. Such rows are removed, and such cones are replaced
-by that ray. The search for self-stress is repeated until none is found (docs/method.md (3.12)).
 Sources: Borwein & Wolkowicz, Regularizing the abstract convex program, J. Math. Anal. Appl. 83 (1981); Permenter &
 Parrilo, Partial facial reduction, Math. Program. 171 (2018).
 """
@@ -377,8 +373,6 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _RowPosition:
-    """Slacks of a vector in a set of yield rows."""
-
     linear: Floats  # (k,) slacks of the linear rows
     head: Floats  # (c,) value of the first row of each cone
     tail: Floats  # (c, 2) values of its other rows
@@ -390,7 +384,6 @@ class _RowPosition:
 
     @property
     def least(self) -> float:
-        """Return the least slack of all linear rows and cones."""
         return float(min(self.linear.min(initial=np.inf), self.inside.min(initial=np.inf)))
 
 

@@ -50,8 +50,6 @@ _NO_LOAD_FACTOR: Final = 1e300
 
 @dataclass
 class _Chain:
-    """State of one annealing chain."""
-
     labelling: Bits | None = None  # (m,) current labelling, True = dry; None before the first one is evaluated
     energy: float = math.inf  # −λ of the current labelling
     case: int = 0  # index of its governing load case
@@ -94,7 +92,6 @@ class Anneal(Searcher):
 
     @cached_property
     def _movements(self) -> list[Movements]:
-        """One for each load case."""
         return [Movements(LimitAnalysis(case)) for case in self.space.assembly.by_case]
 
     @property
@@ -217,7 +214,6 @@ class Anneal(Searcher):
 
     @property
     def _temperature(self) -> float:
-        """Current temperature, in units of λ."""
         part = min((self._evaluated - self._cycle_start) / max(self._cycle_length, 1), 1.0)
         energy = self._best[0]
         size = abs(energy) if abs(energy) < _NO_LOAD_FACTOR else 1.0

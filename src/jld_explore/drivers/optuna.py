@@ -78,8 +78,6 @@ class OptunaOptions(DriverOptions):
 
 
 class Optuna(Searcher):
-    """Driver that proposes the trials of an Optuna sampler."""
-
     name = "optuna"
     Options = OptunaOptions
 
@@ -263,7 +261,6 @@ def _storage(url: str) -> Any:
 
 
 def _journal(file: Path) -> Any:
-    """Open the journal in the folder of a study."""
     # The lock of the study excludes other writers, so a lock file and an incomplete line of a killed run are removed.
     # One of `_JOURNAL_ERRORS` is raised for a damaged journal.
     from optuna.storages import JournalStorage
@@ -279,5 +276,4 @@ def _journal(file: Path) -> Any:
 
 
 def _unusable(url: str, error: Exception) -> InputError:
-    """Return the InputError for a storage that cannot be used."""
     return ParameterError("storage", f"{url!r} cannot be used ({str(error).splitlines()[0]})", "the URL of a database")

@@ -496,7 +496,6 @@ class _Case:
             return BatchResults.joined(list(pool.map(solved, np.array_split(labellings, self._threads))))
 
     def _add(self, proof: State | Motion) -> None:
-        """Keep a state or a motion for other labellings."""
         if len(self._bad) + len(self._cost) >= _KEPT:
             return
         sets = self._analysis.template.yield_set

@@ -45,8 +45,6 @@ _of_process: Final[
 
 @dataclass(frozen=True)
 class WorkerSpec:
-    """Pickled data from which a worker makes its evaluator."""
-
     content: bytes  # pickle of the function that makes the evaluator, the assembly and the settings
     digest: str  # SHA-256 of the content and the name of the batch solver
     parent: int  # process id of the process that made this specification
@@ -54,7 +52,6 @@ class WorkerSpec:
 
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
-        """Make the specification that workers need to evaluate labellings of an assembly."""
         content = cloudpickle.dumps((make, assembly, settings))  # pickle refuses functions defined in a program
         # Include the batch solver in the digest, since results depend on it.
         kernel = (chosen() or "none").encode()
@@ -84,7 +81,6 @@ class WorkerSpec:
 
     @property
     def settles_nearly_all(self) -> bool:
-        """True if the batch solver settles nearly all labellings."""
         evaluator = self.evaluator()
         return isinstance(evaluator, SharedEvaluator) and evaluator.settles_nearly_all
 
@@ -311,7 +307,6 @@ class Run:
             yield slice(part.start, part.start + len(found)), found
 
     def _arguments(self, number: int) -> tuple[Any, ...]:
-        """Return the arguments of `evaluate_batch` for one task."""
         part = self._slices[number]
         required, thresholds = self._first_required and number == 0, self._thresholds[part]
         return self._workers.spec, number, self._labellings[part], self._deadline, thresholds, required

@@ -106,7 +106,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
     front = tables.front_table(results, axes)
-    complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive and not study.undecided
+    complete = reason is StopReason.EXHAUSTED and not study.undecided
     found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.has_low_values:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
@@ -171,7 +171,6 @@ def _bracket_of_best(results: pd.DataFrame) -> list[float | None] | None:
 
 
 def _complaints(study: Study) -> list[str]:
-    """Return the problems of the record and of proofs in a study, one line each."""
     anew = f"{study.records.path.name} was empty: nothing had been finished, and the search began anew"
     left_out = (
         f"{study.undecided} layouts are left out: the search for an order whose stages stand stopped at its limit"

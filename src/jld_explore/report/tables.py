@@ -193,7 +193,6 @@ def _signed(table: pd.DataFrame, search: Search) -> Floats:
 
 
 def _plain(value: Any) -> float | int:
-    """Return a NumPy number as a Python number."""
     return float(value) if isinstance(value, float | np.floating) else int(value)
 
 

@@ -38,6 +38,7 @@ LETTERS: Final = 24  # letters of a labelling shown in a terminal
 # description of each `stop_reason` of a summary
 STOPPED: Final = {
     "exhausted": "nothing left to evaluate",
+    "driver": "the driver asks for no more",
     "proven": "the best proven",
     "unproven": "the proof did not pass its check",
     "budget": "budget used up",
@@ -217,7 +218,6 @@ def exploration(done: Exploration) -> str:
 
 
 def _number(value: float | None) -> str:
-    """Return a number as text, "none" for None."""
     return "none" if value is None else f"{value:.9g}"
 
 

@@ -114,7 +114,6 @@ class Study:
         }
 
     def open_records(self) -> Records:
-        """Open the record in the folder, existing or new; errors are those of `Records`."""
         own = self.settings.own_objective is not None
         values = len(self.assembly.cases) + (self.assembly.has_low_values) + own
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
@@ -153,7 +152,6 @@ class Study:
 
     @property
     def _own_bound(self) -> float | None:
-        """Bound of the driver; InputError for one that is no number."""
         bound = self.driver.bound
         if bound is not None and (not isinstance(bound, int | float | np.number) or not bound > -math.inf):
             where = f"driver {self.driver.name!r}"
@@ -304,11 +302,9 @@ class Study:
 
     @property
     def worker_spec(self) -> WorkerSpec:
-        """Return the specification of the evaluators of this study."""
         return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make)
 
     def _restore(self) -> None:
-        """Hand the evaluations on record to the driver."""
         packed = self.records.rows["labelling"]
         rows = unpack(packed, len(self.assembly.interfaces))
         known = [self.records.find(labels) for labels in rows]
@@ -330,8 +326,10 @@ class Study:
             return StopReason.PROVEN
         if self.driver.checks and not self.driver.exhaustive and not self.driver.working:
             return StopReason.UNPROVEN
-        # A driver with unfinished work returned because time ran out.
-        return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
+        if self.driver.working:  # it returned because time ran out
+            return StopReason.TIME
+        known = self.driver.exhaustive or (self.total is not None and len(self.records) >= self.total)
+        return StopReason.EXHAUSTED if known else StopReason.DRIVER
 
     def _discard_proof(self) -> None:
         """Withdraw the bound and all conflicts on record, because a proof failed its check."""

@@ -18,7 +18,7 @@ from jld_core.parameters import require_kind, typed
 from jld_core.plugins import part
 from jld_core.scene import Search
 from jld_core.scene.schema import Scene
-from jld_explore.space.counts import Terms, count_named, values_of
+from jld_explore.space.counts import Terms, count_named, refuse_unlike_images, values_of
 from jld_explore.space.labelling import Connectivity, Void, blocks_of, canonical, connectivity, void_of, with_sink
 from jld_explore.space.limits import CELLS, MEASURES, Limits, Measure, Range, block_sizes
 from jld_explore.space.symmetry import SymmetryGroup, symmetry_group
@@ -192,7 +192,6 @@ def _asked(bounds: Range) -> str:
 
 
 def _written(bounds: list[float | None]) -> str:
-    """Return [least, most] as in a scene."""
     return "[" + ", ".join("null" if bound is None else f"{bound:g}" for bound in bounds) + "]"
 
 
@@ -260,7 +259,6 @@ class SearchSpace:
 
     @cached_property
     def limits(self) -> Limits:
-        """Limits on blocks and counts."""
         return Limits(self.assembly, self.search)
 
     @cached_property
@@ -392,6 +390,8 @@ def search_space(
     if need_materials:
         _require_materials(limits, chosen, fixed, least, graph)
     symmetry = symmetry_group(assembly, scene, chosen, fixed, unknown=tells_apart)
+    if len(symmetry) > 1:
+        refuse_unlike_images(assembly, graph, symmetry.faces, chosen, fixed)
     return SearchSpace(assembly, search, chosen, fixed, graph, least, most, symmetry, void)
 
 
@@ -470,7 +470,6 @@ def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
 
 
 def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
-    """Return violations of limits on the size and shape of blocks."""
     limits, found = space.limits, []
     names = np.unique(blocks[0][space.assembly.elements.free])
     excepted = np.isin(names, blocks[0][limits.excepted])
@@ -491,7 +490,6 @@ def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
 
 
 def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
-    """Return violations of limits on counts and of the assembly sequence."""
     limits, found = space.limits, []
     for count, bounds in limits.on_counts:
         value = values_of(count, space.assembly, labels[None], space.graph, limits.block_shapes)[0]
@@ -509,7 +507,6 @@ def _words(bounds: Range) -> str:
 
 
 def _members(space: SearchSpace, block: Ints, name: int) -> Ints:
-    """Return the free elements of a block."""
     return np.flatnonzero((block == name) & ~space.assembly.elements.support)
 
 

@@ -323,7 +323,6 @@ def _blocks(winner: Trial) -> list[dict[str, str]]:
 
 
 def _next() -> list[str]:
-    """List commands that continue from a design, each with its purpose."""
     return [
         "jld report DIR --pdf: pages to print, with loads, blocks, moulds and the order of laying",
         "jld solve DIR/best.json --cracks fields: both bounds, narrower",

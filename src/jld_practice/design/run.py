@@ -378,7 +378,6 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
 
 
 def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
-    """Search the labels of one tessellation until a deadline, and add its best layout."""
     if tessellation.scene is None:
         raise ValueError("a tessellation without a scene is not searched")
     options = work.options

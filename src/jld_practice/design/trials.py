@@ -189,7 +189,6 @@ class Design:
 
     @property
     def winner(self) -> Trial | None:
-        """First layout of `ranked`, or None."""
         return next(iter(self.ranked), None)
 
     @property
@@ -279,7 +278,6 @@ _LEAST_EXPERIMENT: Final = 4.0  # shortest time in which a virtual experiment ma
 
 
 def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:
-    """Check the winner of a design in five ways, and return the results in order."""
     checks = [_timed(work, "laying", _laid, until.within(_SHARES["laying"] * until.remaining()))]
     say(f"check        {checks[0].words}")
     # the experiment has a process of its own, beside which bounds by fields are refined
@@ -300,7 +298,6 @@ def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> l
 
 
 def _timed(work: Design, name: str, make: Callable[[Design, Deadline], Check], until: Deadline) -> Check:
-    """Return the result of a check, or that no time was left."""
     # a first mesh and a first solve end late rather than never
     return Check(name, f"{name}: no time was left") if until.remaining() < _LEAST else make(work, until)
 
@@ -320,7 +317,6 @@ def _span(bounds: Bounds) -> str:
 
 
 def _by_fields(work: Design, until: Deadline) -> Check:
-    """Refine the bounds on λ by fields of the winner until a deadline."""
     # The winner in `work.trials` is replaced. Where fields do not apply, the check gives the reason.
     winner = _winner(work)
     assembly = built(winner)

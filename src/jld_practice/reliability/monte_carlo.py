@@ -117,7 +117,6 @@ class LimitFunction:
 
     @one_thread()
     def at_values(self, values: Floats) -> Limit:
-        """Return value and gradient by the values (v,) of the variables themselves."""
         found: list[tuple[float, Floats | None]] = []
         for case, asked in enumerate(self.bounds.structure.assembly.required.tolist()):
             analysis, proof = self.bounds.solved(values, case)
@@ -165,15 +164,12 @@ def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.nd
 
 
 class _Iteration:
-    """Iteration for the design point, with the gradients that it met."""
-
     def __init__(self, function: LimitFunction, point: Floats) -> None:
         self.function, self.point, self.reach = function, point, function.variables.reach
         self.met: list[tuple[Floats, Limit]] = []
         self.here = self.limit(point)
 
     def limit(self, point: Floats) -> Limit:
-        """Return the limit function at a point, and keep its gradient."""
         found = self.function.at(point)
         if math.isfinite(found.distance):
             self.met = [*self.met, (point, found)][-_KEPT:]
@@ -292,8 +288,6 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """Result of a simulation."""
-
     # samples, failures, resolved, undecided: samples; those that surely fail; those that the batch solver left open and
     # another route solved; those that stay open, which count as failures
     samples: int
@@ -325,8 +319,6 @@ def index_of(probability: float) -> float | None:
 
 @dataclass(frozen=True)
 class _Part:
-    """Counts of a portion of the samples."""
-
     failures: int
     resolved: int
     undecided: int
@@ -621,8 +613,6 @@ class ReliabilityOptions:
 
 @dataclass(frozen=True)
 class Reliability:
-    """Reliability of one layout by both methods."""
-
     variables: Variables  # random variables of the structure
     form: Form  # result of the first-order method
     simulation: MonteCarlo  # result of the simulation

@@ -34,8 +34,6 @@ _ROUTINES: Final = (
 
 
 class Solves(Protocol):
-    """A factored matrix."""
-
     def solve(self, rhs: Floats) -> Floats:
         """Solve the system for right-hand sides (n,) or (n, k)."""
 
@@ -67,8 +65,6 @@ def _addresses() -> tuple[int, ...] | None:
 
 
 class CompiledFronts:
-    """Compiled factorisation of matrices of one pattern."""
-
     def __init__(self, fronts: Fronts, variant: str, routines: tuple[int, ...]) -> None:
         self._library = library(variant)
         self.order, self.place = fronts.order, fronts.place

@@ -1,14 +1,13 @@
-"""Linear systems of the interior-point method, solved by a Schur complement.
+"""Linear systems of the interior-point method, solved by a Schur complement, docs/method.md (8.5).
 
-With W the scaling of the cones, E the equations and G the yield rows of a program, each step solves
+With W the scaling of the cones, E the equations and G the yield rows, each step solves
 
     [ 0  Eᵀ  Gᵀ ] [x]   [p]
     [ E  0   0  ] [u] = [q]
     [ G  0  −W² ] [v]   [r]
 
-H = GᵀW⁻²G has one small matrix block per face, so that A H⁻¹ Aᵀ couples only elements that touch. Its pattern is
-analysed once and it is factored by sparse Cholesky. Columns that border the matrix blocks are eliminated last. Source:
-docs/method.md (8.5); Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
+H = GᵀW⁻²G has one small matrix block per face. Columns that border the matrix blocks are eliminated last. Source:
+Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
 """
 
 from __future__ import annotations
@@ -129,11 +128,9 @@ class SchurSystem:
             self._edge.append(filled((m, high, count), family.edge, data))
 
     def equations(self, x: Floats) -> Floats:
-        """Return E x (equations,) for x (columns,)."""
         return np.asarray(self._equations @ x)
 
     def yields(self, x: Floats) -> Floats:
-        """Return G x (yield rows,) for x (columns,)."""
         return np.asarray(self._yields @ x)
 
     def transposed(self, u: Floats, v: Floats) -> Floats:
@@ -222,7 +219,6 @@ class SchurSystem:
         return best
 
     def _once(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """Solve the system once, without refinement."""
         blocks, scaling = self.blocks, self._scaling
         rho = scaling.divide(r)
         c = p + np.asarray(self._yields_t @ scaling.divide(rho))
@@ -517,8 +513,6 @@ class SchurSolver(Solver):
 
 
 class _Iteration:
-    """State of the interior-point iterations for one program."""
-
     def __init__(self, program: ConicProgram, system: SchurSystem, tolerance: float, gap: float) -> None:
         edge = program.structure.equalities
         self.system, self.tolerance, self.gap = system, tolerance, gap
@@ -591,7 +585,6 @@ class _Iteration:
         return Iterate(x, u, s, v)
 
     def _status_of(self, it: Iterate) -> tuple[RawStatus | None, float]:
-        """Return the final status of an iterate, or None to continue, and its error."""
         # The error is relative to the tolerances.
         system, q, r, h = self.system, self.q, self.r, self.h
         gradient = system.transposed(it.u, it.v)
@@ -631,5 +624,4 @@ class _Iteration:
 
 
 def _largest(vector: Floats) -> float:
-    """Return the largest absolute value of a vector, 0 if it is empty."""
     return float(abs(vector).max(initial=0.0))

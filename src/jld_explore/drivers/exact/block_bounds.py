@@ -64,7 +64,6 @@ class BlockBoundPool:
 
     @property
     def solves(self) -> int:
-        """Number of programs solved."""
         return self._here.solves
 
     def set_workers(self, jobs: int) -> None:
@@ -72,7 +71,6 @@ class BlockBoundPool:
         self._two_threads = jobs > 1 or client_of_cluster() is not None
 
     def close(self) -> None:
-        """Stop the second thread."""
         self._two_threads = False
         if self._threads is not None:
             self._threads.shutdown()
@@ -155,7 +153,6 @@ class BlockBoundTightening:
         self._next = math.inf
 
     def is_due(self, relaxations: int, least: float) -> bool:
-        """Return whether the programs should be solved now."""
         last = self._least
         return relaxations >= self._next and (last is None or least > last + _INCREASE * abs(last))
 
@@ -232,8 +229,6 @@ def sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:
 
 
 class BlockConflictCheck:
-    """Repeated refutation of conflicts of possible blocks."""
-
     def __init__(self, context: CheckedProof) -> None:
         self._context = context
         self.done = 0
@@ -268,8 +263,6 @@ class BlockConflictCheck:
 
 
 class _BlockRefutation:
-    """Refutation of single conflicts of possible blocks."""
-
     def __init__(self, context: CheckedProof, blocks: PossibleBlocks, most: float, end: float) -> None:
         self._context, self._blocks, self._most, self._end = context, blocks, most, end
         self._tables = BlockTables(context.space, blocks)

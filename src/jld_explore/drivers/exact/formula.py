@@ -292,7 +292,6 @@ class Formula:
         )
 
     def _new(self) -> int:
-        """Create a variable and return its number."""
         self._last_variable += 1
         return self._last_variable
 
@@ -441,7 +440,6 @@ class Cube:
     labels: tuple[bool, ...] = ()
 
     def and_face(self, face: int, *, dry: bool) -> Cube:
-        """Return the part of the cube with the label `dry` on one more face."""
         return Cube((*self.faces, face), (*self.labels, dry))
 
     def holds(self, labels: Bits) -> bool:

@@ -80,7 +80,6 @@ class FreeBits:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def _repaired(self, rows: Bits, rng: BufferedRandom) -> Bits:
-        """Repair the rows that are not feasible, and drop those for which repair fails."""
         good = feasible(self.space, rows)
         if good.all():
             return rows
@@ -94,7 +93,6 @@ class FreeBits:
         return mended[feasible(self.space, mended)]
 
     def _repair_part(self, row: Bits, part: Parts, rng: BufferedRandom) -> Bits | None:
-        """Repair one row (m,) through its blocks; return None if no repair is found."""
         # limits refer to blocks, which inner faces determine: blocks are changed first, labels inside keep their values
         # as far as each block stays connected
         new = self._repair(part, rng)
@@ -103,7 +101,6 @@ class FreeBits:
         root = list(range(len(self.graph)))
 
         def find(a: int) -> int:
-            """Return the root of an atom in the disjoint sets."""
             while root[a] != a:
                 root[a] = a = root[root[a]]
             return a

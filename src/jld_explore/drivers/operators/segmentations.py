@@ -270,7 +270,6 @@ class Segmentations:
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed))
 
     def parts(self, labellings: Bits) -> list[Parts]:
-        """Return the partition of each labelling (k, m): the part of each atom."""
         found: list[Parts] = blocks_of(self.space.graph, labellings)[:, self.graph.first].tolist()
         return found
 
@@ -323,7 +322,6 @@ class Segmentations:
         return [0.75 if part[a] != part[b] else 0.25 for a, b in self.graph.pairs]
 
     def random(self, rng: BufferedRandom) -> Parts | None:
-        """Return a random segmentation as a partition, or None if none is found."""
         low, high = self.limits.parts
         threshold = rng.real()
         if (low, high) != (-inf, inf):
