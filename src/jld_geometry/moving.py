@@ -412,7 +412,8 @@ def _finish(
     if assembly.has_low_values and done.after is not None:
         nominal = solve_rigid(done.after.assembly.at_nominal, labels).load_factor
         facts["load_factor_nominal"] = number(nominal)
-    check = _bounded if by_fields else _check_by_fields
+    # a move by fields has its value proven here; one by faces only gets a second opinion
+    check = _replace_by_field_bounds if by_fields else _check_by_fields
     checked = check(facts, assembly, done, labels, until)
     facts["fields"], facts["warnings"] = checked, [*done.warnings, *_doubts(checked)]
     table = [vars(point) | {"bracket_lo": point.bracket[0], "bracket_hi": point.bracket[1]} for point in done.points]
@@ -469,7 +470,7 @@ def _check_by_fields(
     return found
 
 
-def _bounded(
+def _replace_by_field_bounds(
     facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
 ) -> dict[str, Any]:
     """Put bounds by fields into the facts of a move; return the lower ones before and after."""

@@ -22,7 +22,7 @@ from jld_core import (
     parse_scene,
     solvers,
 )
-from jld_core.limit import State, repair
+from jld_core.limit import State
 from jld_core.linalg import projection
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
@@ -98,7 +98,7 @@ def test_rays_of_walls_that_a_dead_load_pushes_sideways_need_no_simplex(monkeypa
     def refused(*_: object) -> None:
         raise AssertionError("simplex on a large program")
 
-    monkeypatch.setattr(repair, "polygonal_support", refused)
+    monkeypatch.setattr("jld_core.limit.facial_reduction.polygonal_support", refused)
     content = document("planar", 16) | {"loads": {"live": [{"body": [0, -1]}]}}
     content["materials"]["gravity"] = [30.0, -9.81]
     scene = parse_scene(content)
