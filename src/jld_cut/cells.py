@@ -10,8 +10,16 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, Ints
-from jld_cut.meshes import manifold3d, open_edges, pieces_of, solid_of, surface_of
-from jld_cut.whole import normals_of, outer_surface, triangles_of
+from jld_cut.meshes import (
+    manifold3d,
+    normals_of,
+    open_edges,
+    outer_surface,
+    pieces_of,
+    solid_of,
+    surface_of,
+    triangles_of,
+)
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour

@@ -26,10 +26,9 @@ from jld_core import (
 )
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.families import FAMILIES, Body
-from jld_cut.loads import Facet, Region, facet_of, shares
 from jld_cut.meshes import moments, surface_of
 from jld_cut.partitions import Asked, Bounds, Boxes, Found, frames, labels_of, search
-from jld_cut.scene import Setting, grounds_of, scene_of
+from jld_cut.scene import Facet, Region, Setting, facet_of, grounds_of, scene_of, shares
 from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.evaluation import Pool
 

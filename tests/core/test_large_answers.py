@@ -14,8 +14,8 @@ from cases import box
 from jld_core import Assembly, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import State, repair
-from jld_core.linalg import projection
-from jld_core.linalg.projection import ConsistentProjector
+from jld_core.linalg import factors as projection
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
 from jld_core.solvers import LARGE
 from jld_explore import search_space

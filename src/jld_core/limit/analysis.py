@@ -17,9 +17,18 @@ from jld_core.assembly import Assembly
 from jld_core.batch import chosen
 from jld_core.batch.batch_solver import FALLS, BatchResults, BatchSolver
 from jld_core.batch.rows import fits
-from jld_core.limit.bounds import Motion, Prover, State, apart, load_scale, relative_width
+from jld_core.limit.bounds import (
+    FACES_WHERE_BATCH_IS_FASTER,
+    Motion,
+    Proof,
+    Prover,
+    State,
+    apart,
+    load_scale,
+    offer_results,
+    relative_width,
+)
 from jld_core.limit.options import Model, Status
-from jld_core.limit.proof import FACES_WHERE_BATCH_IS_FASTER, Proof, offer_results
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, result_of
 from jld_core.mechanics import require_materials, scaling_of, yield_set

@@ -166,7 +166,5 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "highs": ["highs_of", "highs_ends"],
-    },
+    {"highs": ["highs_of", "highs_ends"]},
 )
