@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Floats, InputError, Ints, files
+from jld_core import Floats, InputError, Ints, checkpoint, files, time_left
 from jld_core.geometry import unions
 from jld_cut.cells import Joint, basis, closed, sides_of, union
 from jld_cut.meshes import (
@@ -145,6 +145,7 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
 
 def plain_surface(solid: Any) -> unions.Surface:
     """Return the surface of a solid with each plane region as one face where that keeps its volume, else triangles."""
+    checkpoint()
     points, triangles = surface_of(solid)
     try:
         found = unions.union_solids([points], [triangles.tolist()])
@@ -274,6 +275,7 @@ def _tool(spot: Spot, number: int, height: float, low: float, high: float) -> An
 def mark(part: Part, unit: float) -> bool:
     """Engrave number and arrow into a face of a part; return whether one had the room."""
     for spot in spots(part.solid):
+        checkpoint()
         bars = np.array(_bars(part.number)).reshape(-1, 2)
         height = 0.9 * 2.0 * spot.radius / float(np.linalg.norm(np.ptp(bars, axis=0)))
         depth = _DEPTH * height
@@ -298,6 +300,8 @@ def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float
     place = {int(block[part.cells[0]]): part for part in parts}
     made: set[tuple[int, int]] = set()
     for joint in sorted(joints, key=lambda one: -one.area):
+        if time_left() <= 0.0:
+            break
         one, other = place[int(block[joint.a])], place[int(block[joint.b])]
         pair = (min(one.number, other.number), max(one.number, other.number))
         if one is other or pair in made or not (one.step and other.step) or one.step == other.step:

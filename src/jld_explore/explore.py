@@ -414,12 +414,14 @@ def _run_study(study: Study, deadline: Deadline) -> StopReason:
             if not len(done.results):
                 stop.words = "stopped before a layout was solved; --resume begins with the first"
         raise
-    if not len(study.records) and reason in (StopReason.EXHAUSTED, StopReason.PROVEN, StopReason.TIME):
+    if not len(study.records) and reason is not StopReason.BUDGET:
         # The space, too large to count beforehand, is empty, or no labelling was found in time.
         for path in (study.records.path, study.folder / "scene.json"):
             path.unlink(missing_ok=True)
         if not any(study.folder.iterdir()):
             study.folder.rmdir()
+        if reason is StopReason.DRIVER:
+            raise InputError(f"driver {study.driver.name!r}", "it asks for no layout", "one that its Register admits")
         raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
     return reason
 

@@ -12,7 +12,7 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase
 from jld_core.build import materials
-from jld_core.build.elements import Geometry, faces_of_pairs, planar_geometry, spatial_geometry, weighed
+from jld_core.build.elements import Geometry, faces_of_pairs, planar_geometry, spatial_geometry, with_self_weights
 from jld_core.build.fill import Backing
 from jld_core.build.loads import Boundary, PlacedCase, cases_of, cases_of_pushes
 from jld_core.build.materials import with_bond, with_members
@@ -105,7 +105,7 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
         scene = load_scene(scene)
     geometry = build_geometry(scene) if geometry is None else geometry
     interfaces, given = geometry.interfaces, geometry.given
-    elements = weighed(geometry.elements, geometry.entries, scene)
+    elements = with_self_weights(geometry.elements, geometry.entries, scene)
     of_faces = _face_materials(scene, elements, interfaces)
     boundary = Boundary(elements, interfaces, scene.plane_thickness, _backing(scene, elements))
     cases = _cases(scene, boundary)

@@ -82,7 +82,7 @@ def collect_elements(
     )
 
 
-def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
+def with_self_weights(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
     direction = materials.direction_of_weight(scene)
     gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))
     weight = [

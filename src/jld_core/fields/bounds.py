@@ -21,7 +21,14 @@ from jld_core.fields.loads import FieldLoads, Segment, loaded_mesh
 from jld_core.fields.lower import LowerBound, StressField, tractions
 from jld_core.fields.mesh import Mesh, bisect, fanned, refine, split_at_centroids, subdivide
 from jld_core.fields.problem import Problem, Units, material_of, problem_of, require_refinement, units_of
-from jld_core.fields.transfer import REPAIRED, FieldMechanism, FieldStresses, mechanism_of, stresses_of, weighed
+from jld_core.fields.transfer import (
+    REPAIRED,
+    FieldMechanism,
+    FieldStresses,
+    mechanism_bounds,
+    mechanism_of,
+    stresses_of,
+)
 from jld_core.fields.upper import Settling, UpperBound, VelocityField, halved, jumps
 
 # Share of the indicator that marked triangles hold together (Dörfler marking). With 0.5 the flagship needs 3500
@@ -721,7 +728,7 @@ class PartialUpperBound:
 
     def weigh(self, velocity: Floats) -> FieldMechanism | None:
         """Compute the bounds that velocities (t, 3, 2) prove, without a solver; None where they prove nothing."""
-        return weighed(self._upper, velocity)
+        return mechanism_bounds(self._upper, velocity)
 
     def finer(self, mesh: Mesh, velocity: Floats, labels: Bits, undecided: Bools) -> Mesh:
         """Refine the mesh where a velocity field dissipates most, undecided faces taken as inner."""
@@ -735,7 +742,7 @@ class PartialUpperBound:
         best: WeighedField | None = None
         for share in REPAIRED:
             moved = self._upper.repaired(velocity, share)
-            found = weighed(self._upper, moved)
+            found = mechanism_bounds(self._upper, moved)
             bound = np.inf if found is None else found.bound_of(labels, undecided)
             if found is not None and np.isfinite(bound) and (best is None or bound < best.bound):
                 best = WeighedField(moved, found, float(bound))

@@ -122,7 +122,7 @@ class LowerBound:
         if margin not in self._programs:
             (objective, matrix, rhs, sizes), owner = self._program(self.problem.on_faces, margin)
             many = self._many and margin == self._margins[0]
-            program = ConeProgram(objective, matrix, rhs, (sizes.zero, sizes.linear, sizes.threes), many)
+            program = ConeProgram(objective, matrix, rhs, sizes, many)
             self._programs[margin] = program, owner
         return self._programs[margin]
 

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.fields.cones import ConeProgram, Rows
+from jld_core.fields.cones import ConeProgram, ConeSizes, Rows
 from jld_core.fields.problem import Problem
 from jld_core.fields.upper import UpperBound
 
@@ -25,7 +25,7 @@ class ConeRows:
 
     matrix: sp.csr_array  # A
     right: Floats  # (rows,) b
-    sizes: tuple[int, int, int]  # numbers of equations, inequalities s ≥ 0, and cones of three rows, in this order
+    sizes: ConeSizes
 
 
 class WeakEquilibrium:
@@ -99,7 +99,7 @@ class WeakEquilibrium:
         cones.add([(stacked, -1.0)], 0.0, 3 * self._panels)
         whole = sp.csr_array(sp.vstack([matrix, linear.matrix(self.width), cones.matrix(self.width)]))
         right = np.concatenate([balance.right, linear.right, cones.right])
-        return ConeRows(whole, right, (6 * count, linear.count, self._panels))
+        return ConeRows(whole, right, ConeSizes(6 * count, linear.count, self._panels))
 
     def _corners(self, own: Ints, end: int, axis: int) -> list[tuple[Ints, float, Ints]]:
         """Return rows, signs and edges of the triangles on both sides of edges at one end."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import scipy.linalg as la
@@ -53,6 +53,9 @@ _POSITIVE: Final = 1e-6  # Multiplier, relative to the largest, above which it c
 _LEFT_AFTER_REDUCTION: Final = 1e-12  # Size of a forbidden jump below which its row is dropped.
 # Share of the largest velocity that a pseudo-inverse leaves as rounding.
 _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
+
+# Faces with reduced rows (n,), and the projectors (n, q, q) onto their allowed jumps.
+_Allowed: TypeAlias = tuple[Ints, Floats]
 
 
 class FacialReduction:
@@ -166,8 +169,8 @@ class FacialReduction:
             # Where faces slide, jumps stay on a curved cone: take Newton steps along its tangent at the present slip.
             jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
             speed = float(abs(velocity).max()) if turned else np.inf
-            bases = self._allowed_jumps(program, reduced, jumps, speed)
-            forbid = self._forbidden(bases)
+            allowed = self._allowed_jumps(program, reduced, jumps, speed)
+            forbid = self._forbidden(allowed)
             if idle:
                 forbid = sp.csr_array(sp.vstack([forbid, sp.csr_array(live[None] / np.linalg.norm(live))]))
             projector, nothing = ConsistentProjector(forbid), np.zeros(forbid.shape[0])
@@ -184,75 +187,97 @@ class FacialReduction:
                 if not work * _ROUNDED > tolerances.ROUNDING * float(abs(live).max() * abs(velocity).max()):
                     continue
                 velocity, work = velocity / work, 1.0
-            found = self._measured(velocity, work, labels, bases)
+            found = self._measured(velocity, work, labels, allowed)
             if found.margin >= 0.0:
                 return found
         return None
 
-    def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> dict[int, Floats]:
-        """Return a basis (q, k) of the allowed jumps of each face with reduced rows."""
+    def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> _Allowed:
+        """Return faces with reduced rows (n,) and the projectors (n, q, q) onto their allowed jumps."""
         # A self-stress proves that some yield rows hold with equality: they are removed, and a cone is replaced by the
         # tangent along the self-stress. By duality a jump is a combination of the rows that are left, J = Gᵀz, so that
-        # these rows span what is allowed. A face without a reduced row needs no basis. Columns of further unknowns
-        # (beyond the resultants) have no jump: only combinations z that vanish there count. The bases are orthonormal.
+        # these rows span what is allowed. A face without a reduced row needs no projector. Columns of further unknowns
+        # (beyond the resultants) have no jump: only combinations z that vanish there count.
         s, q = program.structure, self.template.assembly.freedoms
         yields = program.matrix.tocsr()
-        pattern = self.template.yield_set.pattern
+        row_face = self.template.yield_set.pattern.row_face
         faces = len(self.template.assembly.interfaces)
         first = s.equalities + 1
         whole = np.zeros(s.shape[0], dtype=bool)
         whole[reduced.linear] = True
         for cone in reduced.cones:
             whole[s.heads[cone] : s.heads[cone] + s.cones[cone]] = True
-        rays: dict[int, list[Floats]] = {}
+        whole = whole[first : first + len(row_face)]
+        edge = np.unique(row_face[~whole])
+        place = np.full(faces, -1)
+        place[edge] = np.arange(len(edge))
+        kept = np.flatnonzero(whole & (place[row_face] >= 0))
+        rows, owner = [yields[first + kept]], [place[row_face[kept]]]
         for cone, direction in reduced.rays.items():
-            rows = yields[s.heads[cone] : s.heads[cone] + s.cones[cone]].toarray()
-            face = int(pattern.row_face[s.heads[cone] - first])
-            rays.setdefault(face, []).extend(_tangent(rows, direction, jumps[face], q * face, speed))
-        bases: dict[int, Floats] = {}
-        for face in range(faces):
-            own = first + np.flatnonzero(pattern.row_face == face)
-            if whole[own].all():
-                continue
-            table = np.vstack([yields[own[whole[own]]].toarray(), *(row[None] for row in rays.get(face, []))])
-            extra = table[:, q * faces :]
-            extra = extra[:, np.any(extra != 0.0, axis=0)]
-            free = la.null_space(extra.T) if extra.size else np.eye(len(table))
-            bases[face] = la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
-        return bases
+            cone_rows = yields[s.heads[cone] : s.heads[cone] + s.cones[cone]].toarray()
+            face = int(row_face[s.heads[cone] - first])
+            tangents = _tangent(cone_rows, direction, jumps[face], q * face, speed)
+            rows.append(sp.csr_array(np.array(tangents)))
+            owner.append(np.full(len(tangents), place[face]))
+        return edge, _projectors(sp.coo_array(sp.vstack(rows)), np.concatenate(owner), edge, (faces, q))
 
-    def _forbidden(self, bases: dict[int, Floats]) -> sp.csr_array:
-        """Return E (rows, q·free) with E u = 0 if and only if reduced faces have jumps in `bases`."""
+    def _forbidden(self, allowed: _Allowed) -> sp.csr_array:
+        """Return E (rows, q·free) with E u = 0 if and only if reduced faces have allowed jumps."""
+        faces, onto = allowed
         q = self.template.assembly.freedoms
-        faces = np.array(sorted(bases), dtype=np.int64)
         jumps = sp.csr_array(self.prover.transposed[(q * faces[:, None] + np.arange(q)).ravel()])
         if not len(faces):
             return jumps
-        away = [sp.csr_array(np.eye(q) - bases[face] @ bases[face].T) for face in faces.tolist()]
-        stacked = sp.csr_array(sp.block_diag(away, format="csr") @ jumps)
+        away = sp.bsr_array((np.eye(q) - onto, np.arange(len(faces)), np.arange(len(faces) + 1)))
+        stacked = sp.csr_array(away @ jumps)
         return sp.csr_array(stacked[abs(stacked).max(axis=1).toarray().ravel() > _LEFT_AFTER_REDUCTION])
 
-    def _measured(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
-        """Compute margin and bound of velocities, jumps of reduced faces projected onto their bases."""
+    def _measured(self, velocity: Floats, work: float, labels: Bits, allowed: _Allowed) -> Motion:
+        """Compute margin and bound of velocities, jumps of reduced faces projected onto the allowed ones."""
         # The margin is −inf if this changes a jump by more than rounding.
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         # of each face: self-stress bounds no force here, so fast motions elsewhere excuse no closing jump
         met = (abs(self.prover.transposed) @ abs(velocity)).reshape(jumps.shape).max(axis=1)
         noise = self.prover.exact * met + _LAST_DIGIT * max(float(abs(velocity).max()), 1.0)
-        for face, basis in bases.items():
-            snapped = basis @ (basis.T @ jumps[face])
-            if abs(snapped - jumps[face]).max() > noise[face]:
-                return Motion(velocity, jumps, work, -np.inf, np.inf)
-            jumps[face] = snapped
+        edge, onto = allowed
+        snapped = (onto @ jumps[edge][:, :, None])[:, :, 0]
+        if np.any(abs(snapped - jumps[edge]).max(axis=1) > noise[edge]):
+            return Motion(velocity, jumps, work, -np.inf, np.inf)
+        jumps[edge] = snapped
         # Set a jump to zero if it is below the rounding of the sums it comes from.
         jumps[abs(jumps).max(axis=1) <= 1e-3 * noise] = 0.0
         sets = self.template.yield_set
         margin = sets.margin(jumps, labels)
-        edge: Ints = np.array(sorted(bases), dtype=np.int64)
         own = self.prover.exact * abs(jumps[edge]).max(axis=1)
         margin[edge] = np.where(abs(margin[edge]) <= own, 0.0, margin[edge])
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
         return Motion(velocity, jumps, work, float(margin.min()), bound, self.prover.noise(velocity, bound))
+
+
+def _projectors(rows: sp.coo_array, owner: Ints, edge: Ints, sizes: tuple[int, int]) -> Floats:
+    """Return projectors (n, q, q) onto what the rows of each of the faces `edge` (n,) span.
+
+    rows: (r, columns); owner: (r,) place in `edge`; sizes: all faces, q.
+    """
+    faces, q = sizes
+    order = np.argsort(owner, kind="stable")
+    count = np.bincount(owner, minlength=len(edge))
+    number = np.empty(len(owner), dtype=np.int64)  # of each row within its face
+    number[order] = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    tables = np.zeros((len(edge), max(1, int(count.max(initial=0))), q))
+    at, column, beyond = owner[rows.row], rows.col - q * edge[owner[rows.row]], rows.col >= q * faces
+    own = (column >= 0) & (column < q)
+    tables[at[own], number[rows.row[own]], column[own]] = rows.data[own]
+    extra = sp.csr_array(rows)
+    for face in np.unique(at[beyond & (rows.data != 0.0)]).tolist():
+        further = extra[np.flatnonzero(owner == face)][:, q * faces :].toarray()
+        free = la.null_space(further.T)
+        left = free.T @ tables[face, : len(further)]
+        tables[face] = 0.0
+        tables[face, : len(left)] = left
+    left, size, _ = np.linalg.svd(tables.transpose(0, 2, 1), full_matrices=False)
+    spans = size > np.finfo(float).eps * max(tables.shape[1:]) * size.max(axis=1, initial=0.0)[:, None]
+    return np.asarray((left * spans[:, None, :]) @ left.transpose(0, 2, 1))
 
 
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:

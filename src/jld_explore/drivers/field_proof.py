@@ -19,7 +19,7 @@ from jld_core.deadline import checkpoint
 from jld_core.errors import InputError, ParameterError
 from jld_core.fields.bounds import Fields, FieldSetting, PartialUpperBound, WeighedField
 from jld_core.fields.mesh import Mesh
-from jld_core.fields.transfer import FieldMechanism, weighed
+from jld_core.fields.transfer import FieldMechanism, mechanism_bounds
 from jld_core.limit.mechanism import DualBound
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import conflict_of
@@ -622,7 +622,7 @@ def refuting_step(
 def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
     if fields.velocity is None:
         return None
-    found = weighed(fields.upper, fields.velocity.velocity)
+    found = mechanism_bounds(fields.upper, fields.velocity.velocity)
     bound = np.inf if found is None else found.bound_of(fields.labels, np.zeros_like(free)) / required
     if not np.isfinite(bound):
         return None

@@ -106,7 +106,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
     front = tables.front_table(results, axes)
-    complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive and not study.undecided
+    complete = reason is StopReason.EXHAUSTED and not study.undecided
     found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.has_low_values:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}

@@ -38,6 +38,7 @@ LETTERS: Final = 24  # letters of a labelling shown in a terminal
 # description of each `stop_reason` of a summary
 STOPPED: Final = {
     "exhausted": "nothing left to evaluate",
+    "driver": "the driver asks for no more",
     "proven": "the best proven",
     "unproven": "the proof did not pass its check",
     "budget": "budget used up",

@@ -105,7 +105,7 @@ class FieldStudy(Study):
             self._until(whole.earlier((1.0 - _SEARCHED) * whole.remaining()))
         reason = super().run()
         self._until(whole)
-        self._complete = reason is StopReason.EXHAUSTED and self.driver.exhaustive
+        self._complete = reason is StopReason.EXHAUSTED
         self._open_again()
         pool = self._pool(unpack(self.records.rows["labelling"], len(self.assembly.interfaces)))
         try:

@@ -326,8 +326,10 @@ class Study:
             return StopReason.PROVEN
         if self.driver.checks and not self.driver.exhaustive and not self.driver.working:
             return StopReason.UNPROVEN
-        # A driver with unfinished work returned because time ran out.
-        return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
+        if self.driver.working:  # it returned because time ran out
+            return StopReason.TIME
+        known = self.driver.exhaustive or (self.total is not None and len(self.records) >= self.total)
+        return StopReason.EXHAUSTED if known else StopReason.DRIVER
 
     def _discard_proof(self) -> None:
         """Withdraw the bound and all conflicts on record, because a proof failed its check."""

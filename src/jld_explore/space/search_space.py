@@ -18,7 +18,7 @@ from jld_core.parameters import require_kind, typed
 from jld_core.plugins import part
 from jld_core.scene import Search
 from jld_core.scene.schema import Scene
-from jld_explore.space.counts import Terms, count_named, values_of
+from jld_explore.space.counts import Terms, count_named, refuse_unlike_images, values_of
 from jld_explore.space.labelling import Connectivity, Void, blocks_of, canonical, connectivity, void_of, with_sink
 from jld_explore.space.limits import CELLS, MEASURES, Limits, Measure, Range, block_sizes
 from jld_explore.space.symmetry import SymmetryGroup, symmetry_group
@@ -384,6 +384,8 @@ def search_space(
     if need_materials:
         _require_materials(limits, chosen, fixed, least, graph)
     symmetry = symmetry_group(assembly, scene, chosen, fixed, unknown=tells_apart)
+    if len(symmetry) > 1:
+        refuse_unlike_images(assembly, graph, symmetry.faces, chosen, fixed)
     return SearchSpace(assembly, search, chosen, fixed, graph, least, most, symmetry, void)
 
 
