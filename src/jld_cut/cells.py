@@ -32,8 +32,6 @@ _CONCAVE: Final = np.radians(20.0)  # turn of a concave edge that is split
 
 @dataclass(frozen=True)
 class Limits:
-    """What a cell, and a part, may be."""
-
     fit: Floats  # (3,) sides of the box, ascending
     volume: float
     aim: int = 24  # cells, where nothing else decides
@@ -75,7 +73,6 @@ class Cutting:
         self.size = float((box[3:] - box[:3]).max())
 
     def through(self, normal: Floats, offset: float, which: Iterable[int] | None = None) -> None:
-        """Cut all cells, or some, by a plane."""
         chosen = set(range(len(self.cells)) if which is None else which)
         found: list[Any] = []
         for k, cell in enumerate(self.cells):

@@ -473,7 +473,6 @@ def verdict(summary: dict[str, Any]) -> str:
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
-    """Write parts, table, order and pictures."""
     scale = UNITS[options.unit]
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}

@@ -105,8 +105,6 @@ _GRID: Final = 400  # boxes of a grid above which it is not cut
 
 @dataclass(frozen=True)
 class Body:
-    """Uncut solid with what acts on it."""
-
     solid: Any
     held: Floats  # (h, 3) points at supports
     forces: list[tuple[Floats, Floats]]

@@ -191,7 +191,6 @@ class Truth:
         return [] if lock is None else np.unique(self.of[np.asarray(lock.elements)]).tolist()
 
     def result(self, block: Ints) -> LimitAnalysisResult:
-        """Solve a layout for its mechanism."""
         return self._bounds.analysis.solve(labels_of(self._bounds.assembly, block[self.of][None])[0])
 
     def solve(self, block: Ints) -> Bracket:
@@ -289,8 +288,6 @@ def told(family: Family, require: float) -> str:
 
 
 class Listed(Driver):
-    """Driver that has given layouts evaluated."""
-
     name = "listed"
 
     def __init__(self, space: SearchSpace, rows: Bits) -> None:

@@ -301,7 +301,6 @@ class _StepRows:
         self._groups[group].append((sp.csr_array((entries.data, (entries.row, entries.col + at)), shape=shape), right))
 
     def program(self) -> ConeProgram:
-        """Return the program that maximises the last column."""
         objective = np.zeros(self._width)
         objective[-1] = -1.0
         whole = sp.csr_array(sp.vstack([rows for group in self._groups for rows, _ in group]))

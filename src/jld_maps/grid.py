@@ -431,13 +431,11 @@ class Swept:
 
     @one_thread()
     def _portion(self, places: Floats) -> dict[str, Any]:
-        """Return the columns of some points (k, axes)."""
         found = self._bounds(places, self.labels)
         whole = found if self._whole is None else self._bounds(places, self._whole, named=False)
         return found | {"uncut": np.where(np.isfinite(whole["bracket_hi"]), whole["bracket_hi"], np.nan)}
 
     def _bounds(self, places: Floats, labels: Bits, *, named: bool = True) -> dict[str, Any]:
-        """Return the columns of some points (k, axes)."""
         analyses, left = self._usual[labels.tobytes()], np.arange(len(places))
         found: dict[str, Any] = {}
         for _ in range(_STARTS):

@@ -280,7 +280,6 @@ class FieldBracket:
 
     @property
     def _spent(self) -> float:
-        """Return the processor time of all meshes, s."""
         return sum(bounds.seconds for bounds in self._bounds if bounds is not None)
 
     def _next(self) -> int | None:

@@ -40,8 +40,6 @@ class Point(Part):
 
 
 class Row(Point):
-    """Limit on a sum of resultants times factors."""
-
     most: Annotated[float, Field(ge=0, description="a number of at least 0: no force is inside a yield surface")]
 
 

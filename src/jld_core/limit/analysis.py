@@ -36,7 +36,7 @@ from jld_core.mechanics.standard import InnerBending
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, Solver, is_large, make_solver
 from jld_core.solvers.base import EARLY
-from jld_core.solvers.schur.system import SchurSolver
+from jld_core.solvers.schur import SchurSolver
 from jld_core.threads import one_thread
 
 _GROWS: Final = 1e3  # Scaled λ above which a state without an upper bound may be unbounded.

@@ -263,7 +263,6 @@ class Segmentations:
         ]  # fmt: skip
 
     def labels(self, parts: list[Parts]) -> Bits:
-        """Return the labellings (k, m) of k partitions."""
         names = np.array(parts, dtype=np.int64).reshape(len(parts), len(self.graph))
         across = names[:, self.graph.face_a] != names[:, self.graph.face_b]
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed))

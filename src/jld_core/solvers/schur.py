@@ -26,7 +26,7 @@ from jld_core.linalg.factors import Fronts
 from jld_core.program import ConicProgram
 from jld_core.program.template import Structure
 from jld_core.solvers.base import EARLY, RawSolution, RawStatus, Solver, Suffices
-from jld_core.solvers.schur.compiled_fronts import (
+from jld_core.solvers.schur_fronts import (
     BlockEquations,
     Cones,
     FaceBlocks,
