@@ -10,8 +10,16 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, Ints, checkpoint
-from jld_cut.meshes import manifold3d, open_edges, pieces_of, solid_of, surface_of
-from jld_cut.whole import normals_of, outer_surface, triangles_of
+from jld_cut.meshes import (
+    manifold3d,
+    normals_of,
+    open_edges,
+    outer_surface,
+    pieces_of,
+    solid_of,
+    surface_of,
+    triangles_of,
+)
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
@@ -24,8 +32,6 @@ _CONCAVE: Final = np.radians(20.0)  # turn of a concave edge that is split
 
 @dataclass(frozen=True)
 class Limits:
-    """What a cell, and a part, may be."""
-
     fit: Floats  # (3,) sides of the box, ascending
     volume: float
     aim: int = 24  # cells, where nothing else decides
@@ -67,7 +73,6 @@ class Cutting:
         self.size = float((box[3:] - box[:3]).max())
 
     def through(self, normal: Floats, offset: float, which: Iterable[int] | None = None) -> None:
-        """Cut all cells, or some, by a plane."""
         chosen = set(range(len(self.cells)) if which is None else which)
         found: list[Any] = []
         for k, cell in enumerate(self.cells):

@@ -28,10 +28,9 @@ from jld_core import (
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.clock import SEARCHED, Clock
 from jld_cut.families import FAMILIES, Body
-from jld_cut.loads import Facet, Region, facet_of, shares
 from jld_cut.meshes import moments, surface_of
 from jld_cut.partitions import Asked, Bounds, Boxes, Found, frames, labels_of, search
-from jld_cut.scene import Setting, grounds_of, scene_of
+from jld_cut.scene import Facet, Region, Setting, facet_of, grounds_of, scene_of, shares
 from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.evaluation import Pool
 
@@ -192,7 +191,6 @@ class Truth:
         return [] if lock is None else np.unique(self.of[np.asarray(lock.elements)]).tolist()
 
     def result(self, block: Ints) -> LimitAnalysisResult:
-        """Solve a layout for its mechanism."""
         return self._bounds.analysis.solve(labels_of(self._bounds.assembly, block[self.of][None])[0])
 
     def solve(self, block: Ints) -> Bracket:
@@ -290,8 +288,6 @@ def told(family: Family, require: float) -> str:
 
 
 class Listed(Driver):
-    """Driver that has given layouts evaluated."""
-
     name = "listed"
 
     def __init__(self, space: SearchSpace, rows: Bits) -> None:

@@ -21,11 +21,8 @@ from jld_core import InputError, ParameterError, build_assembly, parse_scene
 from jld_cut import Options, cut
 from jld_cut.cells import BENT, Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union
 from jld_cut.cut import verdict
-from jld_cut.elastic import compressed
-from jld_cut.families import axis_of
+from jld_cut.families import axis_of, compressed
 from jld_cut.fields import scene_of_parts
-from jld_cut.loads import outside, parse_load, shares
-from jld_cut.marks import mark, tenons
 from jld_cut.meshes import (
     as_read,
     as_written,
@@ -38,8 +35,8 @@ from jld_cut.meshes import (
     write_3mf,
 )
 from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
-from jld_cut.parts import Part, different, lay, plain_surface, write_parts
-from jld_cut.scene import scene_of
+from jld_cut.parts import Part, different, lay, mark, plain_surface, tenons, write_parts
+from jld_cut.scene import outside, parse_load, scene_of, shares
 from jld_cut.search import Family, Truth, body_of, family_of
 from jld_explore import ExploreSettings, explore
 
