@@ -113,6 +113,13 @@ def fields_of(problem: Any, labels: np.ndarray) -> tuple[Any, Any]:
 # A solver that cannot be believed, for proofs that must not need it to be.
 
 
+def holds(found: Any, exact: float, gap: float = np.inf) -> None:
+    """A bracket by fields holds the exact value and is no wider than a gap."""
+    assert found.lower <= exact * (1 + 1e-9)
+    assert found.upper >= exact * (1 - 1e-9)
+    assert found.gap <= gap
+
+
 class Noisy(Solver):
     """A route that spoils the answer of another."""
 
