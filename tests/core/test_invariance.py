@@ -17,7 +17,6 @@ from command import SCENES
 from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry import outlines as polygons
 from jld_core.geometry import planar_contacts, spatial_contacts
-from jld_core.geometry.outlines import clean_parts, intersections
 
 ARCH = grid_document(
     ["#aabbcc#", "#aaabcc#"], friction=0.6, live=[{"element": "c3r0", "force": [0, -1]}, {"body": [0.2, 0]}]

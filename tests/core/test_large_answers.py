@@ -11,12 +11,20 @@ import scipy.sparse as sp
 from benchmarks.large import document
 
 from cases import box
-from jld_core import Assembly, Deadline, DeadlinePassed, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene, solvers
-from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import State, repair
-from jld_core.linalg import factors as projection, projection
+from jld_core import (
+    Assembly,
+    Deadline,
+    DeadlinePassed,
+    LimitAnalysis,
+    SolveOptions,
+    Status,
+    build_assembly,
+    parse_scene,
+    solvers,
+)
+from jld_core.limit import State
+from jld_core.linalg import factors as projection
 from jld_core.linalg.factors import ConsistentProjector
-from jld_core.linalg.projection import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
