@@ -51,8 +51,8 @@ _TEXT_BOX: Final = 8  # flag of a boundary of a hatch that keeps a text free
 # Gaps of a boundary of a hatch, relative to its size: up to which its ends are one, and beyond which it is open
 _JOINED, _OPEN = 1e-6, 0.02
 
+# Prefix of numbered custom properties in drawings written by jld: scene keys that a drawing does not show.
 FACTS: Final = "jld"
-"""Prefix of numbered custom properties in drawings written by jld: scene keys that a drawing does not show."""
 
 
 def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
