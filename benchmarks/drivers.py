@@ -27,8 +27,7 @@ from jld_core import Scene, parse_scene
 from jld_core.arrays import Bits
 from jld_core.limit.options import Status
 from jld_explore.drivers import make_driver, operators
-from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.space.search_space import SearchSpace
 
 WEAK: Final = strength(2e4)
@@ -184,7 +183,7 @@ def of_driver(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) ->
 def bits_of(space: SearchSpace) -> tuple[int, Callable[[Any], Bits]]:
     """How many bits a layout has for pymoo and nevergrad, and the layout nearest to some (one each, or none)."""
     ways = operators(space)
-    return ways.keys, lambda bits: ways.read(np.where(np.asarray(bits, dtype=bool), 0.75, 0.25).tolist())
+    return ways.keys, lambda bits: ways.read(np.where(np.asarray(bits, dtype=bool), 0.75, 0.25)[None])[0]
 
 
 def of_peer(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> Iterator[tuple[Bits, Any]]:

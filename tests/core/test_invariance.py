@@ -17,6 +17,7 @@ from command import SCENES
 from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry import outlines as polygons
 from jld_core.geometry import planar_contacts, spatial_contacts
+from jld_core.geometry.outlines import clean_parts, intersections
 
 ARCH = grid_document(
     ["#aabbcc#", "#aaabcc#"], friction=0.6, live=[{"element": "c3r0", "force": [0, -1]}, {"body": [0.2, 0]}]
@@ -304,3 +305,17 @@ def test_stated_spatial_interfaces_that_cannot_be_meant_are_refused(corners: lis
     with pytest.raises(InputError, match=r"interfaces\[1\]: it covers interfaces\[0\]"):
         build_assembly(parse_scene(scene(elements, interfaces=twice)))
     assert misfits(scene(elements, interfaces=twice[:1])) == []
+
+
+def test_a_warped_face_bounds_both_solids_alike() -> None:
+    """Wherever the loops of its corners begin: the volumes of two solids beside it add up to that of both."""
+    pair = [box("a", (0, 0, 0), (1, 1, 1)), box("b", (0, 0, 1), (1, 1, 2))]
+    pair[0]["vertices"][4][2] = pair[1]["vertices"][0][2] = 1.2
+    found = []
+    for turn in range(4):
+        turned = pair[1] | {"faces": [face[turn:] + face[:turn] for face in pair[1]["faces"]]}
+        document = scene([box("g", (0, 0, -1), (1, 1, 0), support=True), pair[0], turned])
+        assembly = build_assembly(parse_scene(document))
+        assert assembly.elements.volume[1:].sum() == pytest.approx(2.0, rel=1e-12)
+        found.append(solve(assembly).load_factor)
+    assert found == pytest.approx([found[0]] * 4, rel=1e-9)

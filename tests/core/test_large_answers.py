@@ -11,19 +11,11 @@ import scipy.sparse as sp
 from benchmarks.large import document
 
 from cases import box
-from jld_core import (
-    Assembly,
-    Deadline,
-    DeadlinePassed,
-    LimitAnalysis,
-    SolveOptions,
-    Status,
-    build_assembly,
-    parse_scene,
-    solvers,
-)
+from jld_core import Assembly, Deadline, DeadlinePassed, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene, solvers
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import State, repair
-from jld_core.linalg import projection
+from jld_core.linalg import factors as projection, projection
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore import search_space
@@ -98,7 +90,7 @@ def test_rays_of_walls_that_a_dead_load_pushes_sideways_need_no_simplex(monkeypa
     def refused(*_: object) -> None:
         raise AssertionError("simplex on a large program")
 
-    monkeypatch.setattr(repair, "polygonal_support", refused)
+    monkeypatch.setattr("jld_core.limit.facial_reduction.polygonal_support", refused)
     content = document("planar", 16) | {"loads": {"live": [{"body": [0, -1]}]}}
     content["materials"]["gravity"] = [30.0, -9.81]
     scene = parse_scene(content)

@@ -143,7 +143,7 @@ def test_a_small_space_is_left_completely_known(driver: str, options: dict[str, 
 
 @pytest.mark.parametrize(("name", "options"), [("anneal", {"chains": 4}), ("portfolio", {})])
 def test_evaluations_decide_what_is_next_and_no_clock(name: str, options: dict[str, int]) -> None:
-    """The same seed and budget give the same rows, whatever the portions that answers come in."""
+    """The same seed and budget give the same rows, whatever portions answers come in and what is prepared meanwhile."""
     scene = parse_scene(grid_document(WALL, **OPTIONS))
     space = search_space(scene, build_assembly(scene))
     solver = Evaluator(space.assembly, EvaluatorSettings())
@@ -152,9 +152,23 @@ def test_evaluations_decide_what_is_next_and_no_clock(name: str, options: dict[s
         driver, rows = DRIVERS[name](space, 3, **options), []
         while sum(map(len, rows)) < 300:
             rows.append(driver.ask(portion))
+            if portion is None:
+                driver.prepare()
             driver.tell(rows[-1], [solver.evaluate(labels) for labels in rows[-1]])
         asked.append(np.concatenate(rows)[:300])
     assert (asked[0] == asked[1]).all()
+
+
+def test_two_jobs_give_the_table_of_one(tmp_path: Path) -> None:
+    """The second one halves batches and decides beside them what stands, where not all layouts do."""
+    document = grid_document(["aaaaaaaa", "aaaaaaaa", "#......#"], block_cells=[2, 6])
+    tables = []
+    for jobs in (1, 2):
+        settings = ExploreSettings(driver="portfolio", budget=300, jobs=jobs, pictures=False, check_fields=0)
+        done = explore(parse_scene(document), tmp_path / str(jobs), settings)
+        tables.append(done.results.drop(columns="seconds").to_csv(index=False))
+    assert tables[0] == tables[1]
+    assert 0 < done.results["stands_at_zero"].sum() < len(done.results)
 
 
 @pytest.mark.parametrize("aim", ["best", "front"])
