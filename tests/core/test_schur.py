@@ -26,11 +26,8 @@ from jld_core import (
 )
 from jld_core.geometry import spun
 from jld_core.program import ConicProgram, Template, pack
-from jld_core.solvers import ClarabelSolver, LARGE, RawSolution, RawStatus, make_solver
-from jld_core.solvers.base import EARLY
-from jld_core.solvers.schur import Iterate, Newton, SchurSolver, SchurSystem
-from jld_core.solvers.schur.compiled_fronts import BlockEquations
-from jld_core.solvers.schur.system import Iterate, Newton, SchurSystem
+from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus, make_solver
+from jld_core.solvers.schur import Iterate, Newton, SchurSystem
 from jld_core.solvers.schur_fronts import BlockEquations
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
