@@ -270,8 +270,8 @@ def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: 
             f"the largest overlap of two parts is {whole['overlap'].max():.1e} of a part.",
             f"{counts['proven']} of {len(whole)} are proven: all layouts of their cells with at most as many parts are "
             "known.",
-            f"λ is at least {ratio.min():.3f} times that of planes along the axes with as many parts, and at least 1.15 "
-            f"times it on {len(better)}: {', '.join(better)}. Such planes need more parts on {len(fewer)}: "
+            f"λ is at least {ratio.min():.3f} times that of planes along the axes with as many parts, and at least "
+            f"1.15 times it on {len(better)}: {', '.join(better)}. Such planes need more parts on {len(fewer)}: "
             f"{', '.join(fewer)}.",
             f"Keys raise λ on {len(keyed)}: {', '.join(gains) or 'none'}. On the others none slides, or no key "
             "raises it.",
