@@ -17,7 +17,7 @@ from benchmarks.common import table, write
 from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.threads import one_thread
 from jld_geometry import GeometrySearch, check_proof, move_joints, prove_box
-from jld_geometry.optimise import MovedJoints
+from jld_geometry.search import MovedJoints
 
 Document = dict[str, Any]
 

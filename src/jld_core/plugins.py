@@ -77,7 +77,7 @@ def load(group: str, name: str) -> Any:
         return point.load()
     except InputError:  # it says what it needs
         raise
-    except Exception as error:  # whatever the code of a stranger raises
+    except (Exception, SystemExit) as error:  # whatever the code of a stranger raises
         where = f"plug-in {name!r} of the package {package(point)}"
         remedy = f"a package that imports; python -c 'import {point.module}' shows why"
         raise InputError(where, f"{GROUPS[group]} at {point.value} cannot be loaded", remedy) from error

@@ -10,8 +10,16 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, Ints, checkpoint
-from jld_cut.meshes import manifold3d, open_edges, pieces_of, solid_of, surface_of
-from jld_cut.whole import normals_of, outer_surface, triangles_of
+from jld_cut.meshes import (
+    manifold3d,
+    normals_of,
+    open_edges,
+    outer_surface,
+    pieces_of,
+    solid_of,
+    surface_of,
+    triangles_of,
+)
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
@@ -25,8 +33,6 @@ _CONCAVE: Final = np.radians(20.0)  # turn of a concave edge that is split
 
 @dataclass(frozen=True)
 class Limits:
-    """What a cell, and a part, may be."""
-
     fit: Floats  # (3,) sides of the box, ascending
     volume: float
     aim: int = 24  # cells, where nothing else decides
@@ -40,7 +46,6 @@ class Limits:
 
     @property
     def extent(self) -> float:
-        """Longest side of the box."""
         return float(self.fit[-1])
 
 
@@ -69,7 +74,6 @@ class Cutting:
         self.size = float((box[3:] - box[:3]).max())
 
     def through(self, normal: Floats, offset: float, which: Iterable[int] | None = None) -> None:
-        """Cut all cells, or some, by a plane."""
         chosen = set(range(len(self.cells)) if which is None else which)
         found: list[Any] = []
         for k, cell in enumerate(self.cells):
@@ -176,7 +180,6 @@ def closed(bodies: list[Any], volume: float) -> Any | None:
 
 
 def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
-    """Return the name of the group (n,) that each cell joins."""
     group, volume = list(range(len(cells))), [cell.volume() for cell in cells]
     boxes = [np.array(cell.bounding_box()) for cell in cells]
     area: dict[tuple[int, int], float] = {}
@@ -273,7 +276,6 @@ def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float =
 
 
 def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
-    """Return planes without those that another one equals."""
     kept: list[Floats] = []
     for plane in planes:
         sign = 1.0 if plane[:3][np.argmax(np.abs(plane[:3]) > 1e-6)] > 0 else -1.0
@@ -284,7 +286,6 @@ def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
 
 
 def lifted(polygon: Any, plane: Floats) -> Floats:
-    """Return the corners (k, 3) of a polygon in a plane."""
     corners = shapely.get_coordinates(polygon.exterior)[:-1] @ basis(plane[:3]) + plane[3] * plane[:3]
     return np.where(np.abs(corners) < 1e-15, 0.0, corners)  # without the dust of rounding
 

@@ -21,13 +21,11 @@ from jld_cut.clock import CHOSEN, DRAWN, FILED, KEYED, Clock
 from jld_cut.families import FAMILIES
 from jld_cut.fields import bounds_beside, scene_of_parts
 from jld_cut.keys import Key, Keyed, are_sound, keyed
-from jld_cut.loads import parse_load, parse_region
-from jld_cut.marks import mark, tenons
 from jld_cut.meshes import read_solid
 from jld_cut.partitions import Layouts, frames
-from jld_cut.parts import Part, different, lay, parts_of, plain_surface, write_parts
+from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
-from jld_cut.scene import Matter, Setting
+from jld_cut.scene import Matter, Setting, parse_load, parse_region
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, low_of, search_all, weaker
 from jld_explore.report import csv_of
 from jld_formats import step_of_solids
@@ -358,7 +356,6 @@ def _keyed(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Cl
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
-    """Return the facts of a cut solid."""
     low, high, locked = chosen.bracket
     found, parts = chosen.family.found, len(chosen.parts)
     volumes = [cell.volume() for cell in chosen.family.cutting.cells]
@@ -440,7 +437,6 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
 
 
 def verdict(summary: dict[str, Any]) -> str:
-    """Return one sentence on what parts carry."""
     many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
     low = summary["bracket"][0]
     if summary["locked"]:
@@ -483,7 +479,6 @@ def verdict(summary: dict[str, Any]) -> str:
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
-    """Write parts, table, order and pictures."""
     scale = UNITS[options.unit]
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}

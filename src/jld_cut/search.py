@@ -29,10 +29,9 @@ from jld_core.limit import face_jumps
 from jld_cut.cells import BENT, SPLIT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.clock import SEARCHED, Clock
 from jld_cut.families import FAMILIES, Body
-from jld_cut.loads import Facet, Region, facet_of, shares
 from jld_cut.meshes import moments, surface_of
 from jld_cut.partitions import Asked, Bounds, Boxes, Found, frames, labels_of, search
-from jld_cut.scene import Setting, grounds_of, scene_of
+from jld_cut.scene import Facet, Region, Setting, facet_of, grounds_of, scene_of, shares
 from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.evaluation import Pool
 
@@ -73,7 +72,6 @@ class Family:
 
     @property
     def normals(self) -> Floats:
-        """Return the different normals (c, 3) of its cuts."""
         found = np.array([plane[:3] for plane in self.cutting.planes]).reshape(-1, 3)
         return found[[k for k, n in enumerate(found) if not (np.abs(found[:k] @ n) > 1 - 1e-6).any()]]
 
@@ -92,8 +90,6 @@ class Family:
 
 @dataclass(frozen=True)
 class Wish:
-    """What a search is asked for."""
-
     setting: Setting
     limits: Limits
     mass: float | None
@@ -122,7 +118,6 @@ def body_of(solid: Any, wish: Wish) -> Body:
 
 
 def _scattered(facet: Facet) -> list[Facet]:
-    """Return each triangle of a surface as one of its own."""
     return [Facet(facet.corners[k : k + 1], facet.normals[k : k + 1]) for k in range(len(facet.corners))]
 
 
@@ -227,7 +222,6 @@ def weaker(bracket: Bracket, coarse: float) -> Bracket:
 
 
 def finite(value: float) -> float | None:
-    """Return a number, or None for an infinite or unknown one."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -302,8 +296,6 @@ def told(family: Family, require: float) -> str:
 
 
 class Listed(Driver):
-    """Driver that has given layouts evaluated."""
-
     name = "listed"
 
     def __init__(self, space: SearchSpace, rows: Bits) -> None:

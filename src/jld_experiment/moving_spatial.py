@@ -9,8 +9,7 @@ import numpy as np
 
 from jld_core import Assembly, Floats, Ints, Route
 from jld_core.geometry import area_vector
-from jld_experiment.bench import Bench, Motion, compiled
-from jld_experiment.subcontacts import SubContacts, numbers_of, record_loss, sub_contact
+from jld_experiment.subcontacts import Bench, Motion, SubContacts, compiled, numbers_of, record_loss, sub_contact
 
 
 def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[Floats, Ints]:
@@ -42,14 +41,12 @@ def _is_ear(vertices: Floats, ring: list[int], k: int, normal: Floats) -> bool:
 
 @compiled
 def turned(matrix: Floats, arm: Floats, out: Floats) -> None:
-    """Set `out` (3,) to matrix (3, 3) · arm (3,)."""
     for i in range(3):
         out[i] = matrix[i, 0] * arm[0] + matrix[i, 1] * arm[1] + matrix[i, 2] * arm[2]
 
 
 @compiled
 def turned_back(matrix: Floats, arm: Floats, out: Floats) -> None:
-    """Set `out` (3,) to matrixᵀ (3, 3) · arm (3,)."""
     for i in range(3):
         out[i] = matrix[0, i] * arm[0] + matrix[1, i] * arm[1] + matrix[2, i] * arm[2]
 

@@ -52,14 +52,19 @@ def main() -> None:
     # jld uses no plug-in of pydantic; looking for one reads the metadata of every package installed.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
-        from jld_explore.cli.streams import open_streams, say
+        from jld_core.errors import InputError
+        from jld_explore.cli.streams import failed, open_streams, say, warn
 
         open_streams()
         if sys.argv[1:] == ["--help"]:
             from jld_explore.cli.overview import text  # The modules imported below take a second to load.
 
-            say(text().removesuffix("\n"))
-            sys.exit(0)
+            try:
+                say(text().removesuffix("\n"))
+                sys.exit(0)
+            except (InputError, OSError) as error:  # entry points of a plug-in may be wrong
+                warn(failed(error) if isinstance(error, OSError) else f"jld: {error}")
+                sys.exit(2)
         _leave_out_local_style()
         gc.disable()  # Nothing loaded becomes garbage; collections took 7 % of loading. `command` enables it again.
         _import_scipy()

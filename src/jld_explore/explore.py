@@ -31,10 +31,9 @@ from jld_core.scene.reading import load_scene
 from jld_core.scene.schema import Scene
 from jld_core.threads import one_thread
 from jld_explore.drivers.base import Driver
-from jld_explore.drivers.choice import bound_of_all, first_layout
+from jld_explore.drivers.choice import bound_of_all, driver_kinds, first_layout
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.registry import driver_kinds
 from jld_explore.evaluation import evaluator_of
 from jld_explore.evaluation.cases import OwnObjectiveEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
@@ -60,16 +59,18 @@ from jld_explore.search.study import Study
 from jld_explore.space import from_string
 from jld_explore.space.labelling import orbit_sizes
 from jld_explore.space.search_space import SearchSpace, search_space
-from jld_explore.steps.field_check import FieldCheck, Uncut, plan_check
 from jld_explore.steps.step import (
     PAGE,
     PICTURES,
     TABLES,
+    FieldCheck,
     Step,
     StepContext,
+    Uncut,
     busy_factor,
     field_seconds,
     later,
+    plan_check,
     run_steps,
     search_deadline,
     steps_of,
@@ -208,7 +209,6 @@ def _path(parameter: str, given: Any) -> Path:
 
 
 def _driver_options(options: Any, keywords: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the options of a driver, given as a mapping or as keywords; None without any."""
     require_kind("options", options, dict, NoneType)
     known = sorted({name for kind in driver_kinds().values() for name in kind.Options.model_fields})
     for key in keywords:
@@ -256,7 +256,6 @@ def _search(
     steps = steps_of(settings, scene, space.assembly, [Uncut()])
 
     def say() -> None:
-        """Announce the messages, each once."""
         while said and announce is not None:
             announce(said.pop(0))
 
@@ -415,12 +414,14 @@ def _run_study(study: Study, deadline: Deadline) -> StopReason:
             if not len(done.results):
                 stop.words = "stopped before a layout was solved; --resume begins with the first"
         raise
-    if not len(study.records) and reason in (StopReason.EXHAUSTED, StopReason.PROVEN, StopReason.TIME):
+    if not len(study.records) and reason is not StopReason.BUDGET:
         # The space, too large to count beforehand, is empty, or no labelling was found in time.
         for path in (study.records.path, study.folder / "scene.json"):
             path.unlink(missing_ok=True)
         if not any(study.folder.iterdir()):
             study.folder.rmdir()
+        if reason is StopReason.DRIVER:
+            raise InputError(f"driver {study.driver.name!r}", "it asks for no layout", "one that its Register admits")
         raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
     return reason
 

@@ -27,6 +27,9 @@ STORED: Final = frozenset(
 )
 """Scene keys that a file of an earlier export may hold and that are read back."""
 
+# Parts of a yield surface that say the same in the plane and in space, Hoek–Brown at one point
+_ALIKE: Final = ("friction", "bending", "hoek_brown", "reference_strength")
+
 # Keys of an interface that are written anew; all others are values that override the materials
 _PLACE: Final = {"elements", "polygon", "label"}
 
@@ -63,6 +66,11 @@ def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
     if lift and isinstance(document["materials"].get("gravity"), list):
         gx, gy = document["materials"]["gravity"]
         facts["materials"]["gravity"] = [gx, 0.0, gy]
+    for label in ("dry", "inner") if lift else ():
+        for key, value in (document["materials"].get(label, {}).get("surface") or {}).items():
+            if key not in _ALIKE or (key == "hoek_brown" and len(value.get("points", _ALIKE)) > 1):
+                where = f"materials.{label}.surface.{key}"
+                raise InputError(where, "it speaks of the plane, and the file is spatial", '"friction" and "bending"')
     names = _names(layout, cells)
 
     def carried(loads: dict[str, Any], parsed: scene_loads.Loads | scene_loads.Case) -> dict[str, Any]:
@@ -120,7 +128,6 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
-    """Return a load entry with the names and the dimension of the file; lift: extruded."""
     if (body := scene_loads.body_of(entry)) is not None:
         return {"body": _lifted(body) if lift else body}
     element = layout.assembly.elements.index[entry["element"]]
@@ -172,7 +179,6 @@ def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
 
 
 def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]:
-    """Map each stated interface to the values by which it overrides the materials."""
     # Keys are the ids of its two elements and the bytes of its origin. Values are taken from the scene: an assembly
     # holds neither low values of a spread nor which key was given.
     if not scene.interfaces:
@@ -232,8 +238,6 @@ _MOST: Final = {2: 150, 3: 40}
 
 @dataclass(frozen=True)
 class BlockFacts:
-    """Facts of one block for a file of another program."""
-
     # block, elements: ids
     block: str
     elements: tuple[str, ...]
@@ -265,7 +269,6 @@ class BlockFacts:
 
 
 def block_facts(layout: Layout) -> list[BlockFacts]:
-    """Return the facts of each block of a layout, in the order of `Layout.blocks`."""
     assembly, labels = layout.assembly, layout.labels
     ids, faces = assembly.elements.ids, assembly.interfaces
     order = _order(layout)

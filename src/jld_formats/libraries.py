@@ -251,7 +251,8 @@ def import_file(
     megabytes = path.stat().st_size / 2**20
     own = sys.platform == "linux" or reader.library or megabytes > _SMALL
     if not own or multiprocessing.current_process().daemon:  # such a process may have none of its own
-        return _converted(path, options, Notes(), feet)
+        with reading(path):
+            return _converted(path, options, Notes(), feet)
     seconds = _SECONDS + _SECONDS_PER_MEGABYTE * megabytes if options.seconds is None else options.seconds
     with reading(path), tempfile.TemporaryDirectory(prefix="jld-") as folder:
         notes = Notes(told=Path(folder) / "told")
@@ -274,11 +275,10 @@ _SMALL: Final = 1.0  # size, MB, up to which a file is read in this process wher
 
 
 def _converted(path: Path, options: ImportOptions, notes: Notes, feet: bool) -> Imported:
-    """Read a file and convert it to a scene document."""
     reader = reader_of(path)
     read = reader.read
     assert read is not None
-    with reading(path), plugins.guarded("jld.formats", reader.name), without_collection():
+    with plugins.guarded("jld.formats", reader.name), without_collection():
         found = read(path, options, notes)
         convert = spatial_scene if isinstance(found, Solids) else planar_scene
         return convert(found, options, notes, feet=feet)  # type: ignore[arg-type]
@@ -290,6 +290,9 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
+        named = error.where.removeprefix(str(path.absolute()))  # its reader may stand in another folder
+        if named != error.where:
+            error = InputError(f"{path}{named}", error.problem, error.expected)
         stays = error.parameter or error.where.startswith(str(path))
         raise (error if stays else error.within(str(path))) from error.__cause__
 

@@ -75,7 +75,6 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
     open_blocks: list[str] = []
 
     def amount(layout: Any, depth: int) -> int:
-        """Return the number of entities of a layout with all blocks expanded."""
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
         total = 0
@@ -101,8 +100,6 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
 
 
 class _Reader:
-    """State of one pass over a model space."""
-
     def __init__(self, document: Any, options: ImportOptions, notes: Notes) -> None:
         self.document, self.options, self.notes = document, options, notes
         self.paths: list[Path] = []
@@ -362,14 +359,12 @@ class _Reader:
         return True
 
     def _mtext(self, entity: Any, layer: str) -> bool:
-        """Read a multi-line text as a mark."""
         at = entity.dxf.insert
         self.marks.append(Mark((at.x, at.y), layer, str(entity.plain_text())))
         return True
 
 
 def _backwards(piece: Any) -> Any:
-    """Return a piece of a boundary (k, 3) in the other direction."""
     return np.column_stack([piece[::-1, :2], np.append(-piece[-2::-1, 2], 0.0)])
 
 

@@ -128,7 +128,6 @@ def _obj(text: str, options: ImportOptions, notes: Notes) -> tuple[Floats, list[
 
 
 def _ply(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
-    """Return points and the single group of a PLY file."""
     mesh = meshio.ply._ply.read_buffer(io.BytesIO(data))
     return np.asarray(mesh.points, dtype=float), [("", "", tuple(_cells(mesh)))]
 
@@ -302,6 +301,7 @@ def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         raise InputError("line 1", what, "columns id, x, y, and if wanted layer and support")
     corners: dict[str, list[tuple[float, float]]] = {}
     layers: dict[str, str] = {}
+    signs: set[str] = set()  # decimal signs so far
     for number, row in enumerate(rows, start=2):
         if not any(cell.strip() for cell in row):
             continue
@@ -312,12 +312,18 @@ def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         entry = {name: cell.strip() for name, cell in zip(head, row, strict=True)}
         if not entry["id"]:
             raise InputError(f"line {number}", "its id is empty", "the name of an element")
+        texts = [entry["x"], entry["y"]]
+        signs |= set("".join(texts)) & {",", "."}
         try:
-            point = (float(entry["x"]), float(entry["y"]))
+            if len(signs) > 1 or "_" in "".join(texts):  # the points may be those of thousands
+                raise ValueError
+            if mark == ";":  # as spreadsheets write where the comma is the decimal sign
+                texts = [text.replace(",", ".") for text in texts]
+            point = (float(texts[0]), float(texts[1]))
         except ValueError:
-            raise InputError(
-                f"line {number}", f"{row[head.index('x')]!r}, {row[head.index('y')]!r} is no point", "two numbers"
-            ) from None
+            problem = f"{row[head.index('x')]!r}, {row[head.index('y')]!r} is no point"
+            wish = "two numbers, with decimal points, or with decimal commas everywhere and semicolons between fields"
+            raise InputError(f"line {number}", problem, wish) from None
         if not np.isfinite(point).all():
             raise InputError(f"line {number}", "it holds a coordinate that is no number", "finite numbers only")
         corners.setdefault(entry["id"], []).append(point)

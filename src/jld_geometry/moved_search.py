@@ -51,8 +51,6 @@ _NONE: Final = (-math.inf, math.inf)  # bounds where nothing is proven
 
 @dataclass(frozen=True, eq=False)
 class MovedLayout:
-    """One layout whose joints were moved."""
-
     number: int  # round, from 1
     row: int  # row of the layout in the results of that round; 0 for the layout that the scene states
     labels: Bits  # (m,) True = dry
@@ -121,7 +119,6 @@ def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
 
 @one_thread()
 def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
-    """Bound the governing factor of one layout by fields."""
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=False)
 
 
@@ -152,8 +149,6 @@ GAP: Final = 0.05  # default of the relative width of brackets by fields at whic
 
 @dataclass(frozen=True)
 class MovedSearch:
-    """Result of a search of labels and geometry."""
-
     first: Exploration  # search of labels on the grid of the scene
     rounds: list[Exploration]  # searches of all rounds, the first one as well
     layouts: list[MovedLayout]  # all layouts that were moved, the largest lower bound by fields first
@@ -161,7 +156,6 @@ class MovedSearch:
 
     @property
     def best(self) -> MovedLayout:
-        """Layout with the largest lower bound by fields."""
         return self.layouts[0]
 
 
@@ -388,7 +382,6 @@ def moved_facts(done: MovedSearch) -> dict[str, Any]:
 
 
 def words_of_move(facts: dict[str, Any]) -> str:
-    """Describe the best moved layout."""
     low, high = (_said(facts[name]) for name in ("fields_lo", "fields_hi"))
     found = f"best with moved joints: {low} ≤ λ ≤ {high} by fields (round {facts['round']}, row {facts['row']})"
     if facts["stated"] is not None:

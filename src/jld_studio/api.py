@@ -19,8 +19,7 @@ from jld_formats import FORMATS, export
 from jld_formats import formats as exchange_formats
 from jld_studio.jobs import Job, Jobs, orders_for
 from jld_studio.opening import design_command, options_of, read_file, received, stated_scene, understood
-from jld_studio.page_start import drawing_data, scene_data
-from jld_studio.session import SceneStore, StudioSession, parsed, with_support
+from jld_studio.session import SceneStore, StudioSession, drawing_data, parsed, scene_data, with_support
 from jld_views import page_contract, page_of_study
 
 SECONDS: Final = (1.0, 86_400.0)
@@ -137,7 +136,6 @@ class Api:
         return self._desk(asked).improve(asked.get("labelling"), _changes(asked))
 
     def _note(self, page: str, revision: int) -> int:
-        """Record a revision of a page and return the newest one."""
         with self._counting:
             newest = self._newest[page] = max(revision, self._newest.get(page, revision))
             self._newest.move_to_end(page)
@@ -180,7 +178,6 @@ class Api:
         return {**page_of_study.study_data(read_folder(job.results), patience=0.3, studio=self._shown(job))}
 
     def _shown(self, job: Job) -> dict[str, Any]:
-        """Return "scene" and "changes" of the layouts of a search."""
         if job.kind == "study":
             return {"scene": self.scenes.first_name, "changes": {}}
         if job.shown and self.scenes.has(job.shown.get("scene")):
@@ -208,7 +205,6 @@ class Api:
         return {"kept": len(kept)}
 
     def scene(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the scene file of a state of the page as a document."""
         return self._desk(asked).scene_with(asked.get("labelling"), _changes(asked))
 
     def export(self, asked: dict[str, Any]) -> dict[str, Any]:

@@ -11,13 +11,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import jld_core as jc
 import jld_explore as je
 from command import ROOT, SCENES, Command, install
 from jld_core import plugins
-from jld_explore import search_space
+from jld_explore import Driver, search_space
 from jld_explore.drivers import make_driver
 from jld_explore.space import registered, unregister
 
@@ -27,9 +28,9 @@ SCENE = SCENES / "flat_beam_arch.json"
 def forget() -> None:
     """Forget which plug-ins were found."""
     from jld_explore.space import counts
-    from jld_formats.formats import formats
+    from jld_formats import formats
 
-    for function in (plugins.entry_points, plugins.load, counts._add_plugins, formats):
+    for function in (plugins.entry_points, plugins.load, counts._add_plugins, formats.formats):
         function.cache_clear()
 
 
@@ -147,6 +148,27 @@ def test_a_file_format_is_read_and_written_by_its_ending(jld: Command, tmp_path:
 
 
 @pytest.mark.usefixtures("plugged")
+def test_a_driver_that_asks_no_more_does_not_know_all(tmp_path: Path) -> None:
+    """Unless its layouts are all that there are."""
+
+    class Once(Driver):
+        name = "once"
+
+        def ask(self, limit: int | None = None) -> Any:
+            self.rows = [[False], [True]] * (not hasattr(self, "rows"))
+            return np.array(self.rows, dtype=bool).reshape(-1, 1) | self.space.fixed[None] & ~self.space.candidates
+
+        def tell(self, labellings: Any, evaluations: Any) -> None:
+            pass
+
+    for rows, reason in ((["aba", "###"], "driver"), (["ab", "##"], "exhausted")):
+        scene = jc.parse_scene(small() | {"grid": small()["grid"] | {"rows": rows}})
+        space = search_space(scene, jc.build_assembly(scene))
+        done = je.explore(scene, tmp_path / reason, driver=Once(space), pictures=False)
+        assert done.summary.stop_reason == reason
+
+
+@pytest.mark.usefixtures("plugged")
 def test_a_step_adds_its_entries_to_the_summary(tmp_path: Path) -> None:
     done = je.explore(jc.parse_scene(small()), tmp_path / "out", driver="random", budget=20, pictures=False)
     assert done.summary.facts["mean_blocks"]["layouts"] == 10
@@ -243,6 +265,7 @@ SEARCH = ("explore", "scene.json", "--out", "out", "--driver", "enumeration")
 ASK = ("explore", "scene.json", "--out", "out", "--driver", "plug")
 LIMITED = {"limits": {"plug": [0, 3]}}
 CRACKED = {"criterion": "plug"}
+UP = {"symmetric": True}  # the scene is its own mirror image
 
 Faulty = tuple[str, str, tuple[str, ...], dict[str, Any], str]
 FAULTY: dict[str, Faulty] = {
@@ -270,6 +293,9 @@ FAULTY: dict[str, Faulty] = {
     "writer": ("formats", FORMAT.format(write="raise EOFError"), EXPORT, {}, "EOFError()"),
     "no file": ("formats", FORMAT.format(write=""), EXPORT, {}, "wrote nothing"),
     "criterion": ("criteria", CRITERION.format(label="inner", more=", x"), SOLVE, CRACKED, "TypeError"),
+    "leaves": ("counts", "import sys\nsys.exit(3)", SEARCH, {}, "cannot be loaded"),
+    "images": ("counts", COUNT.format(of="return layouts.labellings[:, 0] + 0", terms=""), SEARCH, UP, "mirror image"),
+    "no layout": ("drivers", DRIVER.format(ask="return self.space.fixed[None][:0]", tell=""), ASK, {}, "no layout"),
     "label": ("criteria", CRITERION.format(label="both", more=""), SOLVE, CRACKED, "in place of 'both'"),
 }  # fmt: skip
 """Group, code, command, what the scene has besides, and words of the line."""
@@ -291,6 +317,8 @@ def test_what_a_strangers_code_does_wrong_is_one_line(
     )
     scene = small() if "criterion" in more else small(**more)
     scene["grid"] |= {"rows": ["aa", "##"]}
+    if scene["search"].pop("symmetric", False):
+        scene |= {"grid": scene["grid"] | {"rows": ["aaa", "###"]}, "loads": {"live": [{"body": [0, 1]}]}}
     if "criterion" in more:
         scene["materials"]["inner"] = more
     monkeypatch.chdir(tmp_path)
@@ -300,4 +328,7 @@ def test_what_a_strangers_code_does_wrong_is_one_line(
         done = jld(*line)
     assert (done.code, done.err.count("\n")) == (2, 1), done
     assert words in done.err
-    assert case in ("nothing asked", "numbers asked", "excluded", "bound", "no file") or "stranger" in done.err
+    assert (
+        case in ("nothing asked", "numbers asked", "excluded", "bound", "no file", "no layout")
+        or "stranger" in done.err
+    )

@@ -23,8 +23,7 @@ from jld_cut import Options, cut
 from jld_cut.cells import BENT, Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union
 from jld_cut.clock import Clock
 from jld_cut.cut import verdict
-from jld_cut.elastic import compressed
-from jld_cut.families import axis_of
+from jld_cut.families import axis_of, compressed
 from jld_cut.fields import scene_of_parts
 from jld_cut.keys import are_sound, keyed, slides, variants
 from jld_cut.loads import outside, parse_load, shares
@@ -41,8 +40,8 @@ from jld_cut.meshes import (
     write_3mf,
 )
 from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
-from jld_cut.parts import Part, different, lay, parts_of, plain_surface, write_parts
-from jld_cut.scene import Matter, scene_of
+from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
+from jld_cut.scene import Matter, outside, parse_load, scene_of, shares
 from jld_cut.search import Family, Truth, body_of, family_of
 from jld_explore import ExploreSettings, explore
 

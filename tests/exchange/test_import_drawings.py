@@ -265,7 +265,7 @@ def test_the_page_of_an_svg_states_its_unit(page: str, metres: float, unit: str 
 
 def test_csv_polygons(tmp_path: Path) -> None:
     path = tmp_path / "wall.csv"
-    path.write_text("id;x;y;support\na;0;0;yes\na;1;0;\na;1;1;\na;0;1;\nb;0;1;\nb;1;1;\nb;1;2;\nb;0;2;\nb;0;1;\n")
+    path.write_text("id;x;y;support\na;0;0,0;yes\na;1;0;\na;1;1,00;\na;0;1;\nb;0;1;\nb;1;1;\nb;1;2;\nb;0;2;\nb;0;1;\n")
     assembly = built(path)
     assert assembly.elements.ids == ("a", "b")
     assert assembly.elements.support.tolist() == [True, False]
@@ -413,6 +413,9 @@ SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
         ("a.csv", "x,y\n1,2\n", ["line 1", "'id'"]),
         ("a.csv", "id,x,y,colour\na,1,2,red\n", ["line 1", "'colour'"]),
         ("a.csv", "id,x,y\na,0,zero\n", ["line 2", "two numbers"]),
+        ("a.csv", 'id,x,y\na,"1,5",2\n', ["line 2", "decimal commas"]),
+        ("a.csv", "id;x;y\na;0,5;0\na;1.000;0\n", ["line 3", "decimal commas"]),
+        ("a.csv", "id,x,y\na,1_5,0\n", ["line 2", "two numbers"]),
         ("a.csv", "id,x,y\na,0,inf\n", ["line 2", "no number"]),
         ("a.csv", "id,x,y\na,0\n", ["line 2", "2 fields"]),
         ("a.csv", "id,x,y\na,0,0\na,1,0\n", ["'a'", "2 corners"]),
@@ -435,8 +438,10 @@ def test_hostile_text(
 ) -> None:  # fmt: skip
     path = tmp_path / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    done = call(monkeypatch, capsys, "import", path, "-o", tmp_path / "scene.json")
+    monkeypatch.chdir(tmp_path)
+    done = call(monkeypatch, capsys, "import", name, "-o", "scene.json")
     assert (done.code, done.out, done.err.count("\n")) == (2, "", 1), done.err
+    assert str(tmp_path) not in done.err
     assert all(word in done.err for word in words), done.err
 
 

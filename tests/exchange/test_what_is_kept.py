@@ -22,6 +22,21 @@ READ_BACK = ("dxf", "3dm", "compas")
 """Formats that hold scene data beside the geometry."""
 
 
+PLANAR = {"rows": [{"N": -1, "M": 3, "most": 1}], "symmetric": ["M"], "friction": {"coefficients": 0.3}}
+
+
+@pytest.mark.parametrize(
+    ("surface", "key"), [(PLANAR, "rows"), ({"hoek_brown": {"compressive_strength": 4e6, "m": 10}}, "hoek_brown")]
+)
+def test_a_surface_of_the_plane_is_refused_by_files_of_solids(surface: Any, key: str, tmp_path: Path) -> None:
+    scene = wall()
+    scene["materials"]["inner"] = {"surface": surface}
+    assembly = build_assembly(parse_scene(scene))
+    layout = Layout(parse_scene(scene), assembly, assembly.labels)
+    with pytest.raises(InputError, match=rf"materials.inner.surface.{key}: it speaks of the plane"):
+        export(layout, "compas", tmp_path / "out.json")
+
+
 def wall(**keys: Any) -> dict[str, Any]:
     """A wall of four stones with a value for many keys."""
     square = [[0, 0], [1, 0], [1, 1], [0, 1]]

@@ -1,8 +1,8 @@
 """Compile the batch solver: one shared library per variant, by the system's compiler or that of `ziglang`.
 
 `setup.py` and ``--in-place`` compile into the package, with ``--best`` or ``--ends`` the best variant or also the base;
-else the first use compiles the best into the user's cache. It imports nothing of the package, because `setup.py` loads
-it before the package exists.
+else the first use compiles the best into the user's cache. `setup.py` loads it alone: it imports nothing of the
+package.
 """
 
 from __future__ import annotations
@@ -40,9 +40,7 @@ UNITS: Final = (
 UNIT_FLAGS: Final[dict[str, tuple[str, ...]]] = {"cones.cpp": ("-ffp-contract=off",)}
 """Compiler flags of single units. Cone programs write fused products out, and round alike alone and together."""
 INTERFACE: Final = Path(__file__).parent / "interface.py"
-"""Module that states the C interface; the header of the sources is written from it."""
-INTERFACES: Final = (INTERFACE, INTERFACE.with_name("cone_interface.py"))
-"""All modules that state it: the hash of the sources depends on them."""
+"""Module that states the C interface; the header and the hash of the sources depend on it."""
 PATIENCE: Final = 600.0
 """Seconds after which a compiler is given up on first use; 24 s of one core were measured for the largest variant."""
 FLAGS: Final = ("-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-g0")
@@ -120,7 +118,7 @@ def best() -> str:
 def digest() -> str:
     """Return a hash (16 characters) of sources, interface and flags, which validates a cached library."""
     content = hashlib.sha256(repr((FLAGS, VARIANT_FLAGS, UNIT_FLAGS)).encode())
-    for path in [*INTERFACES, *sorted(SOURCE.iterdir())]:
+    for path in [INTERFACE, *sorted(SOURCE.iterdir())]:
         content.update(path.name.encode() + path.read_bytes())
     return content.hexdigest()[:16]
 
@@ -169,7 +167,6 @@ _RUNNING: Final = BoundedSemaphore(os.cpu_count() or 1)
 def compile_variant(
     variant: str, folder: Path, compiler: list[str], extra: tuple[str, ...] = (), patience: float | None = None
 ) -> Path:
-    """Compile one variant of the batch solver, and return the path of the library."""
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"_{variant}.so"
     flags = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_SHARED, *extra]

@@ -30,8 +30,6 @@ _ELEMENT: Final = (1e-3, 1e3)  # m, limits of usual element sizes
 
 @dataclass(frozen=True)
 class Resultant:
-    """Resultant of a set of generalised forces."""
-
     force: Floats  # (d,) sum of the forces, scene units
     # remaining couple: about the out-of-plane axis (planar; 0 unless the forces cancel) or along the force (spatial).
     # Where the forces cancel in space, the magnitude of the whole couple.
@@ -141,7 +139,6 @@ def _meant(readings: dict[str, float], usual: tuple[float, float], unit: str = "
 
 
 def _of_friction(scene: Scene) -> Iterator[str]:
-    """Warn about implausible friction coefficients and angles."""
     sources: list[tuple[str, Dry | Contact]] = []
     if scene.materials.dry is not None:
         sources.append(("materials.dry", scene.materials.dry))
@@ -162,7 +159,6 @@ def _of_friction(scene: Scene) -> Iterator[str]:
 
 
 def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
-    """Warn about implausible densities and gravity."""
     low, high = _DENSITY
     densities = [("materials.density", scene.materials.density)]
     densities += [(f"elements[{k}].density", element.density) for k, element in enumerate(scene.elements or [])]

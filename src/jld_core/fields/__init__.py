@@ -10,11 +10,12 @@ from jld_core.lazy_exports import export_lazily
 if TYPE_CHECKING:
     from jld_core.fields import bounds, loads, mesh, problem
     from jld_core.fields.bounds import governing_bounds
-    from jld_core.fields.cones import ConeProgram
+    from jld_core.fields.cones import ConeProgram, ConeSizes
     from jld_core.fields.weak_equilibrium import WeakEquilibrium
 
 __all__ = [
     "ConeProgram",
+    "ConeSizes",
     "WeakEquilibrium",
     "bounds",
     "bounds_by_fields",
@@ -26,10 +27,6 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "bounds": ["governing_bounds"],
-        "cones": ["ConeProgram"],
-        "weak_equilibrium": ["WeakEquilibrium"],
-    },
+    {"bounds": ["governing_bounds"], "cones": ["ConeProgram", "ConeSizes"], "weak_equilibrium": ["WeakEquilibrium"]},
     submodules=["bounds", "loads", "mesh", "problem"],
 )

@@ -11,7 +11,7 @@ import shapely
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
-from jld_core.geometry.clean_regions import area_of
+from jld_core.geometry.outlines import area_of
 from jld_core.geometry.polyhedra import Faces, Facets, facets_of
 from jld_core.geometry.snapping import snap_polygons, straight, without_spikes
 from jld_core.geometry.vectors import across
@@ -33,8 +33,6 @@ _HAIR: Final = 1e-7  # relative shrinkage of holes before triangulation, so that
 
 @dataclass(frozen=True)
 class Region:
-    """Plane area with holes."""
-
     shell: Floats  # (k, 2) outer boundary, counter-clockwise, scene units
     holes: tuple[Floats, ...] = ()  # boundaries of holes, clockwise
 

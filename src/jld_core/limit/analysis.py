@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,9 +18,18 @@ from jld_core.assembly import Assembly
 from jld_core.batch import chosen
 from jld_core.batch.batch_solver import FALLS, BatchResults, BatchSolver
 from jld_core.batch.rows import fits
-from jld_core.limit.bounds import Motion, Prover, State, apart, load_scale, relative_width
+from jld_core.limit.bounds import (
+    FACES_WHERE_BATCH_IS_FASTER,
+    Motion,
+    Proof,
+    Prover,
+    State,
+    apart,
+    load_scale,
+    offer_results,
+    relative_width,
+)
 from jld_core.limit.options import Model, Status
-from jld_core.limit.proof import FACES_WHERE_BATCH_IS_FASTER, Proof, offer_results
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, result_of
 from jld_core.mechanics import require_materials, scaling_of, yield_set
@@ -27,7 +37,7 @@ from jld_core.mechanics.standard import InnerBending
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, Solver, is_large, make_solver
 from jld_core.solvers.base import EARLY
-from jld_core.solvers.schur.system import SchurSolver
+from jld_core.solvers.schur import SchurSolver
 from jld_core.threads import one_thread
 
 _GROWS: Final = 1e3  # Scaled λ above which a state without an upper bound may be unbounded.
@@ -38,6 +48,9 @@ _SCHUR: Final = (
 )
 EARLY_FROM: Final = 5000
 """Number of equations from which a solver may stop at a bracket of relative width `EARLY`."""
+
+# Batch solvers of assemblies in use, by their id: a search analyses one for its λ, for what stands and for mechanisms.
+_made: Final[dict[int, dict[tuple[str, bool], BatchSolver]]] = {}
 
 
 class Analysis(Protocol):
@@ -211,7 +224,6 @@ class AttemptState:
         return self.proof.status is Status.COLLAPSE and not self.open
 
     def _width(self, load_scale: float) -> float:
-        """Return the width of the bracket relative to its ends, or to `load_scale` if larger."""
         return relative_width(self.proof.low, self.proof.high, load_scale)
 
 
@@ -589,7 +601,6 @@ FALLBACKS: Final = (
 
 
 def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback) -> tuple[Fallback, ...]:
-    """Return fallbacks with one more before the one of a name; ValueError for an unknown name."""
     names = [fallback.name for fallback in fallbacks]
     if name not in names:
         raise ValueError(f"there is no fallback {name!r}; expected one of {', '.join(names)}")
@@ -656,6 +667,7 @@ class LimitAnalysis:
         start = time.process_time()
         self.assembly, self.gap, self.single_labelling = assembly, gap, single_labelling
         self.options = Model(inner_bending=inner_bending, condense="off", solver=solver, gap=gap, seconds=seconds)
+        self._own_template = template is None
         if template is None:
             scaling = scaling_of(assembly)
             template = Template(assembly, scaling, yield_set(assembly, scaling, self.options.inner_bending))
@@ -674,6 +686,18 @@ class LimitAnalysis:
         """Return the batch solver; None with a named solver, without library, or for unsupported rows."""
         if self.options.solver != "auto" or chosen() is None or not fits(self.template):
             return None
+        if not self._own_template:
+            return self._new_batch()
+        if id(self.assembly) not in _made:
+            weakref.finalize(self.assembly, _made.pop, id(self.assembly), None)
+        made = _made.setdefault(id(self.assembly), {})
+        key = f"{chosen()} {self.options.inner_bending}", self.single_labelling
+        if key not in made:
+            made[key] = self._new_batch()
+        return made[key]
+
+    def _new_batch(self) -> BatchSolver:
+        """Return a new batch solver."""
         plain = self.repair.expansion() if self.single_labelling else None
         opening = self.repair.opening() if plain is None else plain
         return BatchSolver(

@@ -17,13 +17,8 @@ import typer
 from jld_core.errors import InputError, SolverError
 from jld_core.threads import memory_limit
 from jld_explore.cli.overview import COMMANDS
-from jld_explore.cli.streams import STOPPED, STOPPED_WORDS, warn
+from jld_explore.cli.streams import STOPPED, STOPPED_WORDS, failed, warn
 from jld_explore.search.state import Interrupted
-
-# description of each command, in the order of use
-
-# description of each search driver
-
 
 INPUT, UNCERTIFIED = 2, 4
 
@@ -149,9 +144,8 @@ def run(app: typer.Typer, started: float) -> NoReturn:
     except SolverError as error:
         complain(f"--solver: {error}; expected a solver that takes this scene")
     except OSError as error:
-        # Reading or writing failed during the run: no permission, no space, or not a folder.
-        path = error.filename or "a file"
-        complain(f"{path}: {error.strerror or error}; expected a place that can be read and written")
+        warn(failed(error))
+        sys.exit(INPUT)
     except MemoryError as error:
         most, lacking = memory_limit() / 1e9, " ".join(str(error).split()) or "no more can be had"
         complain(f"memory ran out: {lacking}; expected a scene that {most:.1f} GB suffice for, or fewer --jobs")

@@ -80,6 +80,12 @@ def warn(line: str) -> None:
         sys.stderr.flush()
 
 
+def failed(error: OSError) -> str:
+    """Return the line for reading or writing that failed: no permission, no space, or not a folder."""
+    path = error.filename or "standard output or a file"
+    return f"jld: {path}: {error.strerror or error}; expected a place that can be read and written"
+
+
 def _mute() -> None:
     """Redirect stdout to the null device, so that later writes cannot fail."""
     null = os.open(os.devnull, os.O_WRONLY)

@@ -258,7 +258,6 @@ class FieldExact(ProvingDriver):
 
     @property
     def relaxations(self) -> int:
-        """Number of programs solved."""
         return self.refuter.programs + self.pool.programs
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
@@ -309,7 +308,6 @@ class FieldExact(ProvingDriver):
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Keep the bounds of evaluated labellings (k, m)."""
         low = [found.low if found.status is Status.COLLAPSE else -math.inf for found in evaluations]
         high = [found.high if math.isfinite(found.high) else math.inf for found in evaluations]
         self.incumbents.learn(labellings, low, high)
@@ -317,7 +315,6 @@ class FieldExact(ProvingDriver):
             self._join(list(labellings))
 
     def _join(self, labellings: Sequence[Bits]) -> None:
-        """Add evaluated labellings (m,) to the pool."""
         self._refuted = np.concatenate([self._refuted, self._refuted_above(self.incumbents.join(labellings))])
 
     # --- the proof --------------------------------------------------------------------------------------
@@ -503,7 +500,6 @@ class FieldExact(ProvingDriver):
             self._waiting.append(labels)
 
     def _add(self, conflicts: Sequence[Conflict]) -> None:
-        """Add conflicts to the proof, the formula, and the bounds of the pool."""
         self._state.add_conflicts(conflicts)
         if self._formula is not None:
             self._formula.learn(conflicts)

@@ -17,8 +17,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import applies_to
-from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
-from jld_core.limit.normal_caps import NormalCaps
+from jld_core.limit.case_relaxation import AnyRelaxation, NormalCaps, relaxation_of
 from jld_core.limit.options import SolveOptions, Status
 from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
@@ -112,8 +111,6 @@ def _blocks(space: SearchSpace, deadline: Deadline) -> BlockSpace | None:
 
 
 class _Proof:
-    """State of the process."""
-
     current: _Proof | None = None
 
     def __init__(self, space: SearchSpace, model: SolveOptions, blocks: BlockSpace | None) -> None:
@@ -200,7 +197,6 @@ class _Proof:
 
 @one_thread()
 def _begin(work: bytes, seconds: float) -> Found:
-    """Bound all layouts in at most some seconds."""
     os.nice(_NICE)
     _Proof.current = _Proof(*pickle.loads(work))
     return _Proof.current.at_root(Deadline(seconds))

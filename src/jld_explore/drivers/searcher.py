@@ -208,7 +208,6 @@ class Searcher(Driver):
 
     @property
     def _none(self) -> Bits:
-        """Empty array of labellings (0, m)."""
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def ask(self, limit: int | None = None) -> Bits:
@@ -251,7 +250,6 @@ class Searcher(Driver):
         return found
 
     def draw(self, count: int) -> Bits:
-        """Draw at most `count` random labellings (j, m)."""
         return self.operators.draw(count, self.rng)
 
     def _remaining(self) -> Iterator[Bits]:
@@ -305,7 +303,6 @@ class Pool:
         self._signs, self._covariances = self._signs[places], self._covariances[places]
 
     def predict(self) -> Floats:
-        """Predict the rank of each labelling of the pool, (k,)."""
         self._refresh()
         return self._surrogate.predict_from(self._covariances)
 

@@ -17,7 +17,8 @@ from jld_core.batch import chosen
 class StopReason(StrEnum):
     """Reason why a study ended, `stop_reason` in its summary."""
 
-    EXHAUSTED = "exhausted"  # all labellings were evaluated, or the driver has no more
+    EXHAUSTED = "exhausted"  # all labellings were evaluated, or settled by the driver
+    DRIVER = "driver"  # it asks for no more, and others may be left
     PROVEN = "proven"  # the proof passed its check
     UNPROVEN = "unproven"  # the proof failed its check
     BUDGET = "budget"

@@ -336,7 +336,6 @@ class Count:
 
     @property
     def title(self) -> str:
-        """Title of the column."""
         return self.column or self.name.replace("_", " ")
 
     def heading(self, assembly: Assembly) -> str:
@@ -344,7 +343,6 @@ class Count:
         return self.title if isinstance(self.axis, str) else self.axis(assembly)
 
     def label(self, assembly: Assembly) -> str:
-        """Return the axis label, with the unit in brackets."""
         axis, unit = self.axis if isinstance(self.axis, str) else self.axis(assembly), self.unit(assembly)
         return f"{axis} [{unit}]" if unit else axis
 
@@ -367,14 +365,12 @@ def _dry_length(layouts: Layouts) -> Floats:
 
 
 def _largest_mass(layouts: Layouts) -> Floats:
-    """Return (k,) mass of the heaviest block."""
     elements = layouts.assembly.elements
     stays = layouts.stays[:, elements.free] * elements.mass[elements.free]
     return np.asarray(totals_of(layouts.blocks, elements.free, stays).max(axis=1, initial=0.0))
 
 
 def _mass(layouts: Layouts) -> Floats:
-    """Return (k,) mass of all elements that are not left out."""
     elements = layouts.assembly.elements
     mass = elements.mass[elements.free]
     total = float(mass.sum()) or 1.0
@@ -532,6 +528,30 @@ def _checked(count: Count) -> Count:
         return values
 
     return replace(count, of=of, terms=count.terms and terms)
+
+
+_TRIED: Final = 64  # labellings whose images are counted
+
+
+def refuse_unlike_images(assembly: Assembly, graph: Connectivity, group: Ints, candidates: Bools, fixed: Bits) -> None:
+    """Raise InputError for a count, not of jld, that tells images of random labellings under a group (g, m) apart."""
+    own = [count for count in registered() if count.name not in _BUILT_IN]
+    if not own:
+        return
+    rng = np.random.default_rng(0)
+    random = rng.random((_TRIED, len(fixed))) < rng.random((_TRIED, 1))
+    rows = np.where(candidates, random, fixed)
+    blocks = blocks_of(graph, rows)
+    rows &= ~candidates | (blocks[:, graph.a] != blocks[:, graph.b])
+    for name, found in _values(own, assembly, rows[:, group].reshape(-1, len(fixed)), graph, None).items():
+        values = found.reshape(_TRIED, -1)
+        unlike = np.argwhere(abs(values - values[:, :1]) > 1e-9 * abs(values).max())
+        if len(unlike):
+            (row, image), remedy = unlike[0], 'equal counts of images, or search.symmetry "none"'
+            problem = f"it is {values[row, 0]:g} of a layout and {values[row, image]:g} of its mirror image"
+            if name in plugins.entry_points("jld.counts"):
+                raise plugins.refuse_type("jld.counts", name, remedy, problem)
+            raise InputError(f"count {name!r}", problem, remedy)
 
 
 def registered() -> tuple[Count, ...]:

@@ -152,8 +152,6 @@ _ROUNDING: Final = 1e-12
 
 @dataclass(frozen=True)
 class Combination:
-    """Choice between the factors of each permanent action."""
-
     # self_weight, dead, prestressing: factors that are taken for self-weight, stated dead loads and prestress
     self_weight: Effect
     dead: Effect
@@ -163,7 +161,6 @@ class Combination:
     heavier: tuple[str, ...] = ()
 
     def factors(self, partial: scene_design.PartialFactors) -> dict[str, float]:
-        """Return the factor of each permanent action by its name."""
         names = ("self_weight", "dead", "prestressing")
         return {name: getattr(partial, name)[getattr(self, name) == "unfavourable"] for name in names}
 
@@ -215,7 +212,6 @@ def _loads(assembly: Assembly) -> tuple[LoadCase, ...]:
 
 
 def _weights(assembly: Assembly) -> Floats:
-    """Return the self-weights (n, d), zero on supports."""
     return np.where(assembly.elements.support[:, None], 0.0, assembly.elements.weight)
 
 
@@ -285,7 +281,6 @@ def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int]
 
 
 def loaded_cases(structure: Assembly, labels: Bits, combination: Combination) -> list[Loaded]:
-    """Return the load cases of a structure under the design loads of a combination."""
     return [
         Loaded(number, alone.with_strengths(alone.strengths(ROUTE)), labels, float(required), combination)
         for number, (alone, required) in enumerate(zip(structure.by_case, structure.required, strict=True))
@@ -497,8 +492,6 @@ Solution = LimitAnalysisResult | models_by_fields.FieldResult  # solution of a s
 
 @dataclass(frozen=True)
 class CaseCheck:
-    """Utilisation of one load case under one combination."""
-
     name: str  # name of the load case; "" for a single load
     required: float  # required factor of the case, 1 if the scene states none
     combination: Combination
@@ -553,8 +546,6 @@ class CaseCheck:
 
 @dataclass(frozen=True)
 class DesignCheck:
-    """Design check of one layout."""
-
     scene: Scene  # scene with characteristic values
     assembly: Assembly  # structure at characteristic values
     labels: Bits  # (m,) labels of the structure that is solved, True = dry

@@ -32,9 +32,8 @@ from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.space import feasible, to_string
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import SearchSpace
-from jld_explore.verification.balance import Balances
 from jld_explore.verification.certificate import BlockMechanism, Claim, Lemma, Mechanism, Reason, Rule, write
-from jld_explore.verification.verify import Checker, Labellings
+from jld_explore.verification.verify import Balances, Checker, Labellings
 
 # Relative amount by which the certified bound exceeds the bound of the search. It is a fifth of `tolerances.PROVEN`. It
 # covers the accuracy of the solver that computes mechanisms again, and their rounding.
@@ -156,7 +155,6 @@ class Certifier:
     # --- what is ruled out ------------------------------------------------------------------------------
 
     def _add(self, clause: Sequence[int], reason: Reason | None) -> int:
-        """Append a clause with its reason (None: none yet), and return its position."""
         self._clauses.append(list(clause))
         self._reasons.append(reason)
         return len(self._clauses) - 1
@@ -418,7 +416,6 @@ class _Units:
 
 
 def _whole(values: Iterable[float], digits: int) -> tuple[int, ...]:
-    """Round values times 2**digits to integers."""
     return tuple(round(Fraction(float(value)) * (1 << digits)) for value in values)
 
 
