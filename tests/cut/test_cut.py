@@ -26,8 +26,6 @@ from jld_cut.cut import verdict
 from jld_cut.families import axis_of, compressed
 from jld_cut.fields import scene_of_parts
 from jld_cut.keys import are_sound, keyed, slides, variants
-from jld_cut.loads import outside, parse_load, shares
-from jld_cut.marks import mark, tenons
 from jld_cut.meshes import (
     as_read,
     as_written,
