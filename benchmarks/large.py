@@ -1,8 +1,8 @@
-"""Large scenes: how reading and searching grow with the number of cells, every kind of answer, a search, and dry walls.
+"""Large scenes: how reading and searching grow with the number of cells, and every kind of answer.
 
-`python -m benchmarks.large [growth|answers|search|walls]` writes a table for each part. Square walls of cells on a row
-of supports, and cubes of cubes on a slab, under a horizontal body load, with blocks of up to four cells; and walls in
-running bond whose every face is dry.
+`python -m benchmarks.large [growth|answers]` writes a table for each part. Square walls of cells on a row of supports,
+and cubes of cubes on a slab, under a horizontal body load, with blocks of up to four cells; and walls in running bond
+whose every face is dry.
 """
 
 from __future__ import annotations
@@ -17,199 +17,35 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from studies.families import planar_running_bond, running_bond
 
-from benchmarks.common import ROOT, about, apart, load_of_machine, run_parts, table, write
+from benchmarks.common import ROOT, about, apart, run_parts, table, write
 from benchmarks.scenes import box, strength
-from jld_core import LimitAnalysis, build_assembly, load_scene, parse_scene, solve
-from jld_core.program import ConicProgram, Template
+from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_core.scene.schema import Scene
-from jld_core.solvers import RawSolution, Solver
 from jld_core.threads import one_thread
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
-from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space.symmetry import symmetry_group
 
-DRY_WALLS: dict[str, Callable[[int], Scene]] = {
-    "out of plane": lambda courses: running_bond(courses, direction=(0.0, 1.0, 0.0)),
-    "in plane": lambda courses: running_bond(courses, direction=(1.0, 0.0, 0.0)),
-    "planar": planar_running_bond,
-}
-WALL_PHASES = ("scene", "assembly", "program", "solve", "prove", "stands")
-"""Validation of the document, geometry and contacts, the conic program, the route's own answer, what is made of
-it (projections, repairs), and whether λ = 0 is admissible."""
-
-
-class Timed(Solver):
-    """A route whose time is kept apart."""
-
-    def __init__(self, route: Solver) -> None:
-        self.first_solver, self.name, self.seconds, self.iterations = route, route.name, 0.0, 0
-
-    def solve(self, program: ConicProgram) -> RawSolution:
-        start = time.process_time()
-        answer = self.first_solver.solve(program)
-        self.seconds += time.process_time() - start
-        self.iterations += answer.iterations
-        return answer
-
-
-def peak() -> float:
-    """Highest resident memory of this process so far, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-
-
-def measure_wall(case: str, courses: int, solver: str) -> dict[str, Any]:
-    """Processor time and memory by phase, and the bracket. solver: name of the route."""
-    seconds, memory = dict.fromkeys(WALL_PHASES, 0.0), dict.fromkeys(WALL_PHASES, 0.0)
-
-    @contextmanager
-    def phase(name: str) -> Iterator[None]:
-        start = time.process_time()
-        yield
-        seconds[name] += time.process_time() - start
-        memory[name] = peak()
-
-    wall_clock = time.perf_counter()
-    with phase("scene"):
-        scene = DRY_WALLS[case](courses)
-    with phase("assembly"):
-        assembly = build_assembly(scene)
-    with phase("program"):
-        analysis = LimitAnalysis(assembly, solver=solver, template=Template(assembly), reference=assembly.labels)
-    timed = Timed(analysis.first_solver)
-    analysis.first_solver = timed
-    with phase("prove"):
-        result = analysis.solve(stands=False)
-    seconds["solve"], memory["solve"] = timed.seconds, memory["prove"]
-    seconds["prove"] -= timed.seconds
-    with phase("stands"):
-        stands = analysis.stands(assembly.labels)
-    return {
-        "case": case,
-        "solver": solver,
-        "blocks": len(assembly.elements.free),
-        "faces": len(assembly.interfaces),
-        "status": str(result.status),
-        "stands": stands,
-        "load_factor": result.load_factor,
-        "gap": result.gap,
-        "route": list(result.solve_log),
-        "iterations": timed.iterations,
-        "seconds": seconds,
-        "memory": memory,
-        "wall": time.perf_counter() - wall_clock,
-    }
-
-
-WALL_RUNS: Final = {
-    ("out of plane", "schur"): (10, 20, 40, 60, 100),
-    ("in plane", "schur"): (10, 20, 40, 60, 100),
-    ("planar", "schur"): (20, 60, 100, 140),
-    ("out of plane", "clarabel"): (10, 20, 40, 60),
-    ("in plane", "clarabel"): (10, 20, 40),
-    ("planar", "clarabel"): (20, 60, 100),
-}
-"""Courses of the walls. Clarabel's are as far as the whole stays within a quarter of an hour."""
 Found = dict[str, Any]
 
-
-def run_wall(case: str, courses: int, solver: str) -> Found:
-    """Measure one wall in a process of its own."""
-    found: Found = apart("large.measure_wall", case, courses, solver)
-    print(f"{case}, {found['blocks']} blocks, {solver}: {proof_time(found):.1f} s, {found['gap']:.0e}", flush=True)
-    return found
-
-
-def proof_time(found: Found) -> float:
-    """Processor seconds from the document to the bracket."""
-    return float(sum(found["seconds"][name] for name in WALL_PHASES if name != "stands"))
-
-
-def set_up(found: Found) -> float:
-    """Processor seconds from the document to the program."""
-    return float(sum(found["seconds"][name] for name in ("scene", "assembly", "program")))
-
-
-def exponent_of_blocks(series: list[Found], value: Any) -> float:
-    """Slope of log value over log blocks, by least squares, from 400 blocks up."""
-    large = [one for one in series if one["blocks"] >= 400]
-    if len(large) < 2:
-        return float("nan")
-    return float(np.polyfit(np.log([o["blocks"] for o in large]), np.log([value(o) for o in large]), 1)[0])
-
-
-def dry_walls() -> None:
-    """Measure all walls; write the tables and the picture."""
-    results = {key: [run_wall(key[0], courses, key[1]) for courses in sizes] for key, sizes in WALL_RUNS.items()}
-    write("scale", "\n\n".join([_text(), _walls(results), _exponents(results)]))
-
-
-def _text() -> str:
-    return (
-        "# Scale\n\nWalls in running bond (bricks 0.2 × 0.1 × 0.06 m, μ 0.65, every face dry; spatial ones of two "
-        "wythes) under a horizontal body load. Each wall and route in a process of its own, one BLAS thread; processor "
-        "seconds, and the highest resident memory after the phase. *schur* is our interior point on the Schur "
-        "complement, which large assemblies get by default; *clarabel* the same program by Clarabel. Scene: validation "
-        "of the document. Assembly: geometry and contacts. Prove: projection, bounds, and repairs where an answer does "
-        "not prove itself (for both routes, those are solved by *schur* where the program is large). λ = 0: is the "
-        "wall standing unpushed? It is not part of the time to the bracket. A second BLAS thread could help the dense "
-        "kernels alone, about half of the factorisation at 10 100 blocks and less below; it was not measured, since "
-        "the machine was shared."
-    )
-
-
-def _walls(results: dict[tuple[str, str], list[Found]]) -> str:
-    head = ["wall", "route", "blocks", "faces", *(f"{p} s" if p != "stands" else "λ = 0 s" for p in WALL_PHASES)]
-    head += ["to the bracket, s", "set-up share", "MB: program", "MB: proven", "iterations", "λ", "width", "repairs"]
-    rows = []
-    for (case, solver), series in results.items():
-        for one in series:
-            rows.append(
-                [case, solver, str(one["blocks"]), str(one["faces"])]
-                + [f"{one['seconds'][p]:.2f}" for p in WALL_PHASES]
-                + [
-                    f"{proof_time(one):.2f}",
-                    f"{100.0 * set_up(one) / proof_time(one):.1f} %",
-                    f"{one['memory']['program']:.0f}",
-                    f"{one['memory']['prove']:.0f}",
-                    str(one["iterations"]),
-                    f"{one['load_factor']:.9f}",
-                    f"{one['gap']:.0e}" + ("" if one["status"] == "collapse" else f" ({one['status']})"),
-                    ", ".join(one["route"][1:]) or "none",
-                ]
-            )
-    return table(head, rows)
-
-
-def _exponents(results: dict[tuple[str, str], list[Found]]) -> str:
-    """Growth of time and memory as powers of the number of blocks."""
-    head = ["wall", "route", "set-up", "solve", "prove", "memory"]
-    rows = [
-        [case, solver]
-        + [
-            f"{exponent_of_blocks(series, value):.2f}"
-            for value in (
-                set_up,
-                lambda one: one["seconds"]["solve"],
-                lambda one: max(one["seconds"]["prove"], 1e-3),
-                lambda one: one["memory"]["prove"],
-            )
-        ]
-        for (case, solver), series in results.items()
-    ]
-    return "Exponents of blocks, fitted from 400 blocks up:\n\n" + table(head, rows)
-
-
-SIZES: Final = {"planar": (10, 32, 100, 178, 317), "spatial": (5, 10, 16, 22, 47)}
-"""Cells along an edge: up to 100 489 and 103 823 cells."""
+DRY_WALLS: Final[dict[str, Callable[[int], Scene]]] = {
+    "dry, out of plane": lambda courses: running_bond(courses, direction=(0.0, 1.0, 0.0)),
+    "dry, in plane": lambda courses: running_bond(courses, direction=(1.0, 0.0, 0.0)),
+    "dry, planar": planar_running_bond,
+}
+SIZES: Final = {
+    "planar": (10, 32, 100, 178, 317),
+    "spatial": (5, 10, 16, 22, 47),
+    **dict.fromkeys(DRY_WALLS, (10, 20, 40, 60, 100)),
+}
+"""Cells along an edge, up to 100 489 and 103 823 cells; courses of dry walls, up to 10 100 blocks."""
 
 PHASES: Final = ("scene", "contacts", "symmetry", "space", "driver", "λ")
 
@@ -222,6 +58,8 @@ BYTES: Final = 12 << 30
 
 def document(kind: str, edge: int) -> dict[str, Any]:
     """The scene of a kind with so many cells along an edge, supports beside them."""
+    if kind in DRY_WALLS:
+        return DRY_WALLS[kind](edge).model_dump(mode="json", exclude_unset=True)
     common = {
         "materials": {"density": 1400, "dry": {"friction_coefficient": 0.75}, "inner": strength(2e6)},
         "loads": {"live": [{"body": [1, 0] if kind == "planar" else [1, 0, 0]}]},
@@ -255,14 +93,16 @@ def phases(file: Path, evaluate: bool = True) -> Iterator[Found]:
     yield ended("scene")
     assembly = build_assembly(scene)
     yield ended("contacts", cells=len(assembly.elements.free), faces=len(assembly.interfaces))
-    space = search_space(scene, assembly)
-    both = ended("space")
-    group = symmetry_group(assembly, scene, space.candidates, space.fixed)
-    alone = ended("symmetry", group=len(group))
-    yield alone
-    yield {**both, "seconds": max(both["seconds"] - alone["seconds"], 0.0)}
-    labelling = make_driver("random", space, 0).ask(1)
-    yield ended("driver")
+    labelling = assembly.labels[None]
+    if "search" in scene.model_fields_set:
+        space = search_space(scene, assembly)
+        both = ended("space")
+        group = symmetry_group(assembly, scene, space.candidates, space.fixed)
+        alone = ended("symmetry", group=len(group))
+        yield alone
+        yield {**both, "seconds": max(both["seconds"] - alone["seconds"], 0.0)}
+        labelling = make_driver("random", space, 0).ask(1)
+        yield ended("driver")
     if evaluate:
         with one_thread():
             found = evaluator_of(assembly, EvaluatorSettings()).evaluate_all(labelling)[0]
@@ -298,7 +138,7 @@ def row_of(found: Found) -> list[str]:
     seconds, memory = found["seconds"], found["memory"]
     return [
         found["kind"],
-        f"{found.get('cells', found['edge'] ** (2 if found['kind'] == 'planar' else 3)):,}".replace(",", " "),
+        f"{found.get('cells', 0):,}".replace(",", " "),
         f"{found['faces']:,}".replace(",", " ") if "faces" in found else "–",
         *(f"{seconds[phase]:.2f}" if phase in seconds else "–" for phase in PHASES),
         f"{memory['driver']:.0f}" if "driver" in memory else "–",
@@ -317,12 +157,12 @@ def exponent(series: list[Found], phase: str) -> str:
 
 
 def growth() -> None:
-    """How reading and searching grow: phase by phase, planar and spatial, to 10⁵ cells.
+    """How reading and searching grow: phase by phase, planar, spatial and dry walls, to 10⁵ cells.
 
     Each size is a process of its own with its own limit of processor time and of memory; what it had not reached by
     then is a dash. Scene: the file read and validated. Contacts: from it to the assembly. Symmetry: the isometries
     looked for. Space: limits and connectivity, what may be labelled. Driver: the random driver up to its first
-    labelling. λ: that labelling solved and proven.
+    labelling. λ: that labelling solved and proven; of dry walls, which nothing is searched for in, their own.
     """
     results = {kind: [run(kind, edge) for edge in sizes] for kind, sizes in SIZES.items()}
     head = ["kind", "cells", "faces", *(f"{phase}, s" for phase in PHASES), "MB before λ", "MB with λ"]
@@ -477,79 +317,8 @@ def _words(change: Callable[[Content], None]) -> str:
     return (change.__doc__ or "").rstrip(".")
 
 
-SEARCH_EDGE: Final = 50
-"""Cells along an edge of the wall."""
-
-LAYOUTS: Final = 20
-"""Layouts that are counted of each wall."""
-
-
-def plain(content: Content) -> None:
-    """As it is."""
-
-
-def symmetric(content: Content) -> None:
-    """Pushed to each side, mirror images merged: two load cases a layout."""
-    two_cases(content)
-    content["search"]["symmetry"] = "mirror-x"
-
-
-def supported(content: Content) -> None:
-    """Supported along its left side as well."""
-    content["grid"]["rows"] = ["#" + row for row in content["grid"]["rows"]]
-
-
-WALLS: Final[dict[str, Callable[[Content], None]]] = {one.__name__: one for one in (plain, symmetric, supported)}
-"""Changes of the scene by name."""
-
-
-def solve_layouts(name: str, layouts: int) -> dict[str, Any]:
-    """Solve layouts of one wall; return their mean processor time, and how many have a bracket or a proof."""
-    content = document("planar", SEARCH_EDGE)
-    WALLS[name](content)
-    scene = parse_scene(content)
-    assembly = build_assembly(scene)
-    space = search_space(scene, assembly)
-    driver, spent = make_driver("random", space, 0), 0.0
-    found: list[Evaluation] = []
-    evaluator = evaluator_of(assembly, EvaluatorSettings())
-    while len(found) <= layouts:
-        asked = driver.ask(layouts + 1 - len(found))
-        if not len(asked):
-            break
-        with one_thread():
-            for labels in asked:
-                start = time.process_time()
-                found += evaluator.evaluate_all(labels[None])
-                spent += (time.process_time() - start) * (len(found) > 1)
-    widths = [(one.high - one.low) / abs(one.high) for one in found if str(one.status) == "collapse"]
-    proven = sum(str(one.status) != "uncertified" for one in found)
-    return {"seconds": spent / (len(found) - 1), "layouts": len(found) - 1, "open": len(found) - proven,
-            "width": max(widths, default=math.nan)}  # fmt: skip
-
-
-def search() -> None:
-    """A search at 2 500 cells: processor time of a layout, proven to 1e-6, and layouts a minute on two free cores.
-
-    The square wall with 50 cells along an edge, blocks of up to four cells: as it is, under a push to each side with
-    mirror images merged, and with supports along one side as well. Layouts are those that the random driver asks for
-    first. Each wall is a process of its own with one thread, and layouts are solved one after another as a worker does;
-    the first one, which prepares what all share, is not counted. Layouts a minute: two workers at this rate.
-    `python -m benchmarks.large search LAYOUTS` takes another number.
-    """
-    layouts = int(sys.argv[1]) if len(sys.argv) > 1 else LAYOUTS
-    rows = []
-    for name, change in WALLS.items():
-        one = apart("large.solve_layouts", name, layouts)
-        numbers = [f"{one['seconds']:.2f}", f"{120.0 / one['seconds']:.0f}", f"{one['width']:.0e}", str(one["open"])]
-        rows.append([_words(change), str(one["layouts"]), *numbers])
-        print(rows[-1], flush=True)
-    found = table("wall | layouts | s of a layout | layouts a minute | widest bracket | uncertified", rows)
-    write("large_search", "\n\n".join(["# A search at 2 500 cells", about(search.__doc__), found, load_of_machine()]))
-
-
 if __name__ == "__main__":
     if sys.argv[1:2] == ["one"]:
         _one(*sys.argv[2:])
     else:
-        run_parts(growth=growth, answers=answers, search=search, walls=dry_walls)
+        run_parts(growth=growth, answers=answers)

@@ -176,6 +176,22 @@ def vault(across: int = 9, deep: int = 3, inner: float = 2e4) -> Scene:
     )
 
 
+def column(corners: int, drums: int = 12) -> dict[str, Any]:
+    """A column of drums, regular prisms of 1 m across and 0.3 m high, pushed sideways."""
+    angle = 2.0 * math.pi * np.arange(corners) / corners
+    ring = 0.5 * np.column_stack([np.cos(angle), np.sin(angle)])
+    around = [[k, (k + 1) % corners, (k + 1) % corners + corners, k + corners] for k in range(corners)]
+    faces = [list(range(corners))[::-1], list(range(corners, 2 * corners)), *around]
+    elements = []
+    for level in range(drums + 1):
+        vertices = [[x, y, 0.3 * (level + up)] for up in (0, 1) for x, y in ring.tolist()]
+        elements.append(
+            {"id": f"d{level}", "vertices": vertices, "faces": faces, **({} if level else {"support": True})}
+        )
+    materials = {"density": 1400, "dry": ANGLE, "inner": strength(2e4)}
+    return {"elements": elements, "materials": materials, "loads": {"live": [{"body": [1, 0, 0]}]}}
+
+
 def middle(*columns: int) -> list[dict[str, Any]]:
     """Equal loads on the top of some columns."""
     return [{"element": f"c{column}r0", "force": [0, -1]} for column in columns]

@@ -273,7 +273,6 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def by_case(self) -> tuple[Assembly, ...]:
-        """Return one assembly for each load case; itself without cases."""
         if not self.cases:
             return (self,)
         return tuple(
@@ -462,9 +461,10 @@ def _values(labels: Labels) -> NDArray[np.generic]:
 
 
 def checked_labels(labels: Labels, assembly: Assembly, parameter: str) -> Bits:
-    """Return labels as truth values (m,); raise InputError for a wrong number or value."""
+    """Return labels as truth values, (m,) or with those of members; raise InputError for a wrong number or value."""
     values, faces = _values(labels), assembly.faces
     expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
+    # labels of an evaluation also cover the interfaces of members
     if values.ndim != 1 or len(values) not in (faces, len(assembly.interfaces)):
         found = f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"
         raise ParameterError(parameter, found, expected)

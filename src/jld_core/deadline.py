@@ -66,11 +66,9 @@ class Deadline:
         return self._ending(self.end - seconds)
 
     def within(self, seconds: float) -> Deadline:
-        """Return a deadline that ends `seconds` from now, or with this one if that is earlier."""
         return self._ending(min(self.end, time.perf_counter() + seconds))
 
     def _ending(self, end: float) -> Deadline:
-        """Return a deadline with the same start and another end."""
         made = Deadline(None, self.started)
         made.end = end
         return made

@@ -75,7 +75,6 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file completely or not at all, replacing an existing one."""
     with whole_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")
 

@@ -189,7 +189,6 @@ class Layout:
 
     @cached_property
     def _named(self) -> dict[str | None, list[int]]:
-        """Indices of the elements of each block that the scene names, by name."""
         found: dict[str | None, list[int]] = {}
         for k, name in enumerate(self.assembly.elements.blocks):
             found.setdefault(name, []).append(k)
@@ -210,7 +209,6 @@ class Layout:
         return numbers
 
     def without_members(self) -> Layout:
-        """Return the layout without the interfaces of members; itself where there are none."""
         assembly = faces_of(self.assembly)
         if assembly is self.assembly:
             return self

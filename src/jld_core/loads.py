@@ -104,7 +104,6 @@ class Loads:
         return self.weighted(np.full(len(self.body), factor))
 
     def weighted(self, factors: Floats) -> Loads:
-        """Return the loads on each element multiplied by its factor (n,)."""
         share, of_points = factors[:, None], factors[self.points.element][:, None]
         return Loads(
             share * self.body,
@@ -125,7 +124,6 @@ class Loads:
         )
 
     def take(self, rows: Ints) -> Loads:
-        """Return the loads on the elements `rows` (k,), renumbered in this order."""
         place = np.full(len(self.body), -1, dtype=np.int64)
         place[rows] = np.arange(len(rows))
         own = np.flatnonzero(place[self.points.element] >= 0)

@@ -158,7 +158,6 @@ def _is(value: Any, kind: Any) -> bool:
 
 
 def shown_value(value: Any) -> str:
-    """Return a value in a few letters."""
     text = " ".join(repr(value).split())
     if len(text) <= 60 and " at 0x" not in text:
         return text

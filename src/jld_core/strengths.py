@@ -1,7 +1,6 @@
 """Strengths of faces; a **route**, a reader of them, is refused unless it knows every **fact** in them.
 
-A fact is a kind of statement, such as friction of joints or a criterion of a plug-in. New facts are thus refused by
-routes not taught them.
+A fact is a kind of statement, such as friction of joints or a criterion of a plug-in.
 """
 
 from __future__ import annotations
@@ -111,7 +110,6 @@ class Strengths:
         return Side(**{"tension": np.zeros(len(self.friction)), **found})
 
     def under(self, labels: Bits) -> Side:
-        """Return the numbers of each face under labels (m,)."""
         dry, inner = self.side(dry=True), self.side(dry=False)
         return Side(**{name: np.where(labels, value, getattr(inner, name)) for name, value in vars(dry).items()})
 
@@ -125,7 +123,6 @@ class Strengths:
 
     @property
     def stresses(self) -> dict[str, Floats]:
-        """Return all strengths (m,) that are stresses, by fields."""
         return {one.field: getattr(self, one.field) for one in PARAMETERS if one.side != "friction"}
 
     @property
@@ -137,7 +134,6 @@ class Strengths:
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
     def joined(self, more: Strengths) -> Strengths:
-        """Return these strengths, followed by those of further interfaces."""
         return Strengths(**{
             one.name: np.concatenate([getattr(self, one.name), getattr(more, one.name)]) for one in fields(Strengths)
         })  # fmt: skip

@@ -19,7 +19,6 @@ _inside = 0  # number of contexts that are open in all threads
 
 @cache
 def _controller() -> ThreadpoolController:
-    """Return the controller of the loaded BLAS libraries."""
     import scipy.linalg  # noqa: F401 – brings a library of its own
 
     return ThreadpoolController().select(user_api="blas")

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Floats, Ints
+from jld_core import Floats, Ints, checkpoint
 from jld_cut.meshes import manifold3d, open_edges, pieces_of, solid_of, surface_of
 from jld_cut.whole import normals_of, outer_surface, triangles_of
 
@@ -39,7 +39,6 @@ class Limits:
 
     @property
     def extent(self) -> float:
-        """Longest side of the box."""
         return float(self.fit[-1])
 
 
@@ -96,11 +95,11 @@ class Cutting:
         if len(pieces) < 2:
             return False
         plane = np.array([*normal, offset])
-        sections = sorted(_sections(pieces, plane, self.size), key=lambda one: one[2].distance(_at(plane, point)))
+        found = sorted(sections(pieces, plane, self.size), key=lambda one: one[2].distance(_at(plane, point)))
         # all pieces that meet at other sections stay joined, unless this also joins the two sides of the chosen one
         side = list(range(len(pieces)))
-        first, second = sections[0][:2] if sections else (0, 1)
-        for a, b, _ in sections[1:]:
+        first, second = found[0][:2] if found else (0, 1)
+        for a, b, _ in found[1:]:
             ends = {side[a], side[b]}
             if ends != {side[first], side[second]}:
                 side = [side[a] if one in ends else one for one in side]
@@ -148,6 +147,7 @@ def _at(plane: Floats, point: Floats) -> Any:
 
 def union(cells: list[Any]) -> Any:
     """Return the union of bodies that touch, without walls of no thickness between them where possible."""
+    checkpoint()
     if len(cells) == 1:
         return cells[0]
     whole = sum(cell.volume() for cell in cells)
@@ -174,7 +174,6 @@ def closed(bodies: list[Any], volume: float) -> Any | None:
 
 
 def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
-    """Return the name of the group (n,) that each cell joins."""
     group, volume = list(range(len(cells))), [cell.volume() for cell in cells]
     boxes = [np.array(cell.bounding_box()) for cell in cells]
     area: dict[tuple[int, int], float] = {}
@@ -232,7 +231,7 @@ def sides_of(cell: Any, plane: Floats, size: float) -> tuple[Any, Any]:
     return tuple(shapely.union_all(shapely.polygons(corners[side])) for side in (below, above))
 
 
-def _sections(cells: list[Any], plane: Floats, size: float) -> list[tuple[int, int, Any]]:
+def sections(cells: list[Any], plane: Floats, size: float) -> list[tuple[int, int, Any]]:
     """Return the regions of a plane between pairs of cells: the cell below, the one above, a polygon."""
     low, high = np.array([cell.bounding_box() for cell in cells]).reshape(-1, 2, 3).transpose(1, 0, 2)
     reach = np.where(plane[:3] > 0, high, low) @ plane[:3], np.where(plane[:3] > 0, low, high) @ plane[:3]
@@ -257,7 +256,8 @@ def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float =
     found = []
     met: dict[tuple[int, int], list[Floats]] = {}
     for plane in unique_planes(planes, size):
-        here = _sections(cells, plane, size)
+        checkpoint()
+        here = sections(cells, plane, size)
         for a, b, region in here:
             # cells that meet in a plane also meet in one that differs by rounding: that is the same joint
             if any(np.abs(plane - one).max() < 1e-6 * max(1.0, size) for one in met.get((min(a, b), max(a, b)), ())):
@@ -270,7 +270,6 @@ def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float =
 
 
 def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
-    """Return planes without those that another one equals."""
     kept: list[Floats] = []
     for plane in planes:
         sign = 1.0 if plane[:3][np.argmax(np.abs(plane[:3]) > 1e-6)] > 0 else -1.0
@@ -281,7 +280,6 @@ def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
 
 
 def lifted(polygon: Any, plane: Floats) -> Floats:
-    """Return the corners (k, 3) of a polygon in a plane."""
     corners = shapely.get_coordinates(polygon.exterior)[:-1] @ basis(plane[:3]) + plane[3] * plane[:3]
     return np.where(np.abs(corners) < 1e-15, 0.0, corners)  # without the dust of rounding
 
@@ -367,6 +365,7 @@ def convex_parts(cells: list[Any], most: int, least: float = _CONCAVE) -> tuple[
     pieces, of, planes = list(cells), list(range(len(cells))), []
     edges = [concave_edges(cell)[:1] for cell in cells]
     while len(pieces) < most:
+        checkpoint()
         turn, at = max((one[0][0], k) if one else (0.0, k) for k, one in enumerate(edges))
         if turn < least:
             break

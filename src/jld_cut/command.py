@@ -43,6 +43,9 @@ def cut_(
         bool, typer.Option("--tenons", help="Tenons at joints that a part is laid straight onto.")
     ] = False,
     marks: Annotated[bool, typer.Option("--marks", help="Engrave number and arrow, up as the part stands.")] = False,
+    keys: Annotated[
+        bool, typer.Option("--keys/--no-keys", help="Tongues, steps or keys where parts slide and these raise λ.")
+    ] = True,
     seconds: Annotated[float, typer.Option(help="Time for all, s.")] = 60.0,
     keep_whole: Annotated[
         list[str] | None, typer.Option(help="x0,y0,z0,x1,y1,z1: no joint meets this box; may be given again.")
@@ -75,6 +78,7 @@ def cut_(
         keep_whole=tuple(keep_whole or ()),
         tenons=tenons,
         marks=marks,
+        keys=keys,
     )
     summary = cut(solid, wanted, out, None if as_json else streams.say)
     streams.say(json.dumps(summary, indent=1) if as_json else f"written to   {out}")

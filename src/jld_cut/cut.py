@@ -6,7 +6,8 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,8 +16,10 @@ import pandas as pd
 
 from jld_core import Floats, InputError, Ints, ParameterError, files
 from jld_cut.cells import Limits
+from jld_cut.clock import CHOSEN, DRAWN, FILED, KEYED, Clock
 from jld_cut.families import FAMILIES
 from jld_cut.fields import bounds_beside, scene_of_parts
+from jld_cut.keys import Key, Keyed, are_sound, keyed
 from jld_cut.loads import parse_load, parse_region
 from jld_cut.marks import mark, tenons
 from jld_cut.meshes import read_solid
@@ -24,13 +27,14 @@ from jld_cut.partitions import Layouts, frames
 from jld_cut.parts import Part, different, lay, parts_of, plain_surface, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
 from jld_cut.scene import Matter, Setting
-from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, search_all
+from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, low_of, search_all, weaker
 from jld_explore.report import csv_of
 from jld_formats import step_of_solids
 from jld_views import figures, page_of_study
 
 _FIELDS: Final = 25.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
+_NAMED: Final = 3  # keys that the verdict names
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
@@ -73,6 +77,8 @@ class Options:
         Put a tenon on each joint that a part is laid straight onto, where one fits.
     marks : bool
         Engrave number and arrow.
+    keys : bool
+        Put tongues, steps or keys in joints on which parts slide where these raise λ.
     """
 
     fit: tuple[float, float, float]
@@ -91,6 +97,7 @@ class Options:
     keep_whole: tuple[str, ...] = ()
     tenons: bool = False
     marks: bool = False
+    keys: bool = True
 
     def wish(self) -> Wish:
         """Return what the search is asked for, in m and kg; ParameterError for what cannot be used."""
@@ -140,11 +147,13 @@ class Chosen:
     locking: list[int]  # cells of parts that lock one another
     parts: list[Part]
     too_large: list[int]  # parts that do not fit the box
+    keys: tuple[Key, ...] = ()
+    plain: Chosen | None = None  # the same with plane joints, where there are keys
 
     @property
     def low(self) -> float:
         """Lower end of the bracket, infinite where no load makes it collapse."""
-        return _low(self.bracket)
+        return low_of(self.bracket)
 
     @property
     def can_be_laid(self) -> bool | None:
@@ -178,7 +187,7 @@ def cut(
     InputError
         For a solid, options or a folder that cannot be used.
     """
-    start, out, path = time.perf_counter(), Path(out), Path(path)
+    clock, out, path = Clock(options.seconds), Path(out), Path(path)
     say = announce or (lambda _: None)
     wish = options.wish()
     scale = UNITS[options.unit]
@@ -189,23 +198,22 @@ def cut(
     _refuse_small(solid, wish.limits)
     _refuse_thin(solid, scale * options.clearance)
     out.mkdir(parents=True, exist_ok=True)
-
-    def left(share: float) -> float:
-        """Return a share of the time that is left, s."""
-        return share * (options.seconds - (time.perf_counter() - start))
-
-    now = time.time()
-    families = search_all(solid, path.stem, wish, now + left(0.45), say)
-    chosen = _choose(families, wish, scale * options.clearance, time.time() + left(0.55), say)
+    families = search_all(solid, path.stem, wish, clock, say)
+    chosen = _choose(families, wish, scale * options.clearance, clock, say)
+    if options.keys:
+        chosen = _keyed(chosen, wish, scale, options.clearance, clock)
     summary = _summary(chosen, families, solid, options)
-    _write(chosen, summary, out, options)
+    _write(chosen, summary, out, options, clock)
     say(summary["verdict"])
-    scene = _by_fields(chosen, wish.setting, out) if left(1.0) > _FIELDS else None
-    with bounds_beside(scene, left(0.9)) if scene else nullcontext() as bracket:
-        _draw(chosen, summary, out, scale, left(0.8))
-        summary["by_fields"] = bracket(left(0.95)) if bracket else None
-    say(_told_of_fields(summary["by_fields"], scene is not None))
-    summary["seconds"] = time.perf_counter() - start
+    scene = clock.run("bounds by fields", FILED, lambda: _by_fields(chosen, wish.setting, out), _FIELDS)
+    with bounds_beside(scene, clock.left(DRAWN)) if scene else nullcontext() as bracket:
+        _draw(chosen, summary, out, scale, clock)
+        summary["by_fields"] = bracket(clock.left(DRAWN)) if bracket else None
+    summary["left_out"] = clock.left_out
+    say(_told_of_fields(summary["by_fields"], scene is not None or "bounds by fields" in clock.left_out))
+    if clock.left_out:
+        say(f"time left out: {', '.join(clock.left_out)}")
+    summary["seconds"] = time.time() - clock.start
     files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     return summary
 
@@ -233,13 +241,16 @@ def _refuse_thin(solid: Any, clearance: float) -> None:
             raise InputError("clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
 
 
-def _choose(families: list[Family], wish: Wish, clearance: float, end: float, say: Callable[[str], None]) -> Chosen:
+def _choose(families: list[Family], wish: Wish, clearance: float, clock: Clock, say: Callable[[str], None]) -> Chosen:
     """Return the strongest layout on convex cells of the fewest parts that carry, fit and can be laid."""
     made: Chosen | None = None
+    end = clock.at(CHOSEN)
     numbers = sorted({n for one in families for n, of in one.found.of.items() if len(of.low)})
     carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
     for parts in carrying or numbers[-1:]:
-        for family, block, coarse, bracket in _judged(families, parts, wish, end, say):
+        for family, block, coarse, bracket in _judged(families, parts, wish, clock, say):
+            if made and time.time() > end:
+                break
             tried = _chosen(family, block, coarse, bracket, wish, clearance, end)
             made = made or tried
             if not tried.too_large and tried.can_be_laid is not False:
@@ -259,20 +270,26 @@ def _top(family: Family, parts: int) -> float:
 
 
 def _judged(
-    families: list[Family], parts: int, wish: Wish, end: float, say: Callable[[str], None]
+    families: list[Family], parts: int, wish: Wish, clock: Clock, say: Callable[[str], None]
 ) -> list[tuple[Family, Ints, float, Bracket]]:
     """Return the layouts of one number of parts that are best on the cells, the strongest on convex cells first."""
     judged: list[tuple[float, float, tuple[Family, Ints, float, Bracket]]] = []
+    end = clock.at(CHOSEN)
     for family in sorted(families, key=lambda one: -_top(one, parts)):
-        if (not np.isfinite(_top(family, parts)) and _top(family, parts) < 0) or (judged and time.time() > end):
+        if not np.isfinite(_top(family, parts)) and _top(family, parts) < 0:
             continue
-        family.truth = family.truth or Truth(family, wish.setting)
+        if not family.truth:
+            made = partial(Truth, family, wish.setting)
+            title = f"λ of {family.name} on {len(family.cutting.cells)} cells that crack"
+            family.truth = clock.run(title, CHOSEN, made) if judged else made()
+        if not family.truth or (judged and time.time() > end):
+            continue
         found, count = family.found.of[parts], 0
         for block, coarse in _loose(family, found, end):
             if judged and (count and time.time() > end):
                 break
-            bracket = family.truth.known[block.tobytes()] = _weaker(family.truth.solve(block), coarse)
-            judged.append((_low(bracket), coarse, (family, block, coarse, bracket)))
+            bracket = family.truth.known[block.tobytes()] = weaker(family.truth.solve(block), coarse)
+            judged.append((low_of(bracket), coarse, (family, block, coarse, bracket)))
             count += 1
         say(
             f"{family.name:<8} {family.truth.cells} cells whose inner faces may crack: {count} layouts of {parts} parts"
@@ -291,31 +308,49 @@ def _loose(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, f
     yield from () if count else rows[:1]
 
 
-def _weaker(bracket: Bracket, coarse: float) -> Bracket:
-    """Return a bracket that is not above λ of the cells of the search: a verdict rests on the weaker of both."""
-    # Smaller faces bear more torsion together than one of their size, so finer cells may seem stronger.
-    return (coarse, bracket[1], False) if -np.inf < coarse < _low(bracket) else bracket
-
-
-def _low(bracket: Bracket) -> float:
-    return np.inf if bracket[2] else -np.inf if bracket[0] is None else bracket[0]
-
-
 def _chosen(
-    family: Family, block: Ints, coarse: float, bracket: Bracket, wish: Wish, clearance: float, end: float
+    family: Family,
+    block: Ints,
+    coarse: float,
+    bracket: Bracket,
+    wish: Wish,
+    clearance: float,
+    end: float,
+    plain: Chosen | None = None,
 ) -> Chosen:
-    """Return a layout with its order and parts."""
+    """Return a layout with its order and parts; with keys in the joints of a plain one if that is given."""
     parts = parts_of(family.cutting.cells, block, family.joints, wish.setting.matter.density, clearance)
     turned = frames(family.normals)
     large = [part.number for part in parts if not lay(part, wish.limits.fit, turned)]
     laying = family.truth.order(block, max(_LAYING, end - time.time()))
     locking = family.truth.locking(block, max(_LAYING, end - time.time())) if laying is False else []
-    uncut = family.truth.solve(np.zeros(len(family.cutting.cells), dtype=np.int64))
-    return Chosen(family, family.truth, coarse, bracket, uncut, block, laying, locking, parts, large)
+    uncut = plain.uncut if plain else family.truth.solve(np.zeros(len(family.cutting.cells), dtype=np.int64))
+    return Chosen(family, family.truth, coarse, bracket, uncut, block, laying, locking, parts, large, (), plain)
+
+
+def _keyed(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Clock) -> Chosen:
+    """Return a layout with keys in the joints on which its parts slide, where these raise λ and the parts are sound."""
+    if not np.isfinite(chosen.low) or not chosen.laying:
+        return chosen
+    made: dict[int, Chosen] = {}
+
+    def sound(one: Keyed) -> bool:
+        try:
+            tried = _chosen(
+                one.family, one.block, chosen.coarse, one.bracket, wish, scale * clearance, clock.at(KEYED), chosen
+            )
+        except InputError:  # clearance takes too much of a key
+            return False
+        made[id(one.block)] = tried
+        return bool(tried.laying) and not tried.too_large and are_sound(tried.parts, scale)
+
+    best = clock.run(
+        "keys", KEYED, lambda: keyed(chosen.family, chosen.block, chosen.low, wish.setting, sound), least=1.0
+    )
+    return chosen if best is None else replace(made[id(best.block)], keys=best.keys)
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
-    """Return the facts of a cut solid."""
     low, high, locked = chosen.bracket
     found, parts = chosen.family.found, len(chosen.parts)
     volumes = [cell.volume() for cell in chosen.family.cutting.cells]
@@ -325,6 +360,11 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "load_factor": low,
         "bracket": [low, high],
         "locked": locked,
+        "keys": [
+            {"kind": key.kind, "on": key.on, "into": key.into, "at": key.at.tolist(), "told": key.told()}
+            for key in chosen.keys
+        ],
+        "load_factor_without_keys": finite((chosen.plain or chosen).low),
         "only_crushing": not locked and chosen.coarse == np.inf and options.matter.compressive is not None,
         "load_factor_of_cells": finite(chosen.coarse),
         "proven": found.proven(parts),
@@ -375,7 +415,7 @@ def _true(family: Family, parts: int) -> list[float]:
     """Return λ of the layouts of one number of parts that were judged on convex cells."""
     found, known = family.found.of.get(parts), {} if family.truth is None else family.truth.known
     keys = [] if found is None else [block.tobytes() for block in found.blocks]
-    return [_low(known[key]) for key in keys if key in known]
+    return [low_of(known[key]) for key in keys if key in known]
 
 
 def _front(families: list[Family]) -> list[dict[str, Any]]:
@@ -392,7 +432,6 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
 
 
 def verdict(summary: dict[str, Any]) -> str:
-    """Return one sentence on what parts carry."""
     many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
     low = summary["bracket"][0]
     if summary["locked"]:
@@ -401,6 +440,11 @@ def verdict(summary: dict[str, Any]) -> str:
         carry = "have no proven load factor"
     else:
         carry = f"carry at least {low:.3g} times your load"
+    keys = summary.get("keys") or []
+    if keys:
+        more = f" and {len(keys) - _NAMED} more" if len(keys) > _NAMED else ""
+        named = ", ".join(key["told"] for key in keys[:_NAMED]) + more
+        carry += f" with keys where parts slid ({named}; {summary['load_factor_without_keys']:.3g} without)"
     start, end = summary["uncut"]
     whole = "any multiple" if start is not None and end is None else "unknown" if start is None else f"{start:.3g}"
     told = f"{many} {carry}; uncut {whole}"
@@ -412,7 +456,9 @@ def verdict(summary: dict[str, Any]) -> str:
         of_cells, bound = summary.get("load_factor_of_cells"), summary.get("bound")
         below = of_cells is not None and bound is not None and of_cells < bound * (1 - 1e-3)
         last = f"exceeds {bound:.3g} on them, whether it goes together or not" if below else "is stronger on them"
-        told += f"; no fewer parts of these cells do, and no layout of as many {last}"
+        told += (
+            "; by plane joints" * bool(keys) + f"; no fewer parts of these cells do, and no layout of as many {last}"
+        )
     if low is not None and not summary["meets"]:
         told += f"; {summary['require']:g} was asked"
     if summary["too_large"]:
@@ -428,7 +474,7 @@ def verdict(summary: dict[str, Any]) -> str:
     return told + "."
 
 
-def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options) -> None:
+def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
     """Write parts, table, order and pictures."""
     scale = UNITS[options.unit]
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
@@ -443,48 +489,69 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options)
     if options.tenons:
         gap = scale * options.clearance
         fit = scale * np.sort(np.array(options.fit))
-        summary["tenons"] = tenons(chosen.parts, chosen.block, chosen.family.joints, gap, fit, scale)
+        summary["tenons"] = clock.run(
+            "tenons",
+            KEYED,
+            lambda: tenons(chosen.parts, chosen.block, chosen.family.joints, gap, fit, scale),
+        )
     if options.marks:
-        summary["marked"] = [part.number for part in chosen.parts if mark(part, scale)]
+        for part in chosen.parts:
+            clock.run(f"number on part {part.number}", FILED, partial(mark, part, scale))
+        summary["marked"] = [part.number for part in chosen.parts if part.marked]
     write_parts(out, chosen.parts, scale)
     summary["watertight"] = all(part.watertight for part in chosen.parts)
     summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]
     summary["file_error"] = max(part.error for part in chosen.parts)
-    files.write_text(out / "parts.csv", csv_of(table_of(chosen.parts, scale)))
-    solids = [(part.name, False, plain_surface(part.exact)) for part in chosen.parts]
-    size = max(float(part.box.max()) for part in chosen.parts)
-    files.write_text(out / "parts.step", step_of_solids(chosen.fine.document["name"], "m", size, solids))
+    files.write_text(out / "parts.csv", csv_of(table_of(chosen.parts, scale, chosen.keys)))
+
+    def step_file() -> None:
+        solids = [(part.name, False, plain_surface(part.exact)) for part in chosen.parts]
+        size = max(float(part.box.max()) for part in chosen.parts)
+        files.write_text(out / "parts.step", step_of_solids(chosen.fine.document["name"], "m", size, solids))
+
+    clock.run("parts.step", FILED, step_file)
     summary["verdict"] = verdict(summary)
     files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")
 
 
-def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float, seconds: float) -> None:
-    """Write the pictures, the pages, and the page of the search, whose slider pulls the parts apart."""
-    parts, told, start = chosen.parts, summary["verdict"], time.perf_counter()
-    figures.save_figure(figure_of_parts(parts, told), out / "parts.png")
-    steps = steps_of(parts)
-    if steps:
-        figures.save_figure(figure_of_order(parts, steps), out / "order.png")
+def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float, clock: Clock) -> None:
+    """Write the pages and pictures that time leaves, and the page of the search, whose slider pulls the parts apart."""
+    parts, told, steps = chosen.parts, summary["verdict"], steps_of(chosen.parts)
     keys = ("parts", "load_factor", "load_factor_of_cells", "family", "proven")
     front = (
         ["parts", "λ", "λ of the cells", "cut by", "all known"],
         [[_shown(row[key]) for key in keys] for row in summary["front"]],
     )
-    table = table_of(parts, scale)[["part", "mass", "volume", "size_x", "size_y", "size_z", "step"]]
-    cutting = list(table.columns), [[f"{value:.5g}" for value in row] for row in table.to_numpy(dtype=float)]
+    table = table_of(parts, scale, chosen.keys)[
+        ["part", "mass", "volume", "size_x", "size_y", "size_z", "step", "keys"]
+    ]
+    cutting = list(table.columns), [[_shown(value) for value in row] for row in table.to_numpy(dtype=object)]
     write_page(parts, told, front, cutting, out / "parts.html")
-    write_pages(parts, told, front, cutting, out / "parts.pdf")
-    left = seconds - (time.perf_counter() - start)
-    if left < _PAGE:
-        return
-    done = explored(chosen.family, chosen.block, out / "search", max(1.0, left / 2))
-    page_of_study.write_report(done, out, patience=max(1.0, left / 2))
+    start = time.time()
+    figures.save_figure(figure_of_parts(parts, told), out / "parts.png")
+    took = time.time() - start
+    if steps:
+        expected = took * (1 + len(steps) / 4)
+
+        def order() -> None:
+            figures.save_figure(figure_of_order(parts, steps), out / "order.png")
+
+        clock.run("order.png", DRAWN, order, expected)
+        took += expected
+    clock.run("parts.pdf", DRAWN, lambda: write_pages(parts, told, front, cutting, out / "parts.pdf"), took)
+    plain, left = chosen.plain or chosen, clock.left(DRAWN)
+
+    def page() -> None:
+        done = explored(plain.family, plain.block, out / "search", left / 3)
+        page_of_study.write_report(done, out, patience=left / 3)
+
+    clock.run("report.html", DRAWN, page, _PAGE)
 
 
 def _shown(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+    return "–" if value is None or value != value else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
 def _told_of_fields(bracket: list[float | None] | None, begun: bool) -> str:
@@ -507,7 +574,7 @@ def _by_fields(chosen: Chosen, setting: Setting, out: Path) -> Path | None:
     return out / "scene_fields.json"
 
 
-def table_of(parts: list[Part], scale: float) -> pd.DataFrame:
+def table_of(parts: list[Part], scale: float, keys: tuple[Key, ...] = ()) -> pd.DataFrame:
     """Return the cutting list: one row a part, lengths in the unit of the file."""
     rows = []
     for part in parts:
@@ -518,6 +585,7 @@ def table_of(parts: list[Part], scale: float) -> pd.DataFrame:
         row |= {f"at_{k}": float(value) for k, value in zip("xyz", low, strict=True)}
         row |= {"watertight": part.watertight, "step": part.step or None}
         row |= {f"comes_{k}": float(value) + 0.0 for k, value in zip("xyz", part.direction, strict=True)}
+        row |= {"keys": "; ".join(f"{key.kind} into {key.into}" for key in keys if key.on == part.number) or None}
         row |= {"bed": " ".join(f"{value:.9g}" for value in _flat(part.bed)), "cells": len(part.cells)}
         rows.append(row)
     return pd.DataFrame(rows)

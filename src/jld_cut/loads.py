@@ -58,7 +58,6 @@ def parse_load(text: str, unit: float) -> Load:
 
 
 def numbers(name: str, text: str, count: int) -> Floats:
-    """Return so many numbers of a text with commas."""
     try:
         found = np.array([float(word) for word in text.split(",")])
     except ValueError:
@@ -87,7 +86,6 @@ def _clip(polygon: Floats, box: Floats) -> Floats:
 
 
 def _measure(polygon: Floats) -> tuple[float, Floats]:
-    """Return area and centroid of a plane polygon (k, 3)."""
     if len(polygon) < 3:
         return 0.0, np.zeros(3)
     one, other = polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]

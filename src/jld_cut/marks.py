@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Floats, Ints
+from jld_core import Floats, Ints, checkpoint, time_left
 from jld_cut.cells import Joint, basis, sides_of
 from jld_cut.meshes import as_written, doubled_edges, manifold3d, pieces_of, surface_of
 from jld_cut.parts import Part, lay
@@ -109,6 +109,7 @@ def _tool(spot: Spot, number: int, height: float, low: float, high: float) -> An
 def mark(part: Part, unit: float) -> bool:
     """Engrave number and arrow into a face of a part; return whether one had the room."""
     for spot in spots(part.solid):
+        checkpoint()
         bars = np.array(_bars(part.number)).reshape(-1, 2)
         height = 0.9 * 2.0 * spot.radius / float(np.linalg.norm(np.ptp(bars, axis=0)))
         depth = _DEPTH * height
@@ -124,7 +125,6 @@ def mark(part: Part, unit: float) -> bool:
 
 
 def _sound(body: Any, volume: float, tool: float, unit: float) -> bool:
-    """Return whether a body is one piece of a volume, and closed in its file."""
     whole = len(pieces_of(body)) == 1 and abs(body.volume() - volume) <= _EXACT * max(tool, 1e-3 * volume)
     return whole and doubled_edges(*as_written(body, unit)) == 0
 
@@ -134,6 +134,8 @@ def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float
     place = {int(block[part.cells[0]]): part for part in parts}
     made: set[tuple[int, int]] = set()
     for joint in sorted(joints, key=lambda one: -one.area):
+        if time_left() <= 0.0:
+            break
         one, other = place[int(block[joint.a])], place[int(block[joint.b])]
         pair = (min(one.number, other.number), max(one.number, other.number))
         if one is other or pair in made or not (one.step and other.step) or one.step == other.step:
@@ -146,7 +148,6 @@ def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float
 
 
 def _tenon(comes: Part, stays: Part, joint: Joint, into: Floats, clearance: float, fit: Floats, unit: float) -> bool:
-    """Put one tenon on a part; return whether both parts stay sound."""
     plane = np.array([*into, float(joint.polygon[0] @ into)])
     spot = _spot(shapely.Polygon(joint.polygon @ basis(into).T), plane)
     side = _TENON * np.sqrt(joint.area)

@@ -34,7 +34,6 @@ def manifold3d() -> Any:
 
 
 def solid_of(points: Floats, triangles: Ints) -> Any:
-    """Return the manifold of points (n, 3) and triangles (k, 3)."""
     library = manifold3d()
     corners, faces = np.ascontiguousarray(points, dtype=np.float64), np.ascontiguousarray(triangles, dtype=np.uint64)
     return library.Manifold(library.Mesh64(corners, faces))
@@ -298,7 +297,6 @@ def _passes(start: Floats, end: Floats, face: Floats) -> tuple[Bools, Floats]:
 
 
 def stl_bytes(points: Floats, triangles: Ints) -> bytes:
-    """Return a binary STL file."""
     record = np.zeros(len(triangles), _RECORD)
     corners = points[triangles]
     normal, length = normals_of(corners)
@@ -315,7 +313,6 @@ def as_read(data: bytes) -> tuple[Floats, Ints]:
 
 
 def obj_text(points: Floats, triangles: Ints, name: str) -> str:
-    """Return an OBJ file of one group."""
     lines = [f"g {name}", *(f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist())]
     return "\n".join(lines + [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]) + "\n"
 

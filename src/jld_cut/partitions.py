@@ -71,12 +71,10 @@ class Boxes:
 
     @property
     def volume(self) -> Floats:
-        """Volume of each cell (n,)."""
         return np.asarray(self.moments[:, 0])
 
     @classmethod
     def of(cls, points: list[Floats], moments: Floats, turned: Floats) -> Boxes:
-        """Return the boxes of cells with corners (c, 3) each."""
         seen = [np.einsum("kij,cj->cki", turned, corners) for corners in points]
         return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), moments)
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Floats, InputError, Ints, files
+from jld_core import Floats, InputError, Ints, checkpoint, files
 from jld_core.geometry import unions
 from jld_cut.cells import Joint, basis, closed, union
 from jld_cut.meshes import (
@@ -54,19 +54,16 @@ class Part:
 
     @property
     def watertight(self) -> bool:
-        """Whether its file is closed and holds its volume."""
         return not self.open and self.error <= _TRUE
 
     @property
     def fault(self) -> str:
-        """What is wrong with its file."""
         edges = f"{self.open} edges that other than two faces meet at" if self.open else ""
         volume = f"a volume that differs by {self.error:.1e}" if self.error > _TRUE else ""
         return f"part {self.number} has {' and '.join(word for word in (edges, volume) if word)}"
 
     @property
     def name(self) -> str:
-        """Name of its files."""
         return f"part_{self.number:02d}"
 
 
@@ -147,6 +144,7 @@ def lay(part: Part, fit: Floats, turned: Floats = np.zeros((0, 3, 3))) -> bool: 
 
 def plain_surface(solid: Any) -> unions.Surface:
     """Return the surface of a solid with each plane region as one face where that keeps its volume, else triangles."""
+    checkpoint()
     points, triangles = surface_of(solid)
     try:
         found = unions.union_solids([points], [triangles.tolist()])

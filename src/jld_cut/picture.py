@@ -21,7 +21,6 @@ from jld_cut.whole import normals_of
 
 
 def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
-    """Draw parts, each moved by a vector."""
     light = np.array([0.35, -0.5, 0.8])
     light /= np.linalg.norm(light)
     colours = colormaps["tab20"](np.array([part.number - 1 for part in parts]) % 20)
@@ -63,7 +62,6 @@ def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
 
 
 def figure_of_parts(parts: list[Part], title: str) -> Figure:
-    """Return a picture of parts pulled apart."""
     middles = np.array([np.array(part.exact.bounding_box()).reshape(2, 3).mean(axis=0) for part in parts])
     moves = 0.45 * (middles - middles.mean(axis=0))
     moves[:, 2] -= moves[:, 2].min()
@@ -91,7 +89,6 @@ def figure_of_order(parts: list[Part], steps: list[int]) -> Figure:
 
 
 def steps_of(parts: list[Part]) -> list[int]:
-    """Return the numbers of the steps in which parts are laid."""
     return sorted({part.step for part in parts if part.step})
 
 

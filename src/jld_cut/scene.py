@@ -27,7 +27,6 @@ class Matter:
     compressive: float | None = None
 
     def document(self) -> dict[str, Any]:
-        """Return the section "materials" of a scene."""
         crushing = {} if self.compressive is None else {"compressive_strength": self.compressive}
         return {
             "density": self.density,
@@ -51,7 +50,6 @@ class Setting:
 
 
 def held_faces(setting: Setting, facet: Facet, low: float, size: float) -> Facet:
-    """Return the triangles of a surface that supports hold."""
     corners, normals = facet.corners, facet.normals
     if not setting.patches:
         held = (corners[:, :, 2] < low + 1e-6 * size).all(axis=1) & (normals[:, 2] < -0.9)
@@ -104,7 +102,6 @@ def _prism(ground: Ground, depth: float) -> dict[str, Any]:
 def scene_of(
     name: str, cutting: Cutting, joints: list[Joint], setting: Setting, bent: float, cut_planes: list[Floats]
 ) -> dict[str, Any]:
-    """Return the scene of cells with their joints, supports and loads."""
     size, cells = cutting.size, cutting.cells
     names = [f"c{k + 1}" for k in range(len(cells))]
     elements: list[dict[str, Any]] = []

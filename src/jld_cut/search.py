@@ -20,11 +20,13 @@ from jld_core import (
     InputError,
     Ints,
     Layout,
+    LimitAnalysisResult,
     build_assembly,
     parse_scene,
     plugins,
 )
 from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
+from jld_cut.clock import SEARCHED, Clock
 from jld_cut.families import FAMILIES, Body
 from jld_cut.loads import Facet, Region, facet_of, shares
 from jld_cut.meshes import moments, surface_of
@@ -40,6 +42,8 @@ PIECES: Final = 150  # most convex cells
 MOST: Final = 24  # parts, where no other number is asked for
 _CONVEX: Final = 1e-3  # share of a convex hull that a joint between convex cells may lack
 _BESIDE: Final = 8.0  # time of a search from which families are searched beside each other, s
+_CUT: Final = 0.4  # share of the time of the search up to which solids are cut finer
+_WITHOUT: Final = 0.4  # the same by which a search goes on that found nothing that carries
 _FINER: Final = 1.7  # cells of the second cutting of each family by those of the first
 
 
@@ -69,7 +73,6 @@ class Family:
 
     @property
     def normals(self) -> Floats:
-        """Return the different normals (c, 3) of its cuts."""
         found = np.array([plane[:3] for plane in self.cutting.planes]).reshape(-1, 3)
         return found[[k for k, n in enumerate(found) if not (np.abs(found[:k] @ n) > 1 - 1e-6).any()]]
 
@@ -88,8 +91,6 @@ class Family:
 
 @dataclass(frozen=True)
 class Wish:
-    """What a search is asked for."""
-
     setting: Setting
     limits: Limits
     mass: float | None
@@ -118,7 +119,6 @@ def body_of(solid: Any, wish: Wish) -> Body:
 
 
 def _scattered(facet: Facet) -> list[Facet]:
-    """Return each triangle of a surface as one of its own."""
     return [Facet(facet.corners[k : k + 1], facet.normals[k : k + 1]) for k in range(len(facet.corners))]
 
 
@@ -191,6 +191,10 @@ class Truth:
             return list(range(len(block)))
         return [] if lock is None else np.unique(self.of[np.asarray(lock.elements)]).tolist()
 
+    def result(self, block: Ints) -> LimitAnalysisResult:
+        """Solve a layout for its mechanism."""
+        return self._bounds.analysis.solve(labels_of(self._bounds.assembly, block[self.of][None])[0])
+
     def solve(self, block: Ints) -> Bracket:
         """Return the bracket of a layout by the parts (n,) of the cells."""
         key = block.tobytes()
@@ -200,42 +204,62 @@ class Truth:
         return self.known[key]
 
 
+def low_of(bracket: Bracket) -> float:
+    """Return the lower end of a bracket, infinite where no load makes a layout collapse."""
+    return np.inf if bracket[2] else -np.inf if bracket[0] is None else bracket[0]
+
+
+def weaker(bracket: Bracket, coarse: float) -> Bracket:
+    """Return a bracket that is not above λ of the cells of the search: a verdict rests on the weaker of both."""
+    # Smaller faces bear more torsion together than one of their size, so finer cells may seem stronger.
+    return (coarse, bracket[1], False) if -np.inf < coarse < low_of(bracket) else bracket
+
+
 def finite(value: float) -> float | None:
-    """Return a number, or None for an infinite or unknown one."""
     return float(value) if np.isfinite(value) else None
 
 
-def _cut_ways(solid: Any, title: str, wish: Wish, say: Callable[[str], None], until: float) -> Iterator[Family]:
+def _cut_ways(solid: Any, title: str, wish: Wish, say: Callable[[str], None], clock: Clock) -> Iterator[Family]:
     """Cut a solid in all ways, then again to finer cells while time lasts."""
     body = body_of(solid, wish)
     finer = replace(body.limits, aim=min(body.limits.cells, round(_FINER * body.limits.aim)))
     known: set[tuple[str, int]] = set()
     for limits in (body.limits, finer):
         for name in wish.families:
-            if limits is finer and (time.time() > until or name not in {one for one, _ in known}):
+            if limits is finer and name not in {one for one, _ in known}:
                 continue
-            family = family_of(name, title, replace(body, limits=limits), wish)
+            made = partial(family_of, name, title, replace(body, limits=limits), wish)
+            stage = f"{name} of {limits.aim} cells"
+            # one family at least
+            family = clock.run(stage, SEARCHED * (_CUT if limits is finer else 1.0), made) if known else made()
             if family is None:
-                say(f"{name:<8} no such way to cut this solid")
+                say(f"{name:<8} " + ("time ended" if stage in clock.left_out else "no such way to cut this solid"))
             elif (name, len(family.cutting.cells)) not in known:
                 known.add((name, len(family.cutting.cells)))
                 yield family
 
 
-def search_all(solid: Any, title: str, wish: Wish, until: float, say: Callable[[str], None]) -> list[Family]:
-    """Search all families, two at a time, until the time ends; InputError where no layout stands."""
+def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[str], None]) -> list[Family]:
+    """Search all families, two at a time, until their time ends; InputError where no layout stands."""
     families: list[Family] = []
     futures: list[Callable[[], Found]] = []
-    start = time.time()
+    start, until = time.time(), clock.at(SEARCHED)
     # processes take seconds to start
     jobs = 2 if until - start > _BESIDE and (os.cpu_count() or 1) > 1 else 1
     with Pool(jobs) as pool:
-        for family in _cut_ways(solid, title, wish, say, start + (0.4 * (until - start) if jobs > 1 else 0.0)):
+        for family in _cut_ways(solid, title, wish, say, clock):
             # two at a time, each round with its share of the time; what is left is for finer cells
             rounds = -(-len(wish.families) // jobs)
             end = start + (until - start) * min(1.0, (len(families) // jobs + 1) / rounds)
-            asked = Asked(wish.require, wish.most or MOST, end, end + 0.4 * (until - start), wish.alike)
-            task = family.document, family.boxes(), family.around, wish.limits, family.together, asked
+            last = end + _WITHOUT * (until - start)
+            task = (
+                family.document,
+                family.boxes(),
+                family.around,
+                wish.limits,
+                family.together,
+                Asked(wish.require, wish.most or MOST, end, last, wish.alike),
+            )
             families.append(family)
             futures.append(pool.submit(search, *task).result if jobs > 1 else partial(search, *task))
             if jobs == 1:

@@ -31,7 +31,6 @@ def outer_surface(points: Floats, triangles: Ints, tolerance: float) -> tuple[Fl
 
 
 def groups(pairs: Ints, count: int) -> Ints:
-    """Return the name of the group (count,) that pairs (p, 2) connect."""
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])
 
@@ -94,7 +93,6 @@ def _without_shared(points: Floats, triangles: Ints, tolerance: float) -> tuple[
 
 
 def triangles_of(region: Any) -> list[Any]:
-    """Split a polygon into triangles."""
     try:
         return list(shapely.get_parts(shapely.constrained_delaunay_triangles(region)))
     except shapely.errors.GEOSException:  # a ring that touches itself

@@ -1,15 +1,8 @@
-"""Certificate of a lower bound without dilation, checked in integer arithmetic.
+"""Certificate of a lower bound without dilation (4.8), checked in integer arithmetic.
 
-For multipliers M ≥ 0, g ≥ 0 and any Q, Ψ there is an identity of forms in Φ = (F, λ, 1) and w = (u, t),
-
-    (λ − p)(b_λ·u) − σ cost = Σ M_kl ŷ_k h_l + Σ g_k ŷ_k (b_λ·u) + (K Φ)ᵀ Q w + Φᵀ Ψ z_closed + Φᵀ R w
-
-with forms h = (z, forms of loops). In a solution, its left side is λ − p − σ cost and its right side is at least
-ΦᵀR w. Every double precision number in the identity is a binary fraction, so R follows without rounding. With force
-bounds |Φ| ≤ f and velocity bounds |w| ≤ v · cost, λ ≥ p is proven if Σ |R_ij| f_i v_j ≤ σ (docs/method.md (4.8)).
-Rounding errors in the identities of loops are charged together with R.
-
-The multipliers are first corrected so that R becomes small.
+Every double precision number in the identity is a binary fraction, so its remainder R follows without rounding.
+Rounding
+errors in the identities of loops are charged together with R. Multipliers are first corrected so that R becomes small.
 """
 
 from __future__ import annotations
@@ -80,13 +73,11 @@ class BinaryFractions:
         return BinaryFractions(self.values * by.values[0, 0], self.scale + by.scale)
 
     def __add__(self, other: BinaryFractions) -> BinaryFractions:
-        """Add two matrices exactly."""
         scale = max(self.scale, other.scale)
         one, two = self.values << (scale - self.scale), other.values << (scale - other.scale)
         return BinaryFractions(one + two, scale)
 
     def __sub__(self, other: BinaryFractions) -> BinaryFractions:
-        """Subtract two matrices exactly."""
         return self + BinaryFractions(-other.values, other.scale)
 
     def __matmul__(self, other: BinaryFractions) -> BinaryFractions:
@@ -353,7 +344,6 @@ def _factor(normal: Any, shift: float) -> Any:
         if failed == 0:
 
             def in_full(rhs: Floats) -> Floats:
-                """Solve with the dense factor."""
                 out = np.zeros(len(rhs))
                 out[used] = lapack.dpotrs(factor, rhs[used], lower=1)[0]
                 return out
@@ -422,7 +412,6 @@ _EXACT: Final = 1e-9  # relative residual at which these steps end
 
 
 def solve_rlt_by_matrix_blocks(bounded: BoundedModes, region: Region, options: RltOptions) -> RltSolution | None:
-    """Solve the RLT relaxation of one region by matrix blocks; None without convergence."""
     # The same program as that of `solve_rlt`, solved faster where faces are many.
     modes, force_bounds, pairs, slack = bounded.modes, bounded.force_bounds, options.pairs, options.slack
     count = len(modes.rows)

@@ -60,24 +60,7 @@ def interval_of(assembly: Assembly, labels: Bits, model: Model) -> dict[str, flo
 
 
 def write_history(assembly: Assembly, labels: Bits, model: Model, path: Path) -> None:
-    """Write the steps as a table, and a picture of the same name beside it.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Rigid elements.
-    labels : (m,) bool array
-        Labels, True = dry.
-    model : Model
-        Model without dilation.
-    path : Path
-        File of the table, with the ending csv.
-
-    Raises
-    ------
-    InputError
-        As `steps_of`, or for another ending.
-    """
+    """Write the steps of `steps_of` as a CSV table, and a picture of the same name beside it."""
     if path.suffix != ".csv":
         raise ParameterError("history", f"{path.name!r} is no table", "a file with the ending .csv")
     import pandas as pd  # slow to import

@@ -1,8 +1,7 @@
-"""Interior-point method for programs over products of forces and velocities.
+"""Interior-point method for programs over products of forces and velocities, whose answers a certificate checks.
 
-The program is min c·X with y_k z_l ≥ 0 or = 0 for given pairs, and b_λ·u = 1. The method is Mehrotra's predictor and
-corrector with more correctors (Gondzio 1996). Equations are regularised as by proximal multipliers (Friedlander & Orban
-2012). Its answers are not trusted: the certificate checks what they prove.
+Mehrotra's predictor and corrector with more correctors (Gondzio 1996). Equations are regularised as by proximal
+multipliers (Friedlander & Orban 2012).
 """
 
 from __future__ import annotations

@@ -1,12 +1,7 @@
-"""Planar collapse without dilation as one complementarity problem, scaled.
+"""Planar collapse without dilation as one complementarity problem (4.6), scaled: four rows y and four modes z a face.
 
-    A F + b + λ b_λ = 0,   y = C F + d            four rows a face: N ∓ m, μN ∓ V; inner N + σtA ∓ 3m, τA ∓ V
-    b_λ·u = 1,             z = H (u, t)           four modes a face: hinge either way, slide either way
-
-with y ≥ 0, z ≥ 0, y_k z_k = 0. An opening is both hinges at once, and sliding does not open a face, docs/method.md
-(4.5) and (4.6). With the jumps (δ, s, θ) = Aᵀu, the hinge modes are z = βδ ∓ θ (β = 1 dry, 3 inner) and the slides are
-t and t + s with t ≥ 0. Modes may be scaled arbitrarily, so these formulas hold exactly in the numbers of A. In every
-solution a face slides one way at most: t = max(0, −s).
+An opening is both hinges at once, and sliding does not open a face, docs/method.md (4.5). In every solution a face
+slides one way at most: t = max(0, −s). Modes may be scaled, so the formulas hold exactly in the numbers of A.
 """
 
 from __future__ import annotations
@@ -53,7 +48,6 @@ class LinearRows:
         self._highs.changeRowsBounds(len(place), place, highs_ends(low), highs_ends(high))
 
     def minimise(self, objective: Floats) -> LinearAnswer:
-        """Minimise an objective (columns,) over the present bounds."""
         self._highs.changeColsCost(len(self._columns), self._columns, np.ascontiguousarray(objective))
         return _run(self._highs)
 
@@ -84,7 +78,6 @@ def interior_point(
 
 
 def _run(highs: Any) -> LinearAnswer:
-    """Run a HiGHS instance, and return its unverified solution."""
     highs.run()
     solution = highs.getSolution()
     found = highs.getModelStatus().name == "kOptimal"
@@ -454,8 +447,6 @@ def _by_weight(ways: Floats) -> list[int]:
 
 @dataclass(frozen=True)
 class Region:
-    """Part of the solutions on which a bound is proven."""
-
     # low, high: ends of the interval of scaled λ
     low: float
     high: float

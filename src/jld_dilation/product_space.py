@@ -1,8 +1,8 @@
-"""Space of products of forces with velocities, where a velocity may use near forces only.
+"""Space of products X = Φ wᵀ of forces with velocities, where a velocity may use near forces only.
 
-X = Φ wᵀ column by column: u_j multiplies a state in equilibrium of the elements around, either all of them or those
-within a given distance. A smaller distance makes the program smaller and its bound lower, but still valid: it only
-omits rows. Slides that are multiplied with their own face only have four products instead of a column.
+u_j multiplies a state in equilibrium of the elements around, all of them or those within a distance: smaller programs,
+whose bound is lower but still valid, as they only omit rows. Slides that are multiplied with their own face only have
+four products instead of a column.
 """
 
 from __future__ import annotations

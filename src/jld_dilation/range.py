@@ -230,7 +230,6 @@ def load_range(
 def _lower_bound(
     analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float, bound: BoundSearch
 ) -> LowerBound | None:
-    """Compute a bound by the function `bound`; None where none applies."""
     # If a solution at λ = 0 is known, the bound is 0 without a search.
     # None without any solution or time, with effective areas, dry shear strength or inner friction.
     found = search.found
@@ -244,7 +243,6 @@ def _lower_bound(
 
 
 def _planar_bound(analysis: LimitAnalysis, labels: Bits, search: MultiStartSearch, seconds: float) -> LowerBound | None:
-    """Compute the lower bound of a planar scene; None for spatial scenes and with crushing."""
     found, modes = search.found, search.modes
     if modes is None:
         return None

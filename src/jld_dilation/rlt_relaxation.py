@@ -1,11 +1,7 @@
-"""Lower bound on λ over all non-dilatant solutions: RLT relaxation as one linear program.
+"""Lower bound on λ over all non-dilatant solutions: RLT relaxation (4.7) as one linear program.
 
-With Φ = (F, λ, 1) and w = (u, t), every solution yields a matrix X = Φ wᵀ. Linear conditions on Φ and on w multiply to
-linear conditions on X: equilibrium times every w is zero, y_k z_l ≥ 0, y_k z_k = 0, (λ − L) z ≥ 0, b_λ·u = 1. The least
-λ b_λ·u over all X that satisfy these conditions is a lower bound on λ. Modes that cannot move remove their w from the
-program.
-
-Source: reformulation-linearisation technique of Sherali & Adams; docs/method.md (4.7).
+Modes that cannot move remove their velocities from the program. Source: reformulation-linearisation technique of
+Sherali & Adams.
 """
 
 from __future__ import annotations
@@ -60,8 +56,6 @@ class RltSolution:
 
 @dataclass(frozen=True)
 class RltOptions:
-    """Parameters of one RLT program."""
-
     pairs: Bools  # (4m, 4m + 2e) rows y_k h_l ≥ 0 to include: slacks y of yield rows times forms h of velocities
     # σ, decrease of the objective per unit of `cost_form`. It gives the multipliers the margin that a proof needs.
     slack: float
@@ -307,7 +301,6 @@ class LowerBoundProblem:
 
     @property
     def seconds_used(self) -> float:
-        """Return the processor time used so far, in seconds."""
         return time.process_time() - self._start
 
     @property
@@ -337,7 +330,6 @@ class LowerBoundProblem:
         return bound >= self.load_below(tolerances.GAP)
 
     def gains_enough(self, low: float, bound: float, share: float = _STALL) -> bool:
-        """Return True if a step that raises the bound from `low` to `bound` gains enough."""
         return bound - low > share * (self.load - low)
 
     def less_solver_tolerance(self, bound: float) -> float:

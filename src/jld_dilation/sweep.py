@@ -1,8 +1,7 @@
 """Prove lower bounds step by step: each program starts where the last certificate ended.
 
-The nearer the bound is to the solution, the more modes are proven not to move, and the smaller the programs become.
-Where a step gains little, more products are formed. Where all products exist, the region is split: either a mode does
-not move, or its slack is zero.
+The nearer the bound is to the solution, the fewer modes move, and the smaller the programs become. Where a step gains
+little, more products are formed; where all exist, the region is split: a mode does not move, or its slack is zero.
 """
 
 from __future__ import annotations
@@ -499,5 +498,4 @@ class MultiStartSearch:
 
 
 def _load_of(pair: PrimalDualPair | None) -> float:
-    """Return the scaled λ of a pair, NaN without a pair."""
     return math.nan if pair is None else pair.state.load

@@ -105,7 +105,6 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
 
 
 def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out: Path) -> None:
-    """Write table, summary and picture."""
     from jld_experiment.experiments import figure_of, table
     from jld_views import figures
 

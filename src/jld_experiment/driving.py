@@ -59,7 +59,6 @@ class Push:
 
     @property
     def collapse(self) -> int:
-        """Index of the record of the collapse load."""
         return collapse_record(self.load_factor)
 
 

@@ -29,6 +29,9 @@ FILE: Final = "experiments.csv"  # table of experiments in a results folder
 COLUMNS: Final = ("labelling", "load_factor", "experiment", "status", "stands", "rate_error", "first_crack", "seconds")
 DEFAULT: Final = 500  # default number of experiments of a search by experiment
 
+# layouts in a row, none with λ above the strongest experiment, after which a search by experiment ends
+_MOST_IDLE: Final = 500
+
 # assumption of `none_better` where some layouts were not tested, or ended uncertified
 ASSUMPTION: Final = "no layout without a certified experiment carries more than its λ"
 
@@ -78,7 +81,6 @@ class Experiments:
             files.write_text(self.folder / FILE, csv_of(self.table()))
 
     def table(self) -> pd.DataFrame:
-        """Return all experiments, strongest first."""
         import pandas as pd
 
         table = pd.DataFrame(list(self.rows.values()), columns=list(COLUMNS))
@@ -97,7 +99,6 @@ def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[s
 
 
 def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[str, Any]:
-    """Run one experiment and return its row of the table."""
     # A layout that does not stand under its dead loads carries 0.
     from jld_experiment import run_experiment
 
@@ -125,11 +126,7 @@ def search_by_experiment(
     experiments: Experiments, done: Exploration, space: SearchSpace, model: SolveOptions, budget: int, seed: int
 ) -> None:
     """Search by experiment with the genetic driver, starting from the best layouts by λ."""
-    # λ bounds every quasi-static experiment from above unless an inner face bears more bending than its kern, as
-    # default sub-contacts can
-    # The initial layouts use a third of `budget`, which limits the number of all experiments. A new layout is tested
-    # only if its λ exceeds the largest load carried so far: `ASSUMPTION`. The driver receives half of λ for a layout
-    # that is not tested.
+    # the initial layouts use a third of `budget`, which limits the number of all experiments
     seeds = best_by_load_factor(done, max(2, budget // 3))
     experiments.run(seeds)
     driver = make_driver("genetic", space, seed, aim="best")
@@ -138,13 +135,16 @@ def search_by_experiment(
     if known:
         driver.tell(np.array([from_string(name) for name in known]), [_worth(experiments, name) for name in known])
     idle = 0
-    while len(experiments.rows) < budget and not experiments.late and idle < DEFAULT:
+    while len(experiments.rows) < budget and not experiments.late and idle < _MOST_IDLE:
         labellings = driver.ask(PORTION)
         if not len(labellings):
             return
         evaluations = evaluator.evaluate_all(labellings)
         names = [to_string(labels) for labels in labellings]
         before = len(experiments.rows)
+        # A new layout is tested only if its λ exceeds the largest load carried so far: `ASSUMPTION`. λ bounds every
+        # quasi-static experiment from above unless an inner face bears more bending than its kern, as default
+        # sub-contacts can.
         stronger = [
             (name, e.load_factor)
             for name, e in zip(names, evaluations, strict=True)
@@ -309,7 +309,6 @@ def table(curve: Curve) -> pd.DataFrame:
 
 
 def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """Return a result of limit analysis with the displacements of an experiment as mechanism."""
     # scaled to live power 1, or to a largest entry of 1 where it does not stand or the loads do not advance
     moved = curve.at_end
     power = float((curve.assembly.live * moved).sum())

@@ -42,14 +42,12 @@ def _is_ear(vertices: Floats, ring: list[int], k: int, normal: Floats) -> bool:
 
 @compiled
 def turned(matrix: Floats, arm: Floats, out: Floats) -> None:
-    """Set `out` (3,) to matrix (3, 3) · arm (3,)."""
     for i in range(3):
         out[i] = matrix[i, 0] * arm[0] + matrix[i, 1] * arm[1] + matrix[i, 2] * arm[2]
 
 
 @compiled
 def turned_back(matrix: Floats, arm: Floats, out: Floats) -> None:
-    """Set `out` (3,) to matrixᵀ (3, 3) · arm (3,)."""
     for i in range(3):
         out[i] = matrix[0, i] * arm[0] + matrix[1, i] * arm[1] + matrix[2, i] * arm[2]
 

@@ -290,7 +290,6 @@ class Specimen:
         return Standing.CREEPS
 
     def energy(self, state: State) -> EnergyBalance:
-        """Return the balance of energy, scene units, from the unloaded structure to a state."""
         d, inverse = self.assembly.dimension, self.bench.inverse
         columns = np.repeat(inverse, (d, self.assembly.freedoms - d), axis=1)
         held = columns == 0.0

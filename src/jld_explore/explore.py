@@ -208,7 +208,6 @@ def _path(parameter: str, given: Any) -> Path:
 
 
 def _driver_options(options: Any, keywords: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the options of a driver, given as a mapping or as keywords; None without any."""
     require_kind("options", options, dict, NoneType)
     known = sorted({name for kind in driver_kinds().values() for name in kind.Options.model_fields})
     for key in keywords:
@@ -256,7 +255,6 @@ def _search(
     steps = steps_of(settings, scene, space.assembly, [Uncut()])
 
     def say() -> None:
-        """Announce the messages, each once."""
         while said and announce is not None:
             announce(said.pop(0))
 

@@ -1,27 +1,27 @@
 """Files of other programs: read as scenes with a report, written as blocks (`jld import`, `jld export`).
 
 - `FORMATS`: export formats and their file endings
-- `Format`: how a file format is read and written, and what its files keep
+- `Format`: how a file format is read and written
 - `ImportOptions`: options for reading a file
-- `Imported`: scene document with a report of its import
-- `Notes`: what a reader found, snapped, assumed and skipped, while it reads
+- `Imported`: scene document with a report
+- `Notes`: what a reader says while it reads
 - `Part`: one solid of a file
-- `Report`: sentences on what a reader found, snapped, assumed and skipped
-- `Solids`: content of a spatial file, which a reader returns
-- `cells`: cells of a planar drawing: from outlines, lines across and between them, and openings
-- `drawn_loads`: loads from a drawing: arrows, lines along edges, points and texts on load layers
-- `export`: write a layout to a file of another program
-- `facts`: scene data that another file format cannot represent, stored in the file for re-import; and what is not kept
-- `forces`: parser of forces written as text: `10 kN`, `F1 = 2,5 kN`, `1 t`, `3 kN; -4 kN`
-- `formats`: file formats as data: how each is read and written, and what a file of it keeps
-- `import_file`: read a file of another program as a scene document
-- `libraries`: optional libraries of some formats, and checks of input files
-- `options`: options and report of an import, and functions shared by all readers
-- `paths`: paths of lines and arcs, and their approximation by chords
-- `planar_scene`: convert the content of a planar drawing to a scene document
-- `solids`: conversion of meshes to spatial elements: snapping, merging of faces, supports by name
-- `solids_of`: yield name, support flag and closed surface of each block, or of each element
-- `step_of_solids`: text of a STEP file of solids with plane faces
+- `Report`: sentences of a reader
+- `Solids`: content of a spatial file
+- `cells`: cells of a planar drawing
+- `drawn_loads`: loads from a drawing
+- `export`: write a layout to a file
+- `facts`: scene data that a format cannot represent
+- `forces`: parser of forces written as text
+- `formats`: file formats as data
+- `import_file`: read a file as a scene document
+- `libraries`: optional libraries, and checks of input files
+- `options`: options and report of an import
+- `paths`: paths of lines and arcs
+- `planar_scene`: planar drawing → scene document
+- `solids`: meshes → spatial elements
+- `solids_of`: yield the closed surface of each block or element
+- `step_of_solids`: text of a STEP file
 """
 
 from __future__ import annotations

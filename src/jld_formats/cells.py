@@ -445,7 +445,6 @@ def _without_doubles(lines: list[int], snapped: snapping.Snapped) -> list[int]:
 def _network(
     segments: list[shapely.LineString], layers: list[str], options: ImportOptions, size: float, notes: Notes
 ) -> list[Cell]:
-    """Return the cells enclosed by a network of lines, from below to above."""
     # A cell is a support where more than half of its boundary lies on support lines.
     noded = shapely.node(shapely.MultiLineString(segments))
     cells, _, _, invalid = shapely.polygonize_full([noded])

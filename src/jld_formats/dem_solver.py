@@ -47,7 +47,6 @@ def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:
 
 
 def _guids(document: dict[str, Any]) -> list[str]:
-    """Return the guids of the problems of an analysis."""
     return [str(problem.get("guid", "")) for problem in data_of(document).get("problems") or []]
 
 

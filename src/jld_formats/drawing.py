@@ -114,7 +114,6 @@ def _without(feet: list[shapely.Polygon], whole: shapely.Geometry) -> list[shape
 
 
 def _edges(ring: Floats) -> list[tuple[Floats, Floats]]:
-    """Return the edges of a ring (k, 2) by their ends (2,)."""
     return list(zip(ring, np.roll(ring, -1, axis=0), strict=True))
 
 

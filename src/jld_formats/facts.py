@@ -128,7 +128,6 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
-    """Return a load entry with the names and the dimension of the file; lift: extruded."""
     if (body := scene_loads.body_of(entry)) is not None:
         return {"body": _lifted(body) if lift else body}
     element = layout.assembly.elements.index[entry["element"]]
@@ -180,7 +179,6 @@ def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
 
 
 def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]:
-    """Map each stated interface to the values by which it overrides the materials."""
     # Keys are the ids of its two elements and the bytes of its origin. Values are taken from the scene: an assembly
     # holds neither low values of a spread nor which key was given.
     if not scene.interfaces:
@@ -240,8 +238,6 @@ _MOST: Final = {2: 150, 3: 40}
 
 @dataclass(frozen=True)
 class BlockFacts:
-    """Facts of one block for a file of another program."""
-
     # block, elements: ids
     block: str
     elements: tuple[str, ...]
@@ -273,7 +269,6 @@ class BlockFacts:
 
 
 def block_facts(layout: Layout) -> list[BlockFacts]:
-    """Return the facts of each block of a layout, in the order of `Layout.blocks`."""
     assembly, labels = layout.assembly, layout.labels
     ids, faces = assembly.elements.ids, assembly.interfaces
     order = _order(layout)

@@ -40,8 +40,6 @@ _BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")  # pattern of 
 
 @dataclass(frozen=True)
 class WrittenForce:
-    """Force that a text states."""
-
     values: tuple[float, ...]  # one magnitude, or the two components fx and fy, in the requested force unit
     components: bool  # True if the values are components. One value with False is a magnitude without direction.
     has_unit: bool  # True if the text names a unit
@@ -50,15 +48,14 @@ class WrittenForce:
 
 
 def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimension: int = 2) -> WrittenForce:
-    """Parse a text that states a force.
+    """Parse a text that states a force: one number with or without a unit, or one for each component.
 
-    text: one number with or without a unit, or one for each component. A name with ``=`` or ``:`` may stand before a
-    number; ``Fx``, ``Fy`` and ``Fz`` name components. A comma inside a number is a decimal comma. Numbers are separated
-    by a semicolon, or by a comma with a blank or a sign behind it. unit: force unit of the result, and of numbers
-    without a unit. distributed: accept one load per length or area, as ``10 kN/m``, as well. dimension: 2 or 3: number
-    of components of a force. Raises InputError: the text is no force: it holds other words, an unknown unit, a comma
-    that may separate thousands, or too few or too many components. A load per length or area is an error without
-    `distributed`.
+    A name with ``=`` or ``:`` may stand before a number; ``Fx``, ``Fy`` and ``Fz`` name components. A comma inside a
+    number
+    is a decimal comma. Numbers are separated by a semicolon, or by a comma with a blank or a sign behind it. unit: of
+    the result, and of numbers without one. distributed: accept one load per length or area, as ``10 kN/m``. InputError
+    for
+    other words, unknown units, a comma that may separate thousands, and too few or too many components.
 
     Examples
     --------
@@ -161,5 +158,4 @@ def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> 
 
 
 def _refused(text: str, problem: str, expected: str = _EXPECTED) -> InputError:
-    """Return the InputError for a text."""
     return InputError(f"the text {text!r}", problem, expected)

@@ -275,7 +275,6 @@ _SMALL: Final = 1.0  # size, MB, up to which a file is read in this process wher
 
 
 def _converted(path: Path, options: ImportOptions, notes: Notes, feet: bool) -> Imported:
-    """Read a file and convert it to a scene document."""
     reader = reader_of(path)
     read = reader.read
     assert read is not None

@@ -97,7 +97,6 @@ _PATTERNS: Final = tuple((role, _pattern(words)) for role, words in _WORDS)
 
 @cache
 def role_by_name(layer: str) -> str | None:
-    """Return the role of a layer by the words of its name, None without one."""
     plain = "".join(c for c in normalize("NFKD", layer.casefold()) if not combining(c))
     if plain == "ids":
         return "id"
@@ -183,7 +182,6 @@ class ImportOptions:
         return {}
 
     def _role(self, layer: str) -> str | None:
-        """Return the role of a layer, as `role`."""
         named = role_by_name(layer)
         for role in LAYER_ROLES:
             if self.matches(role, layer):
@@ -405,7 +403,6 @@ class Notes:
                 self.told.write_text(f"{what}\t{done}\t{total}", encoding="utf-8")
 
     def last_told(self) -> tuple[str, int, int]:
-        """Return what `reached` told last, "" before."""
         with suppress(OSError, ValueError):
             what, done, total = self.told.read_text(encoding="utf-8").split("\t") if self.told else ("", "0", "0")
             return what, int(done), int(total)

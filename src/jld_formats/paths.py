@@ -33,7 +33,6 @@ class Path:
     holes: tuple[Floats, ...] = ()  # outlines (k, 3) cut out of the area
 
     def scaled(self, scale: float) -> Path:
-        """Return the path with all coordinates multiplied by a factor."""
         factor = np.array([scale, scale, 1.0])
         return Path(
             self.points * factor, self.closed, self.layer, self.name, tuple(hole * factor for hole in self.holes)
@@ -42,8 +41,6 @@ class Path:
 
 @dataclass(frozen=True)
 class Chords:
-    """Paths as polylines."""
-
     points: list[Floats]  # (k, 2) of each path
     arcs: int  # number of arcs
     deviation: float  # largest distance of an arc from its chords

@@ -34,7 +34,6 @@ def data_of(value: Any) -> dict[str, Any]:
 
 
 def _is_mesh(value: Any) -> bool:
-    """Return True if a value is a COMPAS mesh, in an envelope or not."""
     return isinstance(value, dict) and {"vertex", "face"} <= data_of(value).keys()
 
 
@@ -65,7 +64,6 @@ def _as_assembly(document: Any) -> Any:
 
 
 def model_and_problems(document: Any) -> tuple[Any, list[dict[str, Any]]]:
-    """Find the first model in a document, and the data of all its problems."""
     # The document may be an analysis, a list or an object of COMPAS objects by name, or the model itself.
     if isinstance(document, dict) and not {"dtype", "datatype", "data", "node"} & document.keys():
         items = list(document.values())
@@ -240,7 +238,6 @@ _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")  # elemen
 
 
 def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
-    """Read the blocks, supports and interfaces of a COMPAS JSON file."""
     try:
         document = json.loads(text_of(path), parse_constant=_refuse)
     except json.JSONDecodeError as error:
@@ -291,7 +288,6 @@ def _refuse(name: str) -> float:
 
 
 def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
-    """Read the blocks at the nodes of a graph, and the name of each by node."""
     # compas_assembly and compas_cra write blocks in this form.
     default = bool((graph.get("default_node_attributes") or {}).get("is_support", False))
     parts, names = [], {}

@@ -75,7 +75,6 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
     open_blocks: list[str] = []
 
     def amount(layout: Any, depth: int) -> int:
-        """Return the number of entities of a layout with all blocks expanded."""
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
         total = 0
@@ -386,7 +385,6 @@ def _flattened(curve: Any, facet: float, pieces: int) -> Any:
 
 
 def _backwards(piece: Any) -> Any:
-    """Return a piece of a boundary (k, 3) in the other direction."""
     return np.column_stack([piece[::-1, :2], np.append(-piece[-2::-1, 2], 0.0)])
 
 

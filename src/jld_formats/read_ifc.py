@@ -161,7 +161,6 @@ def _group(product: Any, options: ImportOptions) -> str:
 
 
 def _moved(points: Floats, matrix: Floats) -> Floats:
-    """Return points (k, 3) transformed by a (4, 4) matrix."""
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
@@ -321,12 +320,10 @@ def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:
 
 
 def _frame(placement: Any) -> Floats:
-    """Return the (4, 4) matrix of an axis placement."""
     return np.array(import_module("ifcopenshell.util.placement").get_axis2placement(placement))
 
 
 def _profile(profile: Any, title: str) -> unions.Region:
-    """Return the area of a profile with straight edges."""
     rings = _rectangles(profile, title) if profile.is_a("IfcRectangleProfileDef") else _curves(profile, title)
     area = shapely.Polygon(rings[0], rings[1:])
     if not area.is_valid or area.area == 0.0:
@@ -335,7 +332,6 @@ def _profile(profile: Any, title: str) -> unions.Region:
 
 
 def _rectangles(profile: Any, title: str) -> list[Floats]:
-    """Return the corners (4, 2) of a rectangular profile, and of its hole if hollow."""
     halves = [(0.5 * float(profile.XDim), 0.5 * float(profile.YDim))]
     if profile.is_a("IfcRectangleHollowProfileDef"):
         wall = float(profile.WallThickness)
@@ -348,14 +344,12 @@ def _rectangles(profile: Any, title: str) -> list[Floats]:
 
 
 def _curves(profile: Any, title: str) -> list[Floats]:
-    """Return the corners (k, 2) of the outline of a profile, and of each of its holes."""
     if not profile.is_a("IfcArbitraryClosedProfileDef"):
         raise _refused(profile, title)
     return [_corners(curve, title) for curve in (profile.OuterCurve, *(getattr(profile, "InnerCurves", None) or ()))]
 
 
 def _corners(curve: Any, title: str) -> Floats:
-    """Return the corners (k, 2) of a closed curve with straight edges."""
     if curve.is_a("IfcPolyline"):
         corners = np.array([[float(x) for x in point.Coordinates[:2]] for point in curve.Points])
     elif curve.is_a("IfcIndexedPolyCurve") and not any(s.is_a("IfcArcIndex") for s in curve.Segments or ()):

@@ -128,7 +128,6 @@ def _obj(text: str, options: ImportOptions, notes: Notes) -> tuple[Floats, list[
 
 
 def _ply(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, str, Faces]]]:
-    """Return points and the single group of a PLY file."""
     mesh = meshio.ply._ply.read_buffer(io.BytesIO(data))
     return np.asarray(mesh.points, dtype=float), [("", "", tuple(_cells(mesh)))]
 

@@ -58,7 +58,6 @@ def _corners(trims: Any) -> tuple[int, ...]:
 
 
 def _of_mesh(mesh: Any) -> tuple[Floats, Faces]:
-    """Return the vertices and faces of a mesh; vertices at one place become one."""
     points = np.array([(p.X, p.Y, p.Z) for p in mesh.Vertices.ToPoint3dArray()], dtype=float).reshape(-1, 3)
     unique, number = np.unique(points, axis=0, return_inverse=True)
     number = number.reshape(-1)
@@ -103,8 +102,6 @@ def read_rhino(path: File, options: ImportOptions, notes: Notes) -> Drawing | So
 
 
 class _Reader:
-    """State of one pass over a model."""
-
     def __init__(self, rhino: Any, model: Any, options: ImportOptions, notes: Notes) -> None:
         self._rhino, self._model, self._options, self._notes = rhino, model, options, notes
         self._layers = {layer.Index: layer for layer in model.Layers}

@@ -71,7 +71,6 @@ class _File:
                 self.by_kind.setdefault(kind, []).append(number)
 
     def _read(self, text: str) -> Iterator[str]:
-        """Yield the tokens of the data section."""
         begin = re.search(r"\bDATA\s*(\([^;]*\))?\s*;", text)
         for found in _TOKEN.finditer(text, begin.end() if begin else len(text)):
             if found.lastgroup:
@@ -93,13 +92,11 @@ class _File:
         return found
 
     def _call(self) -> Call:
-        """Read a type with its values."""
         kind = self._token.upper()
         self._next("(")
         return kind, self._values()
 
     def _values(self) -> list[Any]:
-        """Read values up to the closing bracket."""
         found: list[Any] = []
         self._next()
         while self._token not in (")", ""):
@@ -124,7 +121,6 @@ class _File:
         return found
 
     def of(self, number: int, kind: str) -> list[Any] | None:
-        """Return the values of an instance of a type; None where it is of another."""
         return next((values for name, values in self.calls.get(number, ()) if name == kind), None)
 
     def every(self, kind: str) -> Iterator[tuple[int, list[Any]]]:
@@ -133,12 +129,10 @@ class _File:
             yield number, self.of(number, kind) or []
 
     def kind(self, number: int) -> str:
-        """Return the first type of an instance."""
         return self.calls[number][0][0] if number in self.calls else "nothing"
 
 
 def _plain(token: str) -> str:
-    """Return a text without quotes and escapes."""
     words = token[1:-1].replace("''", "'")
     words = re.sub(r"\\X4\\([0-9A-F]+)\\X0\\", lambda m: bytes.fromhex(m[1]).decode("utf-32-be", "replace"), words)
     words = re.sub(r"\\X2\\([0-9A-F]+)\\X0\\", lambda m: bytes.fromhex(m[1]).decode("utf-16-be", "replace"), words)
@@ -185,7 +179,6 @@ def _unit(file: _File) -> tuple[str, float]:
 
 
 def _length(file: _File, number: int) -> float:
-    """Return a unit of length in metres."""
     converted = file.of(number, "CONVERSION_BASED_UNIT")
     if converted is None:
         prefix = (file.of(number, "SI_UNIT") or [None])[0]
@@ -195,7 +188,6 @@ def _length(file: _File, number: int) -> float:
 
 
 def _measure(file: _File, number: int) -> list[Any]:
-    """Return the values of a measure with its unit, of any type."""
     return next(values for name, values in file.calls[number] if name.endswith("MEASURE_WITH_UNIT"))
 
 
@@ -284,7 +276,6 @@ class _Reader:
                 yield owner[form], (pair[2], moved[2], moved[3])
 
     def _move(self, place: tuple[int, int, int] | None, shapes: list[int], alike: dict[int, list[int]]) -> Floats:
-        """Return the (4, 4) matrix that places a product in its assembly."""
         if place is None:
             return np.eye(4)
         first, one, two = place
@@ -299,11 +290,9 @@ class _Reader:
         return str((values[1] or values[0]) if values else "")
 
     def _point(self, number: int) -> Floats:
-        """Return a point or direction (3,)."""
         return np.array(self._file.calls[number][0][1][1], dtype=float)
 
     def _frame(self, number: int) -> Floats:
-        """Return the (4, 4) matrix of an axis placement."""
         values = self._file.of(number, "AXIS2_PLACEMENT_3D") or []
         axis = self._point(values[2]) if values[2] is not None else np.array([0.0, 0.0, 1.0])
         axis = axis / np.linalg.norm(axis)
@@ -347,7 +336,6 @@ class _Reader:
         self._parts.append(Part(name, group, points, faces))
 
     def _faces(self, shell: int, title: str) -> tuple[Floats, Faces]:
-        """Return vertices (k, 3) and loops of a shell of plane faces."""
         number: dict[int, int] = {}
         bounds = []
         for face in self._file.calls[shell][0][1][1]:
@@ -367,12 +355,10 @@ class _Reader:
         return points, tuple(loop for loops in bounds if loops for loop in without_holes(points, loops, title))
 
     def _place(self, vertex: int) -> Floats:
-        """Return the place (3,) of a vertex, or of a point of a polygon."""
         values = self._file.of(vertex, "VERTEX_POINT")
         return self._point(values[1] if values else vertex)
 
     def _corners(self, loop: int, title: str) -> list[int]:
-        """Return the vertices along a loop of straight edges."""
         polygon = self._file.of(loop, "POLY_LOOP")
         if polygon is not None:
             return [int(point) for point in polygon[1]]

@@ -73,7 +73,6 @@ def _href(element: ElementTree.Element) -> str:
 
 
 def _kind(element: ElementTree.Element) -> str:
-    """Return the tag of an element without its namespace."""
     return str(element.tag).rpartition("}")[2]
 
 
@@ -127,7 +126,6 @@ def _sides(root: ElementTree.Element) -> tuple[float, float] | None:
 
 
 def _of_page(key: str, value: str, sides: tuple[float, float] | None) -> str:
-    """Return the value of an attribute, a share of the page as a number."""
     if sides is None or not value.endswith("%") or key not in _SHARES:
         return value
     try:
@@ -221,7 +219,6 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
     hidden: dict[str, int] = {}
 
     def walk(group: Any, layer: str) -> None:
-        """Collect the items of a group and its subgroups."""
         for item in group:
             notes.reached("shapes", len(paths))
             values = item.values if isinstance(getattr(item, "values", None), dict) else {}

@@ -120,7 +120,6 @@ def solid_loads(
     """
 
     def entries(force: Floats, at: Floats) -> list[dict[str, Any]]:
-        """Return the load entries of a force (3,) at a point (3,)."""
         chosen = _nearest(at, vertices, faces, supports, reach)
         share = (force / len(chosen) + 0.0).tolist()
         return [{"element": names[k], "force": share, "at": (at + 0.0).tolist()} for k in chosen]
@@ -388,7 +387,6 @@ def _taken_as_stated(document: dict[str, Any], options: ImportOptions, notes: No
 
 
 def _chosen(found: Solids, options: ImportOptions, notes: Notes) -> Solids:
-    """Return the solids that are to be read, with z upwards."""
     if found.parts:
         named = [name for part in found.parts for name in (part.group, part.name)]
         refuse_unknown(options, [*named, *(mark.layer for mark in found.marks)], "layer, group or name")
@@ -527,7 +525,6 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
 
 
 def _triangulated(vertices: Floats, faces: Faces) -> Faces:
-    """Split faces that are not plane into triangles."""
     # A face with the same corners is split in the same way in every solid.
     found: list[tuple[int, ...]] = []
     for loop in faces:

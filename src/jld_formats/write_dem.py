@@ -95,7 +95,6 @@ def mesh_data(surface: unions.Surface) -> dict[str, Any]:
 
 
 def _block(name: str, node: int, surface: unions.Surface) -> dict[str, Any]:
-    """Return the data of a block: its name, its node in the graph, and its mesh."""
     return {**mesh_data(surface), "attributes": {"name": name, "node": node}}
 
 
@@ -206,7 +205,6 @@ class Dem:
         return str(uuid.uuid5(_SPACE, f"{self._name} {kind} {name}"))
 
     def analysis(self) -> dict[str, Any]:
-        """Return the analysis: the model, and a problem for the loads."""
         data = {"name": self._name, "model": self._model(), "problems": [self._problem()]}
         return self._object("compas_dem.models/Analysis", self._name, data)
 
@@ -452,7 +450,6 @@ class Dem:
         return self._object("compas_dem.problem/Results", self._name, data)
 
     def _scale(self) -> float:
-        """Return the factor from velocities of the mechanism to displacements."""
         result = self._layout.result
         if result is None or result.mechanism is None:
             return 0.0
@@ -482,5 +479,4 @@ class Dem:
 
 
 def _number(value: float) -> float | None:
-    """Return a finite number, or None."""
     return float(value) if np.isfinite(value) else None

@@ -64,7 +64,6 @@ def write_dxf(layout: Layout, path: Path, *, cells: bool = False) -> None:
 
 
 def _layer(shape: int, support: bool) -> str:
-    """Return the name of the layer of a block; shape: its number."""
     return "SUPPORTS" if support else f"SHAPE_{shape:02d}"
 
 
@@ -110,7 +109,6 @@ def _inside(outline: Floats) -> tuple[float, float]:
 
 
 def _text(space: Any, words: str, at: tuple[float, float], height: float, layer: str) -> None:
-    """Add a text centred at a place."""
     look = {"layer": layer, "height": height, "insert": at, "align_point": at, "halign": 4}
     space.add_text(files.printable(words).replace("\n", " "), dxfattribs=look)
 
@@ -147,7 +145,6 @@ def svg_text(layout: Layout, *, cells: bool = False) -> str:
     box = (low[0] - margin, -high[1] - margin, high[0] - low[0] + 2 * margin, high[1] - low[1] + 2 * margin)
 
     def ring(points: Floats) -> str:
-        """Return the path data of a closed outline."""
         return "M " + " L ".join(f"{x!r},{-y!r}" for x, y in points.tolist()) + " Z"
 
     groups: dict[str, list[str]] = {}
@@ -212,8 +209,6 @@ def write_rhino(layout: Layout, path: Path, *, cells: bool) -> None:
 
 
 class _File:
-    """Rhino model under construction."""
-
     def __init__(self, rhino: Any, layout: Layout) -> None:
         self._rhino, self._layout = rhino, layout
         self.model = rhino.File3dm()
@@ -246,7 +241,6 @@ class _File:
         self.model.Objects.AddCurve(line.ToPolylineCurve(), attributes)
 
     def _layer_of(self, block: int) -> str:
-        """Return the layer name of a block: "SUPPORTS", or that of its shape."""
         found = self._layout.blocks[block]
         return "SUPPORTS" if found.support and not found.cells else f"SHAPE_{found.shape:02d}"
 
@@ -308,7 +302,6 @@ class _File:
             self.model.Objects.AddTextDot(name, self._rhino.Point3d(x, y, 0.0), self._attributes("IDS"))
 
     def _inside(self) -> list[tuple[float, float]]:
-        """Return a point inside each planar element."""
         import shapely
 
         shapes = [shapely.Polygon(shape).representative_point() for shape in self._layout.assembly.elements.shape]

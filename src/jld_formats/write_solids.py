@@ -57,8 +57,6 @@ def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
 
 
 class _Ifc:
-    """IFC model under construction."""
-
     def __init__(self, ifc: Any, layout: Layout) -> None:
         from importlib import import_module
 
@@ -129,7 +127,6 @@ class _Ifc:
         return self.model.create_entity("IfcLocalPlacement", PlacementRelTo=relative, RelativePlacement=self._world)
 
     def element(self, name: str, support: bool, surface: unions.Surface, facts: BlockFacts) -> Any:
-        """Add the element of a block with its property set, and return it."""
         make = self.model.create_entity
         shape = make(
             "IfcShapeRepresentation",
@@ -163,7 +160,6 @@ class _Ifc:
         return element
 
     def _brep(self, surface: unions.Surface) -> Any:
-        """Return a faceted B-rep of a closed surface."""
         make = self.model.create_entity
         places = (self._scale * np.asarray(surface.points)).tolist()
         points = [make("IfcCartesianPoint", Coordinates=tuple(place)) for place in places]
@@ -174,7 +170,6 @@ class _Ifc:
         return make("IfcFacetedBrep", Outer=make("IfcClosedShell", CfsFaces=faces))
 
     def contain(self, elements: list[Any]) -> None:
-        """Place all elements in the building."""
         self.model.create_entity(
             "IfcRelContainedInSpatialStructure",
             GlobalId=self._id("contained"),
@@ -290,13 +285,10 @@ def _real(value: float) -> str:
 
 
 def _triple(values: Floats) -> str:
-    """Return three real numbers in parentheses."""
     return "(" + ",".join(_real(value) for value in values.tolist()) + ")"
 
 
 class _Part21:
-    """Instances of the data section."""
-
     def __init__(self) -> None:
         self.lines: list[str] = []
         self._product_context = ""
@@ -343,11 +335,9 @@ class _Part21:
         self.add(f"SHAPE_DEFINITION_REPRESENTATION({form},{shape})")
 
     def _point(self, place: Floats) -> str:
-        """Add a point (3,) and return its reference."""
         return self.add(f"CARTESIAN_POINT('',{_triple(place)})")
 
     def _direction(self, vector: Floats) -> str:
-        """Add the direction of a vector (3,), and return its reference."""
         return self.add(f"DIRECTION('',{_triple(vector / np.linalg.norm(vector))})")
 
     def _placement(self, place: Floats, axis: Floats, along: Floats) -> str:
@@ -355,7 +345,6 @@ class _Part21:
         return self.add(f"AXIS2_PLACEMENT_3D('',{self._point(place)},{self._direction(axis)},{self._direction(along)})")
 
     def solid(self, name: str, surface: unions.Surface) -> str:
-        """Add a solid with plane faces, and return its reference."""
         # Each edge is shared by the two faces that meet in it.
         places = [self._point(point) for point in surface.points]
         vertices = [self.add(f"VERTEX_POINT('',{place})") for place in places]
@@ -445,7 +434,6 @@ def command_text(layout: Layout, *, cells: bool = False) -> str:
 
 
 def _surface(layout: Layout, k: int) -> unions.Surface:
-    """Return the closed surface of an element."""
     elements = layout.assembly.elements
     if layout.assembly.dimension == 2:
         return unions.extrude(unions.union_outlines([elements.shape[k]])[0], layout.thickness)
@@ -472,7 +460,6 @@ def _median(values: np.ndarray) -> float:
 
 
 def _word(name: str) -> str:
-    """Replace apostrophes in a name by underscores."""
     return name.replace("'", "_")
 
 
@@ -524,7 +511,6 @@ class _Polygons:
             self.forces.append([0.0, 0.0, 0.0] if face is None else self._vectors[face].tolist())
 
     def _velocity(self, element: int, corners: Floats) -> Floats:
-        """Return the velocities (k, 3) of corners by the mechanism."""
         if self.result is None or self.result.mechanism is None:
             return np.zeros((len(corners), 3))
         flat = corners[:, [0, 2]] if self.planar else corners

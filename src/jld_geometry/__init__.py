@@ -1,30 +1,30 @@
 """Joints that move: derivatives of λ by geometry, optimisation, shapes of joints, bounds over boxes.
 
-- `BoxStructure`: structure of a claim: exact outlines, joints, and loads of every case
-- `EqualShapes`: equations that keep pairs of outlines equal, by squared distances of corners
-- `FieldMesh`: mesh of one load case whose nodes are affine functions of the vertices of joints
-- `FieldSearch`: search over positions of joints for the largest λ of blocks that may crack anywhere
-- `GeometrySearch`: search for the best positions of the joints of one structure, by variables z (k,)
+- `BoxStructure`: structure of a claim over a box
+- `EqualShapes`: equations that keep pairs of outlines equal
+- `FieldMesh`: mesh whose nodes follow the vertices of joints
+- `FieldSearch`: search over positions by fields
+- `GeometrySearch`: search for the best positions of joints
 - `Incline`: joint turned about the middle of its face
-- `Key`: trapezoidal key in the middle of a face; lengths relative to the face
-- `MovedScene`: planar scene whose vertices, and points that name them, move; all else stays
+- `Key`: trapezoidal key in the middle of a face
+- `MovedScene`: planar scene whose vertices move
 - `Sine`: sine wave along a face
-- `TrustRegion`: parameters of the trust region, lengths relative to the mean edge of the structure
-- `box_claim`: return the claim of a certificate, its bound raised for rounding, and its nodes, each before its halves
-- `check_boxes`: check the tree of a certificate; return its number of boxes with a mechanism
-- `check_proof`: check a proof by exact arithmetic: whether it holds, None without one; seconds; and a reason
-- `equal_corners`: pair equal outlines corner by corner: the first of each kind that changes with every other
-- `explore_and_move`: alternate between a search of labels and the optimisation of joints, docs/method.md chapter 11
-- `move_by_fields`: move joints to raise λ of blocks that may crack anywhere, docs/method.md (11.9); unproven
-- `move_joints`: move joints to optimise the objective of the key "move", docs/method.md (11.6)
-- `prove_box`: find the best geometry in a box of positions, and prove a bound on λ of all of them
-- `shape_joints`: find the parameters of a shape, the same for all joints, with the largest λ by faces
-- `shaped_scene`: return a scene whose dry faces have a shape, with stated interfaces
-- `spatial_mesh`: find the vertices that the elements and interfaces of a spatial assembly share
-- `verify_box`: check a certificate of `jld move --prove`; InputError for the first thing that does not hold
-- `vertex_mesh`: find the vertices that the elements and interfaces of a planar assembly share
-- `write_box_certificate`: write the certificate of a proof over a box of positions, for `jld verify`
-- `write_moved`: write table, scene, picture and page of moved layouts; return the entry "moved"
+- `TrustRegion`: parameters of the trust region
+- `box_claim`: claim and nodes of a certificate
+- `check_boxes`: check the tree of a certificate
+- `check_proof`: check a proof by exact arithmetic
+- `equal_corners`: pair equal outlines corner by corner
+- `explore_and_move`: alternate between labels and joints
+- `move_by_fields`: move joints where blocks may crack anywhere
+- `move_joints`: move joints to optimise the objective of "move"
+- `prove_box`: best geometry in a box, and a bound on all
+- `shape_joints`: best parameters of a shape of all joints
+- `shaped_scene`: scene whose dry faces have a shape
+- `spatial_mesh`: vertices that a spatial assembly shares
+- `verify_box`: check a certificate of `jld move --prove`
+- `vertex_mesh`: vertices that a planar assembly shares
+- `write_box_certificate`: write a certificate for `jld verify`
+- `write_moved`: write the files of moved layouts
 """
 
 from __future__ import annotations

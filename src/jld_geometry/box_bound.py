@@ -61,8 +61,6 @@ _HIGHS: Final = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_toleran
 
 @dataclass(frozen=True)
 class BoxBound:
-    """Upper bound on λ over one box of positions."""
-
     # λ of every position in the box that stands for some λ ≥ 0 is at most this; inf where none was proven, −inf where
     # no position stands
     value: float
@@ -155,7 +153,6 @@ class BoxProblem:
         return found[0] / self._force, found[1] * self.unit / self._force
 
     def _mesh_areas(self) -> Floats:
-        """Return the areas (n,) of elements at y = 0."""
         areas = []
         for loop in self._mesh.loops:
             corner = self._mesh.places[loop] - self._mesh.places[loop[0]]

@@ -124,7 +124,6 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
 
 
 def _node(line: dict[str, Any]) -> Node:
-    """Read a node; raise ValueError for an invalid line."""
     if line.keys() == {"split", "at"}:
         (axis,) = certificate.numbers_of([line["split"]])
         return Split(axis, _number(line["at"]))
@@ -168,7 +167,6 @@ def product(one: Polynomial, other: Polynomial) -> Polynomial:
 
 
 def add(total: Polynomial, term: Mapping[tuple[int, ...], Fraction | int], factor: Fraction | int = 1) -> None:
-    """Add a multiple of a polynomial to another one, which is changed."""
     for power, value in term.items():
         total[power] = total.get(power, 0) + factor * value
 
@@ -256,7 +254,6 @@ class BoxStructure:
             self.cases.append((dead, self._loads(case["live"], sizes, {}), Fraction(case["required"])))
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
-        """Return the displacement by each parameter of every point that moves."""
         corners = {point for loop in self.outlines for point in loop}
         found: dict[Pair, list[Vector]] = {}
         for parameter, motion in enumerate(claim.directions):
@@ -409,6 +406,10 @@ _ROUTE: Final = Route("certificates of boxes")
 
 Velocity = tuple[Fraction, Fraction, Fraction]  # exact velocity (ux, uy, ω) about the origin of coordinates
 
+# Degrees in one parameter: of jumps times the length of a joint, and of powers, as weights act at first moments
+_JUMP_DEGREE: Final = 2
+_POWER_DEGREE: Final = 3
+
 _STILL: Velocity = (Fraction(0), Fraction(0), Fraction(0))  # velocity of elements that do not move
 
 
@@ -502,8 +503,6 @@ def _halves(
 
 
 class _Checker:
-    """Checker of the mechanisms of one claim."""
-
     def __init__(self, structure: BoxStructure, claim: BoxClaim) -> None:
         self._structure, self._bound = structure, Fraction(claim.bound)
 
@@ -522,14 +521,18 @@ class _Checker:
             problem = "in its mechanism a joint closes, or slides without opening, somewhere in the box"
             raise InputError(f"node {number}", problem, "a mechanism that holds in the whole box")
         dead, live, required = structure.cases[leaf.case]
-        spent, work = self._power(dead, moves, low, high), self._power(live, moves, low, high)
-        count = structure.parameters
-        balance = dict(spent)
-        add(balance, work, self._bound * required)
-        below = is_at_least_zero(work, count, 3, strictly=True) and is_at_least_zero(balance, count, 3)
-        falls = is_at_least_zero(spent, count, 3, strictly=True) and is_at_least_zero(work, count, 3)
+        dead_power, live_power = self._power(dead, moves, low, high), self._power(live, moves, low, high)
+        balance = dict(dead_power)
+        add(balance, live_power, self._bound * required)
+        # no joint dissipates, so λ ≤ bound · required where dead_power + bound · required · live_power ≥ 0
+        below = self._is_positive(live_power, strictly=True) and self._is_positive(balance)
+        # or it falls under its own weight
+        falls = self._is_positive(dead_power, strictly=True) and self._is_positive(live_power)
         if not (below or falls):
             raise InputError(f"node {number}", "its mechanism lets positions carry more than the bound", "a proof")
+
+    def _is_positive(self, power: Polynomial, *, strictly: bool = False) -> bool:
+        return is_at_least_zero(power, self._structure.parameters, _POWER_DEGREE, strictly=strictly)
 
     def _opens(self, moves: dict[int, Velocity], low: list[Fraction], high: list[Fraction]) -> bool:
         """Return whether no joint resists a mechanism, at any position in the box."""
@@ -555,7 +558,7 @@ class _Checker:
                 for sign in (-1, 1):
                     total = dict(normal)
                     add(total, slide, sign * joint.friction)
-                    if not is_at_least_zero(total, structure.parameters, 2):
+                    if not is_at_least_zero(total, structure.parameters, _JUMP_DEGREE):
                         return False
         return True
 

@@ -24,14 +24,11 @@ Plane = tuple[Floats, float]  # unit normal (3,) and offset; points x with norma
 
 @dataclass(frozen=True, eq=False)
 class ConvexCell:
-    """Convex polyhedron."""
-
     vertices: Floats  # (k, 3) vertices, scene units
     faces: Faces  # loops of vertex indices, counter-clockwise seen from outside
 
     @cached_property
     def volume(self) -> float:
-        """Volume, scene units."""
         return float(solids(["cell"], [self.vertices], [self.faces])[2][0])
 
     @cached_property
@@ -155,7 +152,6 @@ def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
 
 
 def _distances(corners: Floats) -> Floats:
-    """Return the distances (k, k) between corners (k, 2)."""
     return np.asarray(np.linalg.norm(corners[:, None] - corners[None], axis=2))
 
 
@@ -207,7 +203,6 @@ class VertexMesh:
     ends: Ints  # (m, 2) first and last vertex p, q of each interface; q − p points along e1
 
     def at(self, places: Floats) -> VertexMesh:
-        """Return the mesh with its vertices at the places (v, 2)."""
         return VertexMesh(places, self.loops, self.ends)
 
     @cached_property

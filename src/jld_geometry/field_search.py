@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from jld_core import Assembly, Bits, Floats, InputError, Ints, Scene, one_thread
-from jld_core.fields import ConeProgram, WeakEquilibrium
+from jld_core.fields import ConeProgram, ConeSizes, WeakEquilibrium
 from jld_core.fields import bounds as fields_bounds
 from jld_core.fields import loads as fields_loads
 from jld_core.fields import mesh as fields_mesh
@@ -45,7 +45,6 @@ class FieldMesh:
 
     @classmethod
     def of(cls, assembly: Assembly, vertices: VertexMesh) -> FieldMesh:
-        """Return the coarsest mesh of one load case."""
         # Nodes at a vertex follow it. Ends of loads that lie at no vertex are held with their load, and all other nodes
         # follow their neighbours, so that triangles deform evenly.
         setting = fields_bounds.FieldSetting.of(assembly)
@@ -62,7 +61,6 @@ class FieldMesh:
         return cls(setting, base, setting.coarse, follow, _interpolation(base, setting.coarse), loaded)
 
     def refined(self, mesh: fields_mesh.Mesh) -> FieldMesh:
-        """Return the same case on a mesh that was refined from the present one."""
         return replace(self, mesh=mesh, inside=_interpolation(self.base, mesh))
 
     @property
@@ -238,9 +236,9 @@ class FieldSearch:
         """Solve the program of a step; return it (k,), lengths, and the objective promised, or None."""
         unit = self._search.unit
         region = self._search.evaluator.region(point.values, *self._search.bounds(point.values, radius))
-        program, first, scale = _program(point, region, self._search.required)
-        answer = program.solve()
-        return (answer.point[first:-1] * unit, float(answer.point[-1]) * scale) if answer.usable else None
+        step = _program(point, region, self._search.required)
+        answer = step.program.solve()
+        return (answer.point[step.first : -1] * unit, float(answer.point[-1]) * step.unit) if answer.usable else None
 
     def improve(
         self, point: FieldPoint, deadline: float, report: Callable[[FieldPoint, float, float], None] | None = None
@@ -273,49 +271,83 @@ class FieldSearch:
         return point, "points"
 
 
-def _program(point: FieldPoint, region: Region, required: Floats) -> tuple[ConeProgram, int, float]:
-    """Set up the program of a step; also return the column of its first step and the unit of its goal."""
-    # Columns are stresses and λ of each load case, steps of the variables, and the goal.
+@dataclass(frozen=True)
+class _Step:
+    """Program of a step: columns are stresses and λ of each load case, steps of the variables, and the goal."""
+
+    program: ConeProgram
+    first: int  # column of the step of the first variable
+    unit: float  # unit of the goal, which is the last column: governing factor of one
+
+
+class _StepRows:
+    """Rows of the program of a step, in three groups: equations, inequalities and cones of three rows."""
+
+    def __init__(self, width: int) -> None:
+        self._width = width
+        self._groups: list[list[tuple[sp.csr_array, Floats]]] = [[], [], []]
+
+    def equations(self, rows: sp.csr_array, at: int, right: Floats) -> None:
+        self._add(0, rows, at, right)
+
+    def inequalities(self, rows: sp.csr_array, at: int, right: Floats) -> None:
+        self._add(1, rows, at, right)
+
+    def cones(self, rows: sp.csr_array, at: int, right: Floats) -> None:
+        self._add(2, rows, at, right)
+
+    def _add(self, group: int, rows: sp.csr_array, at: int, right: Floats) -> None:
+        """Add rows, whose columns begin at column `at` of the program, and their right-hand sides to a group."""
+        entries = sp.coo_array(rows)
+        shape = (rows.shape[0], self._width)
+        self._groups[group].append((sp.csr_array((entries.data, (entries.row, entries.col + at)), shape=shape), right))
+
+    def program(self) -> ConeProgram:
+        """Return the program that maximises the last column."""
+        objective = np.zeros(self._width)
+        objective[-1] = -1.0
+        whole = sp.csr_array(sp.vstack([rows for group in self._groups for rows, _ in group]))
+        right = np.concatenate([right for group in self._groups for _, right in group])
+        equations, inequalities, of_cones = (sum(rows.shape[0] for rows, _ in group) for group in self._groups)
+        return ConeProgram(objective, whole, right, ConeSizes(equations, inequalities, of_cones // 3))
+
+
+def _program(point: FieldPoint, region: Region, required: Floats) -> _Step:
+    """Set up the program of a step within a region; required: (cases,) load factors."""
     count = region.jacobian.shape[1]
-    start = np.cumsum([0, *(form.width for form in point.forms)]).tolist()
+    start = np.cumsum([0, *(form.width for form in point.forms)]).tolist()  # first column of each load case
+    first_step = start[-1]
+    goal_column = first_step + count
     units = [form.problem.units.load / need for form, need in zip(point.forms, required.tolist(), strict=True)]
-    groups: list[list[tuple[sp.csr_array, Floats]]] = [[], [], []]
-
-    def add(group: int, rows: sp.csr_array, at: int, right: Floats) -> None:
-        """Add rows, from column `at` on, and their right-hand sides to one of three groups."""
-        own = sp.coo_array(rows)
-        wide = sp.csr_array((own.data, (own.row, own.col + at)), shape=(rows.shape[0], start[-1] + count + 1))
-        groups[group].append((wide, right))
-
+    rows = _StepRows(goal_column + 1)
     for k, (mesh, form) in enumerate(zip(point.meshes, point.forms, strict=True)):
         fixed = form.rows()
         rates = form.rates(point.stresses[k]) @ mesh.motion @ region.jacobian / form.problem.units.length
-        ends = np.cumsum([fixed.sizes[0], fixed.sizes[1]]).tolist()
-        between = sp.csr_array((fixed.sizes[0], start[-1] - start[k + 1]))
-        moved = sp.hstack([fixed.matrix[: ends[0]], between, rates])
-        add(0, sp.csr_array(moved), start[k], fixed.right[: ends[0]])
-        add(1, fixed.matrix[ends[0] : ends[1]], start[k], fixed.right[ends[0] : ends[1]])
-        add(2, fixed.matrix[ends[1] :], start[k], fixed.right[ends[1] :])
+        first_inequality = fixed.sizes.zero
+        first_cone = first_inequality + fixed.sizes.linear
+        between = sp.csr_array((first_inequality, first_step - start[k + 1]))
+        moved = sp.hstack([fixed.matrix[:first_inequality], between, rates])
+        rows.equations(sp.csr_array(moved), start[k], fixed.right[:first_inequality])
+        bounded = slice(first_inequality, first_cone)
+        rows.inequalities(fixed.matrix[bounded], start[k], fixed.right[bounded])
+        rows.cones(fixed.matrix[first_cone:], start[k], fixed.right[first_cone:])
+        # the goal is at most the factor of this case; both in the unit of the first
+        load = start[k + 1] - 1
         goal = sp.csr_array(
-            ([-units[k] / units[0], 1.0], ([0, 0], [0, start[-1] + count - start[k + 1] + 1])),
-            shape=(1, start[-1] + count - start[k + 1] + 2),
+            ([-units[k] / units[0], 1.0], ([0, 0], [0, goal_column - load])), shape=(1, goal_column - load + 1)
         )
-        add(1, goal, start[k + 1] - 1, np.zeros(1))
+        rows.inequalities(goal, load, np.zeros(1))
     slopes = sp.csr_array(region.limits.rates @ region.jacobian)
     used, values = np.diff(slopes.indptr) > 0, region.limits.values
-    equal, bounded = np.flatnonzero(used & region.equal), np.flatnonzero(used & ~region.equal)
-    add(0, slopes[equal], start[-1], -values[equal])
-    add(0, sp.csr_array(region.ties), start[-1], np.zeros(len(region.ties)))
+    equal, bounded_limits = np.flatnonzero(used & region.equal), np.flatnonzero(used & ~region.equal)
+    rows.equations(slopes[equal], first_step, -values[equal])
+    rows.equations(sp.csr_array(region.ties), first_step, np.zeros(len(region.ties)))
     # a limit that was missed by rounding, or by the curvature of the last step, may stay as it is
-    add(1, -slopes[bounded], start[-1], (values - np.minimum(region.least, values))[bounded])
-    add(1, sp.csr_array(sp.eye_array(count)), start[-1], region.high)
-    add(1, -sp.csr_array(sp.eye_array(count)), start[-1], -region.low)
-    objective = np.zeros(start[-1] + count + 1)
-    objective[-1] = -1.0
-    whole = sp.csr_array(sp.vstack([rows for group in groups for rows, _ in group]))
-    right = np.concatenate([right for group in groups for _, right in group])
-    numbers = [sum(rows.shape[0] for rows, _ in group) for group in groups]
-    return ConeProgram(objective, whole, right, (numbers[0], numbers[1], numbers[2] // 3)), start[-1], units[0]
+    slack = (values - np.minimum(region.least, values))[bounded_limits]
+    rows.inequalities(-slopes[bounded_limits], first_step, slack)
+    rows.inequalities(sp.csr_array(sp.eye_array(count)), first_step, region.high)
+    rows.inequalities(-sp.csr_array(sp.eye_array(count)), first_step, -region.low)
+    return _Step(rows.program(), first_step, units[0])
 
 
 # Parts of each edge of the coarsest meshes, in the order of the search: a coarse optimum begins the finer search

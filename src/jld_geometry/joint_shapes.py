@@ -109,7 +109,6 @@ _PLANE: Final = 1e-9  # distance of a point from a plane, relative to the struct
 
 
 def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None) -> Scene:
-    """Return a spatial scene with shaped dry faces."""
     if direction is None or not np.linalg.norm(direction) > 0.0 or not np.isfinite(direction).all():
         problem = "joints in space run along a direction" if direction is None else "it is no direction"
         raise ParameterError("direction", problem, "X,Y,Z along the joints, as 0,1,0")
@@ -409,8 +408,6 @@ _NOTHING: Final = 1e-4  # value of a parameter below which it is taken as 0, as 
 
 @dataclass(frozen=True)
 class ShapedJoints:
-    """Result of a search for the best shape of joints."""
-
     scene: Scene  # scene with joints of the best shape
     shape: Shape  # that shape
     # before, after: analyses with straight joints and with the best shape

@@ -201,7 +201,6 @@ def _angle(places: Floats, corners: Ints) -> Floats:
 
 
 def _angle_rates(places: Floats, corners: Ints) -> sp.csr_array:
-    """Return the derivatives (c, 2v) of the angles at corners."""
     before, after = places[corners[:, 0]] - places[corners[:, 1]], places[corners[:, 2]] - places[corners[:, 1]]
     one = np.column_stack([-before[:, 1], before[:, 0]]) / np.einsum("ij,ij->i", before, before)[:, None]
     two = np.column_stack([-after[:, 1], after[:, 0]]) / np.einsum("ij,ij->i", after, after)[:, None]
@@ -342,7 +341,6 @@ def spatial_residual_rates(
 
 
 def _columns(vertices: Ints) -> Ints:
-    """Return the columns (3k,) of the coordinates of some vertices."""
     return (3 * vertices[:, None] + np.arange(3)).ravel()
 
 

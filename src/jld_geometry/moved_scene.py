@@ -74,8 +74,6 @@ def move_with_points(move: dict[str, Any], start: Floats, places: Floats, size: 
 
 
 def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, Any]:
-    """Return a document with the friction of dry joints multiplied by a factor."""
-
     def changed(entry: dict[str, Any]) -> dict[str, Any]:
         entry = dict(entry)
         angle = entry.pop("friction_angle", None)
@@ -96,7 +94,6 @@ def _with_friction_factor(document: dict[str, Any], factor: float) -> dict[str, 
 
 
 def _nominal(value: Any) -> float:
-    """Return the number itself, or its nominal value or mean."""
     return float(value["nominal" if "nominal" in value else "mean"] if isinstance(value, dict) else value)
 
 
@@ -114,7 +111,6 @@ class SpatialMesh:
     polygons: tuple[Ints, ...]  # vertices around each interface
 
     def at(self, places: Floats) -> SpatialMesh:
-        """Return the mesh with its vertices at the places (v, 3)."""
         return SpatialMesh(places, self.corners, self.rings, self.polygons)
 
     @property
@@ -141,7 +137,6 @@ def spatial_mesh(assembly: Assembly) -> SpatialMesh:
 
 
 def shortest_edge(assembly: Assembly) -> float:
-    """Return the shortest edge of all faces of elements and interfaces."""
     loops = [
         shape[list(ring)]
         for shape, rings in zip(assembly.elements.shape, assembly.elements.faces, strict=True)

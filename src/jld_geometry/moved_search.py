@@ -121,7 +121,6 @@ def refine_one(layout: MovedLayout, seconds: float, gap: float) -> MovedLayout:
 
 @one_thread()
 def _bounds(assembly: Assembly, labels: Bits, seconds: float, gap: float) -> tuple[float, float]:
-    """Bound the governing factor of one layout by fields."""
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=False)
 
 
@@ -152,8 +151,6 @@ GAP: Final = 0.05  # default of the relative width of brackets by fields at whic
 
 @dataclass(frozen=True)
 class MovedSearch:
-    """Result of a search of labels and geometry."""
-
     first: Exploration  # search of labels on the grid of the scene
     rounds: list[Exploration]  # searches of all rounds, the first one as well
     layouts: list[MovedLayout]  # all layouts that were moved, the largest lower bound by fields first
@@ -161,7 +158,6 @@ class MovedSearch:
 
     @property
     def best(self) -> MovedLayout:
-        """Layout with the largest lower bound by fields."""
         return self.layouts[0]
 
 
@@ -388,7 +384,6 @@ def moved_facts(done: MovedSearch) -> dict[str, Any]:
 
 
 def words_of_move(facts: dict[str, Any]) -> str:
-    """Describe the best moved layout."""
     low, high = (_said(facts[name]) for name in ("fields_lo", "fields_hi"))
     found = f"best with moved joints: {low} ≤ λ ≤ {high} by fields (round {facts['round']}, row {facts['row']})"
     if facts["stated"] is not None:

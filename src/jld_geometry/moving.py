@@ -50,7 +50,6 @@ def write_move(
     titles: tuple[str, str],
     out: Path,
 ) -> None:
-    """Write scene, table and picture of moved joints to files of one name."""
     import pandas as pd  # slow to import and needed for tables only
 
     names = ["start", "step", "value", "bracket_lo", "bracket_hi", "predicted", "radius", "solves", "seconds"]
@@ -65,7 +64,6 @@ def write_move(
 
 
 def value_text(value: float | None) -> str:
-    """Return a number as text for the terminal."""
     return "none" if value is None or math.isnan(value) else "locked" if value == math.inf else f"{value:.6g}"
 
 
@@ -94,7 +92,6 @@ def shape_of(text: str) -> Shape:
 
 
 def direction_of(text: str | None) -> Floats | None:
-    """Return the vector (3,) that a text states; None for None."""
     if text is None:
         return None
     try:
@@ -178,7 +175,6 @@ def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str
 
 
 def _write(done: ShapedJoints, out: Path) -> None:
-    """Write scene, table of shapes and picture."""
     import pandas as pd  # slow to import and needed for tables only
 
     from jld_views import figures
@@ -416,7 +412,8 @@ def _finish(
     if assembly.has_low_values and done.after is not None:
         nominal = solve_rigid(done.after.assembly.at_nominal, labels).load_factor
         facts["load_factor_nominal"] = number(nominal)
-    check = _bounded if by_fields else _check_by_fields
+    # a move by fields has its value proven here; one by faces only gets a second opinion
+    check = _replace_by_field_bounds if by_fields else _check_by_fields
     checked = check(facts, assembly, done, labels, until)
     facts["fields"], facts["warnings"] = checked, [*done.warnings, *_doubts(checked)]
     table = [vars(point) | {"bracket_lo": point.bracket[0], "bracket_hi": point.bracket[1]} for point in done.points]
@@ -473,7 +470,7 @@ def _check_by_fields(
     return found
 
 
-def _bounded(
+def _replace_by_field_bounds(
     facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
 ) -> dict[str, Any]:
     """Put bounds by fields into the facts of a move; return the lower ones before and after."""
@@ -500,7 +497,6 @@ def _doubts(checked: dict[str, Any] | None) -> list[str]:
 
 
 def _facts(done: MovedJoints) -> dict[str, Any]:
-    """Return the object that `jld move --json` prints."""
     after = done.after
     load_factor = math.nan if after is None else after.load_factor
     bracket = (math.nan, math.nan) if after is None else after.bracket
@@ -523,14 +519,12 @@ def _facts(done: MovedJoints) -> dict[str, Any]:
 
 
 def _crack_words(checked: dict[str, Any] | None) -> dict[str, str]:
-    """Return the line on the check by fields for the terminal, by name."""
     if checked is None or checked["skipped"] is not None:
         return {}
     return {"by fields": f"λ ≥ {value_text(checked['before'])} before, λ ≥ {value_text(checked['after'])} after"}
 
 
 def _words(facts: dict[str, Any], out: Path) -> str:
-    """Describe a move for the terminal."""
     ends = {
         "stationary": "stationary: no small movement raises it (a local statement; try --starts or --seconds)",
         "locked": 'locked: no live load is too large; limit "block_mass", "angle" or "box"',

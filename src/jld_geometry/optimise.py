@@ -38,8 +38,6 @@ from jld_geometry.spatial_rates import face_rates, length_rates, load_rates, res
 
 @dataclass(frozen=True)
 class MovedJoints:
-    """Result of an optimisation of joints."""
-
     scene: Scene  # scene with the joints at the best positions found
     # before, after: analyses at start and end; None where the start does not stand
     before: LimitAnalysisResult | None
@@ -125,7 +123,6 @@ def _best_of_starts(
 def moved_result(
     search: GeometrySearch, before: Evaluated | None, best: tuple[Evaluated, str], points: list[Point]
 ) -> MovedJoints:
-    """Assemble the result of a search; best: the last point, and why its search ended."""
     point, end = best
     places = search.variables.places(point.values)
     scene = search.moved.at(places, point.friction)
@@ -300,7 +297,6 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
 
 
 def _planar(result: LimitAnalysisResult, forces: Floats, mechanism: Floats, sided: bool) -> GeometrySensitivities:
-    """Return the rates of a planar result with its forces (m, 3) and its mechanism (n, 3)."""
     assembly = result.assembly
     mesh = vertex_mesh(assembly)
     velocity = mechanism[assembly.elements.free].ravel()

@@ -227,7 +227,6 @@ class GeometrySearch:
         return best, predicted
 
     def _predicted(self, point: Evaluated, answer: StepAnswer) -> float:
-        """Return the objective that the program of a step predicts."""
         if self.goal == "friction":
             return -point.friction * (1.0 + answer.value)
         if self.goal == "thickness":
@@ -263,8 +262,6 @@ class GeometrySearch:
 
 @dataclass(frozen=True)
 class Point:
-    """Accepted point of a search."""
-
     start: int  # number of the start, from 0
     step: int  # number of the point within its search; 0 is the start itself
     value: float  # λ, least friction coefficient factor, or least thickness

@@ -36,7 +36,6 @@ class AreaRates:
 
 
 def area_rates(mesh: VertexMesh) -> AreaRates:
-    """Compute areas of elements and the derivatives of areas and centroids (11.3)."""
     areas, rows, columns, areal, central = np.empty(len(mesh.loops)), [], [], [], []
     for chosen, loops in _by_length(mesh.loops):
         corner = mesh.places[loops] - mesh.places[loops[:, :1]]

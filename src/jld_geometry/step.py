@@ -27,8 +27,6 @@ _KICKED: Final = 1e-9  # share of its value that the goal may lose while other o
 
 @dataclass(frozen=True)
 class CaseState:
-    """Forces of one load case at the present position."""
-
     template: Template  # program data of the case
     forces: Floats  # (m, q) optimal forces, scene units; q = 3, or 6 in space
     load_factor: float  # their λ

@@ -129,7 +129,6 @@ def benchmark(
 
 
 def _lines(known: dict[str, Entry]) -> list[str]:
-    """Return the table of all problems."""
     head = f"{'problem':<24} {'faces':>5} {'candidates':>10} {'cases':>5}  {'best known':>12} {'bound':>12}  proven"
     head += "  gap    seconds"
     return [head] + [

@@ -36,7 +36,6 @@ _POWERS: Final = {(1, 0): "{f}", (0, 1): "{l}", (1, 1): "{f}·{l}", (1, -1): "{f
 
 
 def label_of(key: str, names: tuple[str, str]) -> str:
-    """Return a key with its unit; names: of the units of length and force."""
     last = key.split(".")[-1].split("[")[0]
     if key == ANGLE or last.endswith("friction_angle"):
         return f"{key} [°]"
@@ -114,7 +113,6 @@ def _curve(ax: Axes, shown: pd.DataFrame, key: str, assembly: Assembly) -> None:
 
 
 def _contours(figure: Figure, ax: Axes, grid: list[Floats], values: Floats) -> None:
-    """Draw λ as filled contours."""
     field = np.ma.masked_invalid(values.reshape(len(grid[0]), len(grid[1])).T)
     if field.count() and np.ptp(field.compressed()) > 0.0:
         with warnings.catch_warnings():
@@ -264,7 +262,6 @@ def _axis(text: str) -> tuple[str, list[Any]]:
 
 
 def _told(table: Any, took: float) -> dict[str, Any]:
-    """Return the facts of a map."""
     value = table["load_factor"].to_numpy(dtype=float)
     known = value[np.isfinite(value)]
     kinds = table["labelling" if "labelling" in table else "mechanism"].value_counts()

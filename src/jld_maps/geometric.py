@@ -85,7 +85,6 @@ def _between(points: Floats, corners: Floats, middle: Floats, near: float) -> Fl
 
 
 def _joints_of(assembly: Assembly, element: int) -> list[Floats]:
-    """Return the corners of the joints of an element."""
     faces = assembly.interfaces
     own = np.flatnonzero((faces.a == element) | (faces.b == element)).tolist()
     return [faces.polygon[face] for face in own if face < assembly.faces]
@@ -129,7 +128,6 @@ def _middle_line(points: Floats, joints: list[Floats], near: float, where: str) 
 
 
 def _along(line: Floats) -> Floats:
-    """Return the positions (k,) of the points of a line along it, from 0 to 1."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     return np.asarray(length / (length[-1] or 1.0))
 
@@ -511,7 +509,6 @@ def _document(scene: Scene, assembly: Assembly) -> dict[str, Any]:
 
 
 def _scaled(document: dict[str, Any], middles: Middles, assembly: Assembly, scale: float) -> dict[str, Any]:
-    """Return a scene with its thickness scaled."""
     changed, elements = deepcopy(document), assembly.elements
     for k, (entry, points) in enumerate(zip(changed["elements"], elements.shape, strict=True)):
         key = "polygon" if assembly.dimension == 2 else "vertices"

@@ -179,7 +179,6 @@ class Grid:
         self.middle = np.array([(count - 1) // 2 for count in self.shape])
 
     def _number(self, key: str, value: Any) -> Any:
-        """Return a value as a number in scene units where it is a text with a unit."""
         if not isinstance(value, str):
             return value
         document = deepcopy(self.document)
@@ -260,13 +259,11 @@ class Grid:
 
 
 def _value(own: list[Any], place: float) -> Any:
-    """Return the value at a position, or between two."""
     low = int(place)
     return own[low] if low == place else (1.0 - place + low) * own[low] + (place - low) * own[low + 1]
 
 
 def _differs(base: Floats, values: Floats) -> Bools:
-    """Return where values (k, ...) differ from a base (...) at any k."""
     return np.asarray(~((values == base) | (np.isnan(values) & np.isnan(base))).all(axis=0))
 
 
@@ -359,7 +356,6 @@ def _uncut(assembly: Assembly, labels: Bits) -> Bits:
 
 
 def _solved(structure: Any, labels: Any, fields: bool, seconds: float | None) -> dict[str, Any]:
-    """Return the columns of one point, solved alone."""
     assembly = structure if isinstance(structure, Assembly) else build_assembly(structure)
     own = assemblies.labels_of(assembly, labels)
     found = solve(assembly, own)
@@ -371,7 +367,6 @@ def _solved(structure: Any, labels: Any, fields: bool, seconds: float | None) ->
 
 
 def _row(found: Any) -> dict[str, Any]:
-    """Return the columns of a result."""
     name = ""
     if found.status is Status.COLLAPSE and found.mechanism is not None:
         jumps = face_jumps(found.assembly, found.mechanism)[None]
@@ -429,7 +424,6 @@ class Swept:
         return [SampleAnalysis(limit_analysis(case, _OPTIONS, reference=labels), labels) for case in assembly.by_case]
 
     def all(self, places: Floats, jobs: int) -> dict[str, Any]:
-        """Return the columns of all points (k, axes)."""
         size = min(_PORTION, -(-len(places) // jobs))
         portions = [places[k : k + size] for k in range(0, len(places), size)]
         parts = Parallel(n_jobs=jobs, prefer="threads")(delayed(self._portion)(one) for one in portions)
@@ -488,7 +482,6 @@ class Swept:
         return columns
 
     def _governing(self, cases: list[dict[str, Any]]) -> dict[str, Any]:
-        """Combine the columns of load cases."""
         found = cases[0]
         if self.assembly.cases:
             required = self.assembly.required.tolist()

@@ -84,7 +84,6 @@ def corner_course(
 
 
 def axis_of(wall: Rectangle) -> int:
-    """Return the axis along which a wall runs: 0 for x, 1 for y."""
     return int(wall[3] - wall[1] > wall[2] - wall[0])
 
 
@@ -198,15 +197,11 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class Lintel:
-    """How openings are spanned.
+    """How openings are spanned: by one long stone, or a flat arch of `stones` wedges between two skewbacks.
 
-    Attributes
-    ----------
-    stones : int
-        1 for one long stone; more for a flat arch of so many wedges between two skewbacks.
-    bearing : float or None
-        Least length by which a lintel reaches beyond either jamb. None: half a stretcher, or less where the wall beside
-        the jamb is shorter, but at least a quarter of a stretcher.
+    bearing: least length beyond either jamb. None: half a stretcher, or less where the wall beside the jamb is shorter,
+    but
+    at least a quarter of a stretcher.
     """
 
     stones: int = 1
@@ -243,8 +238,6 @@ def bonded_walls(
 
 @dataclass
 class _Walls:
-    """Plan and openings of walls, course by course."""
-
     sections: Sequence[shapely.Geometry]
     bond: str
     stretcher: float
@@ -267,7 +260,6 @@ class _Walls:
         self.near = _SAME * float(np.ptp(shapely.get_coordinates(plan), axis=0).max())
 
     def _refusal(self, problem: str, expected: str) -> InputError:
-        """Return the error of an element that cannot be cut."""
         return InputError(f"element {self.name!r}", problem, expected)
 
     def walls(self, k: int) -> list[Rectangle]:
@@ -336,7 +328,6 @@ class _Walls:
         return limit if limit - reach < least else reach
 
     def stones(self, k: int, own: list[tuple[Rectangle, Interval]], beside: list[Rectangle]) -> list[Rectangle]:
-        """Return the stones of a course beside its lintels, in plan."""
         found = []
         near = [self.voids[j] for j in (k - 1, k + 1) if 0 <= j < len(self.voids)]
         for wall in self.walls(k):
@@ -368,7 +359,6 @@ def _overlap(one: Rectangle, other: Rectangle) -> bool:
 
 
 def _area(whole: Rectangle, span: Interval) -> float:
-    """Return the area of the opening below a lintel, in plan."""
     along = axis_of(whole)
     return (span[1] - span[0]) * (whole[3 - along] - whole[1 - along])
 

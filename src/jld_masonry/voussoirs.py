@@ -26,8 +26,6 @@ _SWEEP: Final = np.radians(8.0)
 
 @dataclass(frozen=True)
 class Arc:
-    """Circular arc of an outline."""
-
     centre: Floats  # (2,) centre of the circle, scene units
     radius: float  # radius of the circle, scene units
     # (k,) angles of the corners about the centre, ascending, radians; the first and the last are its ends
@@ -40,7 +38,6 @@ class Arc:
         return float(self.angles[-1] - self.angles[0])
 
     def point(self, angle: float) -> Floats:
-        """Return the point (2,) of the circle at an angle, radians."""
         return self.centre + self.radius * np.array([np.cos(angle), np.sin(angle)])
 
 
@@ -365,7 +362,6 @@ def _exit(part: shapely.Polygon, centre: Floats, direction: Floats, start: float
 
 
 def _reach(region: shapely.Geometry, centre: Floats) -> float:
-    """Return the largest distance of a structure from a centre."""
     return float(np.hypot(*(shapely.get_coordinates(region) - centre).T).max())
 
 

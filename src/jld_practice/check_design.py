@@ -64,7 +64,6 @@ def check_design(
 
 
 def _layout(source: Path, rank: int | None) -> tuple[Scene, Bits | None]:
-    """Return the scene and the labels (m,) to check; None for those of the scene."""
     best = source / "best.json"
     file = best if source.is_dir() and best.exists() else source
     if not file.is_dir():

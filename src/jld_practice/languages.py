@@ -218,13 +218,11 @@ _VECTOR: Final = re.compile(r"\(([-−+\d., e]*\.[-−+\d., e]*)\)")
 
 
 def words_in(language: str, words: Mapping[str, tuple[str, str, str]] = WORDS) -> dict[str, str]:
-    """Return texts in one language, by key."""
     place = LANGUAGES.index(language)
     return {key: texts[place] for key, texts in words.items()}
 
 
 def phrase_in(language: str, text: str) -> str:
-    """Return a sentence of `PHRASES` in a language; any other text as it is."""
     place = LANGUAGES.index(language)
     if place > 0:
         for pattern, *others in PHRASES:
@@ -247,7 +245,6 @@ def decimal_commas(text: str) -> str:
 
 
 def localise(page: Figure, language: str, names: Container[str] = ()) -> None:
-    """Write numbers and legends of a page in the format of its language."""
     # 5.062 would be five thousand in German and Italian.
     from matplotlib.text import Text
 

@@ -380,7 +380,6 @@ class _Book:
 
     @property
     def length(self) -> float:
-        """Factor from the scene's lengths to those of the report."""
         return factor_to(self.unit, self.scene.units.length)
 
     def new(self, title: str) -> Figure:
@@ -459,7 +458,6 @@ def _overview(book: _Book) -> None:
 
 
 def _proven(book: _Book) -> list[str]:
-    """Return sentences on proven and on unproven results."""
     content, words = book.content, book.words
     found = []
     if content.fields[1] < 0.0:
@@ -485,7 +483,6 @@ def _proven(book: _Book) -> list[str]:
 
 
 def _stones(book: _Book) -> None:
-    """Make the page with the table of stones."""
     words = book.words
     figure = book.new(words["stones"])
     head = [words[key] for key in ("stone", "block", "mould", "mass", "size", "cuts", "set_ups", "waste")]
@@ -602,7 +599,6 @@ def _way(book: _Book, motion: Floats) -> str:
 
 
 def _numbers(book: _Book, laying: Laying, blocks: Sequence[int]) -> list[str]:
-    """Return the numbers of the stones that are given blocks of an order of laying."""
     layout = book.content.layout
     names = {stone.name: str(stone.number) for stone in book.stones}
     own = [layout.blocks[int(layout.block_of[laying.blocks.elements(block)[0]])].name for block in blocks]

@@ -58,8 +58,6 @@ class Placed:
 
 @dataclass(frozen=True)
 class Stock:
-    """Stones placed in equal stock cuboids."""
-
     size: tuple[float, float, float]  # sides of a stock cuboid, in the unit of the scene
     placed: tuple[Placed, ...]  # place of every stone
     cuboids: int  # number of stock cuboids
@@ -255,7 +253,6 @@ _TRIANGLES: Final = 500
 
 
 def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, float] | None:
-    """Return the sides of stock cuboids that a user states, None for none."""
     if stock is None:
         if kerf:
             raise ParameterError("kerf", "it is given without `stock`", "both")

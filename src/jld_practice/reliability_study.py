@@ -25,8 +25,6 @@ _SHARE: Final = 0.25  # share of a time limit that is kept back for the ranking
 
 
 class ReliabilityStep(Step):
-    """Ranking of the best layouts of a search by reliability."""
-
     name = "reliability"
 
     def wanted(self, settings: ExploreSettings) -> bool:

@@ -67,7 +67,6 @@ def cap(elements: float) -> None:
 
 
 def choose(option: str, value: str, allowed: Sequence[str]) -> None:
-    """Raise InputError if the value of an option is not one of the allowed names."""
     if value not in allowed:
         raise ParameterError(option, f"{value!r} is unknown", "one of " + ", ".join(allowed))
 
@@ -75,7 +74,6 @@ def choose(option: str, value: str, allowed: Sequence[str]) -> None:
 def scene_of(
     name: str, elements: list[dict[str, Any]], stone: Stone, load: str, *, depth: float | None = None
 ) -> Scene:
-    """Return the scene of a sample from its elements, with material and live load."""
     choose("load", load, LOADS)
     spatial = "vertices" in elements[0]
     document: dict[str, Any] = {

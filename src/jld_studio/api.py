@@ -137,7 +137,6 @@ class Api:
         return self._desk(asked).improve(asked.get("labelling"), _changes(asked))
 
     def _note(self, page: str, revision: int) -> int:
-        """Record a revision of a page and return the newest one."""
         with self._counting:
             newest = self._newest[page] = max(revision, self._newest.get(page, revision))
             self._newest.move_to_end(page)
@@ -180,7 +179,6 @@ class Api:
         return {**page_of_study.study_data(read_folder(job.results), patience=0.3, studio=self._shown(job))}
 
     def _shown(self, job: Job) -> dict[str, Any]:
-        """Return "scene" and "changes" of the layouts of a search."""
         if job.kind == "study":
             return {"scene": self.scenes.first_name, "changes": {}}
         if job.shown and self.scenes.has(job.shown.get("scene")):
@@ -208,7 +206,6 @@ class Api:
         return {"kept": len(kept)}
 
     def scene(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Return the scene file of a state of the page as a document."""
         return self._desk(asked).scene_with(asked.get("labelling"), _changes(asked))
 
     def export(self, asked: dict[str, Any]) -> dict[str, Any]:

@@ -63,7 +63,6 @@ class Job:
 
     @property
     def results(self) -> Path:
-        """Return the results folder of the search."""
         return self.folder if self.kind == "study" else self.folder / "results"
 
     @property
@@ -128,8 +127,6 @@ class Jobs:
     def start(
         self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any], shown: Mapping[str, Any] | None = None
     ) -> Job:
-        """Start a search of a scene in a new folder and process, and return it."""
-
         def fill(folder: Path) -> None:
             files.write_text(folder / "scene.json", json.dumps(scene, indent=1))
 
@@ -191,7 +188,6 @@ class Jobs:
             return list(self.all.values())
 
     def find(self, name: str) -> Job:
-        """Return a search by its name."""
         with self._turn:
             if name not in self.all:
                 raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
@@ -331,7 +327,6 @@ class _Teller:
         self.tell(progress)
 
     def tell(self, progress: Progress) -> None:
-        """Write progress as one line of JSON."""
         best, bound = (None if not math.isfinite(v) else v for v in (progress.best, progress.bound))
         told: dict[str, Any] = {"done": progress.done, "total": progress.total, "best": best, "bound": bound}
         told["labelling"] = progress.labelling

@@ -52,8 +52,6 @@ _STRENGTHS: Final = {(one.label, one.key): one.field for one in standard.PARAMET
 
 
 class Structure(Protocol):
-    """Structure whose materials can be changed."""
-
     materials: dict[str, Any]
     """Its materials, in the form of a scene file."""
 
@@ -192,7 +190,6 @@ class NotebookPage:
         return f"NotebookPage({self._title!r})"
 
     def _html(self) -> str:
-        """Return the first part of the output."""
         given = self._data["notebook"]
         assert given is not None
         rows = "".join(
@@ -208,7 +205,6 @@ class NotebookPage:
         return self.html
 
     def _ipython_display_(self) -> None:
-        """Display both parts, as Jupyter calls for it."""
         from IPython.display import display  # a notebook has it
 
         display({"text/html": self.html, "text/plain": repr(self)}, raw=True)
@@ -216,7 +212,6 @@ class NotebookPage:
             display(bridge)
 
     def widget(self) -> Any:
-        """Return the widget that connects the page with this process."""
         if not _has_anywidget():
             return None
         import anywidget
@@ -277,7 +272,6 @@ def _result_page(scene: Scene | None, found: LimitAnalysisResult, height: int) -
 
 
 def _study_page(done: Exploration, height: int) -> NotebookPage:
-    """Return the page of a finished search."""
     structure = structure_of(done.scene, done.assembly)
     fixed = done.scene.cracks != "faces"
 
@@ -311,7 +305,6 @@ def _frame(data: page_contract.PageData, height: int) -> str:
 
 
 def _sliders(materials: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    """Yield name and value of each number of the materials."""
     for part in ("dry", "inner"):
         for key, value in materials.get(part, {}).items():
             if isinstance(value, int | float):
@@ -319,7 +312,6 @@ def _sliders(materials: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
 
 
 def _has_anywidget() -> bool:
-    """Return True if the library of the sliders is installed."""
     from importlib.util import find_spec
 
     return find_spec("anywidget") is not None

@@ -47,8 +47,6 @@ KINDS: Final = ("found", "snapped", "assumed", "skipped", "doubtful")
 
 @dataclass(frozen=True)
 class OpenedFile:
-    """Scene of a file, with the report of its import."""
-
     scene: Scene  # scene of the file, its name that of the file where the file has none
     report: tuple[tuple[str, str], ...]  # what was read in sentences, each after its kind, as "found" or "skipped"
     unit: str = ""  # length unit of the file, in which tolerances are given; "" for a scene file
@@ -236,7 +234,6 @@ def _understood(path: Path, options: ImportOptions, settings: Mapping[str, Any])
 
 
 def flags(options: ImportOptions) -> list[str]:
-    """Return options of reading as arguments of `jld import`."""
     given = [(key, one) for key, value in stated(options).items() for one in (value if key in LAYERS else [value])]
     return [word for key, one in given for word in (f"--{key}", f"{one:.12g}" if isinstance(one, float) else one)]
 
@@ -328,7 +325,6 @@ def _role(layer: str, name: str, options: ImportOptions, *, planar: bool) -> str
 
 
 def _planar(drawn: drawn_loads.Drawing, options: ImportOptions, found: Imported | None) -> dict[str, Any]:
-    """Return "shapes" and "elements" of a drawing, in its unit."""
     entries = [] if found is None else found.document["elements"]
     scale, doubted = (1.0, ()) if found is None else (found.scale, found.report.doubted)
     elements = [
@@ -357,7 +353,6 @@ def _planar(drawn: drawn_loads.Drawing, options: ImportOptions, found: Imported 
 def _mark(
     mark: drawn_loads.Mark | drawn_loads.SolidMark, start: Any, end: Any, options: ImportOptions
 ) -> dict[str, Any]:
-    """Return a point, text or arrow."""
     ends = {name: None if at is None else [float(v) for v in at] for name, at in (("at", start), ("end", end))}
     return {**ends, "text": mark.text or "", "layer": mark.layer, "role": options.role(mark.layer) or "block"}
 

@@ -46,7 +46,6 @@ def scene_data(desk: StudioSession, root: Path) -> page_contract.PageData:
 
 
 def drawing_data(scene: Scene) -> page_contract.PageData:
-    """Return the data in which the page draws layouts of a scene, without a solution."""
     assembly = build_assembly(scene)
     return report_page_data.page_data(
         kind="studio", scene=scene, assembly=assembly, candidates=assembly.free_faces, facts={}

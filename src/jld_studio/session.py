@@ -117,7 +117,6 @@ class JointVertices:
         return found
 
     def scene(self, base: Scene, labels: Bits, places: Floats) -> Scene:
-        """Return a scene with its vertices at the places (v, 2)."""
         return self.mover(base, labels).at(places)
 
     def mover(self, base: Scene, labels: Bits) -> MovedScene:
@@ -479,7 +478,6 @@ class StudioSession:
         return found
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the scene file of a state of the page as a document."""
         setup, labels = self.setup(changes), self.labels(letters)
         if changes.get("vertices"):
             joints = self._movable()
@@ -558,7 +556,6 @@ class SceneStore:
         return name
 
     def find(self, name: object) -> StudioSession:
-        """Return the solver of a scene by name, None for the first."""
         if name is None or name == self.first_name:
             return self._first
         with self._turn:
@@ -603,7 +600,6 @@ class SceneStore:
 
 
 def _digest(document: dict[str, Any]) -> str:
-    """Return the name of a scene document: 16 hexadecimal digits."""
     return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -639,7 +635,6 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
 
 
 def _rows(rows: list[str], element: object, support: bool) -> list[str]:
-    """Return the rows of a grid with a cell as support or free."""
     place = _CELL.fullmatch(element) if isinstance(element, str) else None
     column, row = (int(place[1]), int(place[2])) if place else (-1, -1)
     if not (0 <= row < len(rows) and 0 <= column < len(rows[row]) and rows[row][column] != "."):

@@ -62,7 +62,6 @@ def _beyond(way: Floats, height: float) -> shapely.Geometry:
 
 
 def _moments(shape: shapely.Geometry) -> Floats:
-    """Return area and first moments (3,) of a shape."""
     centre = shape.centroid
     return np.zeros(3) if shape.is_empty else shape.area * np.array([1.0, centre.x, centre.y])
 
@@ -132,7 +131,6 @@ class _Parts:
         self.names, self.gauges = _NAMES[faces.dimension], list[Gauge]()
 
     def limits(self) -> Iterator[Limits]:
-        """Yield the rows of all parts."""
         keys, strength = self.keys, self.keys.reference_strength
         yield self._same(np.zeros((1, len(self.names))), np.zeros(1))
         if keys.rows:
@@ -154,7 +152,6 @@ class _Parts:
             yield from self._hoek_brown(keys.hoek_brown)
 
     def _same(self, rows: Floats, sides: Floats) -> Limits:
-        """Return rows (r, q) of every face."""
         count = len(self.faces)
         return np.broadcast_to(rows, (count, *rows.shape)), np.broadcast_to(sides, (count, len(sides)))
 
@@ -222,14 +219,12 @@ class _Parts:
         return np.asarray(np.sign(along))
 
     def _cone(self, cone: Cone, part: str) -> None:
-        """Add the gauge of a cone."""
         along = self._along(cone.direction, part)
         shear = None if cone.shear is None else _turned(along, np.array(cone.shear))
         capacity = cone.capacity * self.keys.reference_strength
         self.gauges.append(Gauge(shear, cone.torsion, capacity, cone.friction))
 
     def _friction(self, stated: Friction) -> Iterator[Limits]:
-        """Yield the rows of friction, or add its gauge."""
         pairs = [value if isinstance(value, list) else [value] * 2 for value in (stated.coefficients, stated.cohesion)]
         (first, second), (c, d) = pairs
         isotropic = first == second and c == d

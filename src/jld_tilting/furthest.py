@@ -1,7 +1,8 @@
 """Angles of layouts on a tilting table, and the proof that none tilts further.
 
-No layout stands at an angle beyond the furthest: a search of the scene whose gravity is turned by that angle, under
-live load along the tangent, proves that every layout falls. Where one stands it tilts further, and is tried next.
+A search of the scene whose gravity is turned by the furthest angle, under live load along the tangent, proves that
+every
+layout falls. Where one stands it tilts further, and is tried next.
 """
 
 from __future__ import annotations
@@ -132,7 +133,6 @@ class Tilting(Step):
         return with_entries(done, entries, {"tilt_angle": 0.5 * (low + high), "tilt_lo": low, "tilt_hi": high})
 
     def _found(self, done: Exploration, context: StepContext) -> tuple[dict[str, Any], dict[str, Bracket]]:
-        """Return the entries, and the brackets of layouts by their labellings."""
         rows, model, angles = done.results.head(_BEST), context.settings.model, dict[str, Bracket]()
         for text, status in zip(rows["labelling"], rows["status"], strict=True):
             if status == str(Status.COLLAPSE) and not context.deadline.passed():

@@ -1,23 +1,23 @@
 """Drawings of structures, results and searches, notebook output, and interactive pages (`jld plot`).
 
-- `annotations`: loads, arrows, axes and legends of figures, and their styles
+- `annotations`: loads, arrows, axes and legends of figures
 - `field_figures`: figures of fields of stress and velocity
-- `figure_of_move`: return a figure of a structure before and after a move of its joints
-- `figures`: figures of an assembly, its forces and its mechanism, on any matplotlib axes
-- `look`: colours, line styles and marks, shared by matplotlib figures and web pages
-- `moved_joints`: drawings of moved joints, and λ along the paths of moving loads
-- `notebook`: notebook representations of assemblies and results: a table of facts and a drawing
+- `figure_of_move`: figure of a structure before and after a move
+- `figures`: figures of an assembly, its forces and its mechanism
+- `look`: colours, line styles and marks of figures and pages
+- `moved_joints`: drawings of moved joints and moving loads
+- `notebook`: notebook representations of assemblies and results
 - `page_contract`: define the data format of a page
-- `page_data`: assemble the data of a page as JSON, docs/guide/page.md: structure, loads and solutions, rounded
-- `page_of_study`: make pages of finished searches and single scenes, and choose the layouts they contain
-- `pictures`: figures of the tables of a search: front, distribution, convergence
-- `png_of`: return a figure as the content of a PNG file of at most `_PNG` bytes, in few colours
-- `quantities`: quantities shown in figures: block colours, centres of pressure, utilisation, movements
+- `page_data`: assemble the data of a page, docs/guide/page.md
+- `page_of_study`: pages of finished searches and single scenes
+- `pictures`: figures of the tables of a search
+- `png_of`: a figure as the content of a PNG file
+- `quantities`: quantities shown in figures
 - `show_page`: make the page of a finished search for a notebook
-- `structure`: drawing of elements and interfaces: planar outlines, or an axonometric view
+- `structure`: drawing of elements and interfaces
 - `write_pictures`: draw the pictures of a search
 - `write_report`: write the page of a search
-- `writing`: text in figures: ids of elements, values of loads and of forces
+- `writing`: text in figures
 """
 
 from typing import TYPE_CHECKING

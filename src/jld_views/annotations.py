@@ -194,12 +194,10 @@ def legend_inches(ax: Axes) -> float:
 
 
 def _line(label: str, **style: Any) -> Line2D:
-    """Return a legend handle of a line."""
     return Line2D([], [], label=label, **style)
 
 
 def _mark(label: str, marker: str, size: float, **style: Any) -> Line2D:
-    """Return a legend handle of a marker."""
     return Line2D([], [], label=label, marker=marker, markersize=size, linestyle="none", **style)
 
 

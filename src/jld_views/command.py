@@ -163,5 +163,4 @@ def _named(done: Exploration, number: int) -> str:
 
 
 def _value(result: LimitAnalysisResult) -> str:
-    """Return λ of a result, or its status."""
     return f"λ = {result.load_factor:.5g}" if result.status is Status.COLLAPSE else str(result.status)

@@ -102,7 +102,6 @@ class PathValue:
 
     @property
     def middle(self) -> float:
-        """Return the middle of both bounds, NaN where one is missing."""
         return 0.5 * (self.low + self.high)
 
 

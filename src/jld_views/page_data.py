@@ -319,7 +319,6 @@ PLANAR: Final = {"figures.js": "figures_planar.js"}  # modules replaced in pages
 
 
 def asset(name: str, wing: str = "report") -> str:
-    """Return the text of a front-end file."""
     return _assets(wing).joinpath(name).read_text(encoding="utf-8")
 
 
@@ -377,12 +376,10 @@ def _scoped(name: str, text: str, instead: Mapping[str, str], last: bool) -> str
 
 
 def _place(name: str, instead: Mapping[str, str]) -> str:
-    """Return the expression for an imported module."""
     return f'$modules["{instead.get(name, name)}"]'
 
 
 def page(data: Mapping[str, Any]) -> str:
-    """Return the self-contained HTML of a report page."""
     script = linked("report.js", PLANAR if data["structure"]["dimension"] == 2 else None)
     style = asset("page.css")
     policy = (
@@ -435,7 +432,6 @@ _NO_COUNT: Final = ("rank", "multiplicity", "seconds", "load_factor", "bracket_l
 
 
 def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) -> pd.DataFrame:
-    """Return the rows of the results that a page shows: the first `most`, and the front."""
     if len(results) <= most:
         return results
     kept = np.arange(len(results)) < most
@@ -507,7 +503,6 @@ def _title(name: str, assembly: Assembly) -> str:
 
 
 def _unit(name: str, assembly: Assembly) -> str:
-    """Return the unit of a column, "" for none."""
     count = _counts().get(name)
     return "" if count is None else count.unit(assembly)
 

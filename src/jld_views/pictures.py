@@ -105,7 +105,6 @@ def plot_pareto(
 
 
 def plot_best(result: LimitAnalysisResult) -> Figure:
-    """Return a figure of the best layout: labels, forces and mechanism."""
     return core.figure_of_result(result)
 
 
@@ -262,7 +261,6 @@ class Gallery:
 
     @property
     def rows(self) -> int:
-        """Number of rows of layouts."""
         return -(-self.count // self.columns) if self.count else 0
 
     @property
@@ -302,13 +300,11 @@ def caption(results: pd.DataFrame) -> str:
 
 
 def _whole_numbers(ax: Axes, count: Count) -> None:
-    """Use integer ticks for an integer count."""
     if count.integer:
         ax.xaxis.set_major_locator(MaxNLocator(nbins=12, integer=True, min_n_ticks=1))
 
 
 def say_nothing(ax: Axes, text: str) -> None:
-    """Write a text in the middle of empty axes."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=10, color=SOFT)
     ax.set_xticks([])
     ax.set_yticks([])
@@ -321,7 +317,6 @@ def circle() -> dict[str, Any]:
 
 
 def figure_of(width: float, height: float) -> Figure:
-    """Make a figure of given size, inches."""
     figure = Figure(figsize=(width, height), dpi=120)
     FigureCanvasAgg(figure)
     return figure

@@ -29,8 +29,6 @@ YIELDING: Final = 0.995
 
 
 class MovementSign(StrEnum):
-    """Kinds of face movement that figures distinguish."""
-
     STILL = "still"
     HINGE = "hinge"
     SLIDE = "slide"

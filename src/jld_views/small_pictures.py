@@ -27,7 +27,7 @@ def drawing_of(figure: Figure) -> str | bytes:
 
 
 def png_of(figure: Figure) -> bytes:
-    """Return a figure as the content of a PNG file of at most `_PNG` bytes, in few colours.
+    """Return a figure as the content of a PNG file in few colours, of fewer pixels where it would be large.
 
     Parameters
     ----------

@@ -43,8 +43,6 @@ class Projection:
 
 @dataclass(frozen=True)
 class LineStyle:
-    """Style in which the m interfaces are drawn."""
-
     colours: list[Any]  # one matplotlib colour per interface
     widths: Floats  # (m,) points
     tick: float = 0.0  # half length of ticks on dry faces, scene units, 0 for none
@@ -148,7 +146,6 @@ def _lines(
     dash: Any,
     zorder: float,
 ) -> LineCollection:
-    """Draw segments (k, 2) as one line collection, and return it."""
     style: dict[str, Any] = {"colors": colours, "linewidths": widths, "linestyles": [dash]}
     lines = LineCollection(segments, label=name, zorder=zorder, capstyle="butt", **style)
     ax.add_collection(lines, autolim=False)

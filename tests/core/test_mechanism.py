@@ -308,8 +308,9 @@ def test_fast_motion_elsewhere_excuses_no_closing_jump(friction: float, opens: b
     velocity = np.array([1.0, 0, 1, 0, 0, 0, 0, 0, 1e4, 0, 0, 0])
     jumps = (analysis.prover.transposed @ velocity).reshape(len(labels), 6)
     wedged = np.flatnonzero((assembly.interfaces.a == 0) | (assembly.interfaces.b == 0))
-    bases = {int(k): jumps[k][:, None] / np.linalg.norm(jumps[k]) for k in wedged}
-    found = FacialReduction(analysis.template, analysis.prover)._measured(velocity, 1.0, labels, bases)
+    ways = jumps[wedged] / np.linalg.norm(jumps[wedged], axis=1, keepdims=True)
+    onto = ways[:, :, None] * ways[:, None, :]
+    found = FacialReduction(analysis.template, analysis.prover)._measured(velocity, 1.0, labels, (wedged, onto))
     assert (found.margin >= 0.0) is opens
 
 

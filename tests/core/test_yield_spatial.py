@@ -12,9 +12,8 @@ import cvxpy as cp
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from benchmarks.cliffs import column
 from benchmarks.common import random_segmentations
-from benchmarks.scenes import cubes
+from benchmarks.scenes import column, cubes
 from numpy.typing import NDArray
 
 from cases import ELL, IRREGULAR, OBLONG, TRIANGLE, box, stools

@@ -13,7 +13,7 @@ from jld_core import Assembly, Bits, Floats
 from jld_core.batch import chosen
 from jld_core.fields import ConeProgram
 from jld_core.fields import bounds as field_bounds
-from jld_core.fields.cones import ConeBatch, independent_rows
+from jld_core.fields.cones import ConeBatch, ConeSizes, independent_rows
 
 compiled = pytest.mark.skipif(chosen() is None, reason="no compiled solver")
 
@@ -30,11 +30,11 @@ def frame(**more: Any) -> Assembly:
     return grid_assembly(["aaa", "aaa", "#.#"], live=PUSHED, **{"tension": 2e6, "shear": 2e5, **more})
 
 
-def disc() -> tuple[sp.csr_array, Floats, Floats, tuple[int, int, int]]:
+def disc() -> tuple[sp.csr_array, Floats, Floats, ConeSizes]:
     """Least a x + b y + c u where u = 1, x ≤ 1 and √(x² + y²) ≤ 2: rows are the equation, x ≤ 1, and the cone."""
     matrix = np.array([[0.0, 0, 1], [1, 0, 0], [0, 0, 0], [-1, 0, 0], [0, -1, 0]])
     rhs, idle = np.array([1.0, 1, 2, 0, 0]), np.array([1.0, 1, 1, 0, 0])
-    return sp.csr_array(matrix), rhs, idle, (1, 1, 1)
+    return sp.csr_array(matrix), rhs, idle, ConeSizes(1, 1, 1)
 
 
 @compiled
@@ -61,7 +61,7 @@ def test_unbounded_and_infeasible_programs_are_named() -> None:
     assert found.status == ["DualInfeasible"]
     assert found.point[0, 0] < 0.0
     matrix = sp.csr_array(np.array([[1.0], [-1.0], [0], [1], [0]]))
-    nothing = ConeBatch(matrix, np.array([1.0, -2, 9, 0, 0]), np.ones(5), (0, 2, 1))
+    nothing = ConeBatch(matrix, np.array([1.0, -2, 9, 0, 0]), np.ones(5), ConeSizes(0, 2, 1))
     found = nothing.solve(np.zeros((1, 5), dtype=bool), np.array([[1.0]]))
     assert found.status == ["PrimalInfeasible"]
     # Farkas: multipliers ≥ 0 with A' z = 0 and b z < 0

@@ -70,7 +70,7 @@ def test_rates_of_weak_equilibrium() -> None:
     def rest(step: float) -> np.ndarray:
         mesh = replace(problem.mesh, points=problem.mesh.points + step * way)
         rows = WeakEquilibrium(replace(problem, mesh=mesh), assembly.labels).rows()
-        return np.asarray((rows.matrix @ point - rows.right)[: rows.sizes[0]])
+        return np.asarray((rows.matrix @ point - rows.right)[: rows.sizes.zero])
 
     step = 1e-3
     rates = (8.0 * (rest(step) - rest(-step)) - (rest(2.0 * step) - rest(-2.0 * step))) / (12.0 * step)

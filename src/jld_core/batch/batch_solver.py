@@ -1,7 +1,4 @@
-"""Batch solver: proven bounds on λ for many labellings of one assembly, several in the SIMD lanes at once.
-
-All rows come from the yield sets of a template. Labellings that stay open are solved one at a time elsewhere.
-"""
+"""Batch solver: proven bounds on λ for many labellings of one assembly, several in the SIMD lanes at once."""
 
 from __future__ import annotations
 
@@ -45,24 +42,10 @@ class MinimizationOptions:
 
 @dataclass(frozen=True)
 class ConflictRequest:
-    """Labellings whose conflicts are to be minimised.
+    """Labellings (k, m) whose conflicts are to be minimised, of the batch solver and of relaxations.
 
-    The batch solver, the relaxation of one load and the relaxation of several load cases all take this request.
-
-    Attributes
-    ----------
-    labellings : (k, m) bool array
-        True = dry.
-    free : (m,) bool array
-        Faces that may take either label.
-    thresholds : (k,) array
-        λ that each labelling is to be proven to stay below, in the unit of the solver asked.
-    undecided : (k, m) bool array or None
-        Free faces that are undecided from the start; None for none.
-    how : MinimizationOptions
-        Options.
-    seed : int
-        Seed of the random choice of the face that a neighbour leaves undecided.
+    free: (m,) faces that may take either label. thresholds: (k,) λ to stay below, in the unit of the solver asked.
+    undecided: (k, m) free faces that are undecided from the start. seed: of the face that a neighbour leaves undecided.
     """
 
     labellings: Bits
@@ -73,13 +56,6 @@ class ConflictRequest:
     seed: int = 0
 
     def take(self, rows: Ints) -> ConflictRequest:
-        """Return the request for some of the k labellings.
-
-        Parameters
-        ----------
-        rows : (j,) int array
-            Indices of the labellings.
-        """
         undecided = None if self.undecided is None else self.undecided[rows]
         return replace(self, labellings=self.labellings[rows], thresholds=self.thresholds[rows], undecided=undecided)
 
@@ -170,8 +146,6 @@ _PUSH_SPATIAL: Final = 0.3  # least multiplier at the starting point, spatial, s
 
 @dataclass(frozen=True)
 class _Start:
-    """Starting point of the iterations, scaled."""
-
     # forces, jumps: (m, q) resultants, and jumps of the velocities
     forces: Floats
     jumps: Floats
@@ -340,7 +314,6 @@ class BatchSolver:
         return other
 
     def minimize_conflicts(self, asked: ConflictRequest) -> MinimizationResults:
-        """Minimise the conflicts of labellings at their thresholds."""
         # A conflict keeps as few faces decided as still prove λ below the threshold. The fate `REFUTED` is a hint: the
         # caller must verify the work balance of the mechanism, docs/method.md (6.4).
         count, how = len(asked.labellings), asked.how
@@ -448,8 +421,6 @@ class BlockColumns:
 
 @dataclass(frozen=True)
 class BlockAnswers:
-    """Results for k choices of allowed blocks."""
-
     own: Floats  # (k, own rows of all blocks) multipliers of the blocks' own rows
     shared: Floats  # (k, shared rows) multipliers of the shared rows
     share: Floats  # (k, p) shares of the blocks

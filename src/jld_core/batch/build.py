@@ -1,8 +1,8 @@
 """Compile the batch solver: one shared library per variant, by the system's compiler or that of `ziglang`.
 
 `setup.py` and ``--in-place`` compile into the package, with ``--best`` or ``--ends`` the best variant or also the base;
-else the first use compiles the best into the user's cache. It imports nothing of the package, because `setup.py` loads
-it before the package exists.
+else the first use compiles the best into the user's cache. `setup.py` loads it alone: it imports nothing of the
+package.
 """
 
 from __future__ import annotations
@@ -169,7 +169,6 @@ _RUNNING: Final = BoundedSemaphore(os.cpu_count() or 1)
 def compile_variant(
     variant: str, folder: Path, compiler: list[str], extra: tuple[str, ...] = (), patience: float | None = None
 ) -> Path:
-    """Compile one variant of the batch solver, and return the path of the library."""
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"_{variant}.so"
     flags = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_SHARED, *extra]

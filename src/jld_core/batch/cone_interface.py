@@ -1,7 +1,7 @@
 """Declaration of the C interface of cone programs of one sparsity, joined to `interface.py`.
 
 Sizes (docs/method.md, 9.17): n variables, p equations, l linear rows, q cones of three rows, m = p + l + 3 q rows, k
-programs. It imports nothing of the package.
+programs.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""Declaration of the C interface of the batch solver, the one place where it is stated.
+"""Declaration of the C interface of the batch solver, the one place where it is stated, scaled as (8.1) to (8.3).
 
 `build.py` writes the C header from it, `library.py` takes ctypes structures; the header asserts sizes and offsets. It
-imports nothing of the package, because `setup.py` loads it before the package exists.
-
-Quantities are scaled, (8.1) to (8.3) of docs/method.md: n elements, m faces, k labellings, q freedoms of an element, L
-labels (2, or 3 where faces may be undecided).
+imports nothing of the package, because `setup.py` loads it alone. Sizes: n elements, m faces, k labellings, q freedoms
+of an element, L labels (2, or 3 where faces may be undecided).
 """
 
 from __future__ import annotations

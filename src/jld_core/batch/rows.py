@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.batch import library
-from jld_core.linalg.cholesky import nested_dissection
+from jld_core.linalg.cholesky import columns_of_factor, nested_dissection
 from jld_core.mechanics import YieldSet
 from jld_core.mechanics.yield_set import RowPattern, Rows
 from jld_core.program import Template
@@ -119,7 +119,6 @@ class FactorPattern:
 
     @property
     def products(self) -> int:
-        """Return the number of products of matrix blocks in one factorisation."""
         return len(self.pair) + len(self.left)
 
 
@@ -141,7 +140,6 @@ def _key(a: Ints, b: Ints, places: Floats) -> tuple[bytes, bytes, bytes, tuple[i
 
 
 def _ends(first: bytes, second: bytes) -> tuple[Ints, Ints]:
-    """Return the ends (e,), (e,) of the edges of a key."""
     return np.frombuffer(first, dtype=np.int64), np.frombuffer(second, dtype=np.int64)
 
 
@@ -158,9 +156,10 @@ def _elimination(first: bytes, second: bytes, where: bytes, shape: tuple[int, ..
     count = len(places)
     orders = [_minimum_degree(a, b, count)]
     orders += [nested_dissection(a, b, count, leaf, places).order for leaf in _LEAVES if len(a) and count > leaf]
-    columns = [_fill(a, b, order) for order in orders]
+    places_in_order = [np.argsort(order) for order in orders]
+    columns = [columns_of_factor(place[a], place[b], count) for place in places_in_order]
     # The first order wins ties.
-    best = int(np.argmin([_pattern_products(found) for found in columns]))
+    best = int(np.argmin([_pattern_products(pattern) for pattern in columns]))
     return orders[best], columns[best]
 
 
@@ -197,22 +196,6 @@ def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
             del mine[node], mine[one]
             heappush(waiting, (len(mine), one))
     return np.array(order, dtype=np.int64)
-
-
-def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
-    """Return the rows below the diagonal of each column of the factor, fill included."""
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    below: list[set[int]] = [set() for _ in order]
-    for one, other in zip(place[a].tolist(), place[b].tolist(), strict=True):
-        below[min(one, other)].add(max(one, other))
-    columns = []
-    for column in range(len(order)):
-        rows = sorted(below[column])
-        columns.append(rows)
-        if rows:
-            below[rows[0]].update(rows[1:])
-    return columns
 
 
 def _laid_out(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> FactorPattern:
@@ -353,7 +336,6 @@ def _decided(template: Template) -> BatchRows | None:
 
 
 def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
-    """Compute the rows of all labels; None if unsupported."""
     return rows_of_sets(template.yield_set, len(template.assembly.interfaces), template.assembly.dimension, undecided)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase
 from jld_core.build import materials
-from jld_core.build.elements import Geometry, faces_of_pairs, planar_geometry, spatial_geometry, weighed
+from jld_core.build.elements import Geometry, faces_of_pairs, planar_geometry, spatial_geometry, with_self_weights
 from jld_core.build.fill import Backing
 from jld_core.build.loads import Boundary, PlacedCase, cases_of, cases_of_pushes
 from jld_core.build.materials import with_bond, with_members
@@ -105,7 +105,7 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
         scene = load_scene(scene)
     geometry = build_geometry(scene) if geometry is None else geometry
     interfaces, given = geometry.interfaces, geometry.given
-    elements = weighed(geometry.elements, geometry.entries, scene)
+    elements = with_self_weights(geometry.elements, geometry.entries, scene)
     of_faces = _face_materials(scene, elements, interfaces)
     boundary = Boundary(elements, interfaces, scene.plane_thickness, _backing(scene, elements))
     cases = _cases(scene, boundary)
@@ -166,7 +166,6 @@ def _glued_supports(scene: Scene, assembly: Assembly) -> tuple[str, ...]:
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
-    """Return the entry of "materials.faces" of each interface, or None."""
     found: list[FaceMaterial | None] = [None] * len(interfaces)
     for position, entry in enumerate(scene.materials.faces):
         where = f"materials.faces[{position}].between"
@@ -265,7 +264,6 @@ def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
 
 
 def _case(name: str, key: str, dead: Loads, live: Loads, required: float, elements: Elements) -> LoadCase:
-    """Return one load case; raise InputError if its live load is zero."""
     if not np.any(resultants(live, elements)):
         raise InputError(f"{key}.live", "the live load is zero", "at least one load that acts on a free element")
     return LoadCase(name, dead, live, required)

@@ -82,8 +82,7 @@ def collect_elements(
     )
 
 
-def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
-    """Return the elements with their self-weights."""
+def with_self_weights(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
     direction = materials.direction_of_weight(scene)
     gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))
     weight = [
@@ -134,29 +133,7 @@ def pair_index(pair: list[str], elements: Elements, where: str) -> tuple[int, in
 
 
 def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Interfaces, where: str) -> Bits:
-    """Return the mask of all interfaces between the elements of each pair.
-
-    Parameters
-    ----------
-    pairs : list of [str, str]
-        Ids of two elements each.
-    elements : Elements
-        Elements of the assembly.
-    interfaces : Interfaces
-        The m interfaces of the assembly.
-    where : str
-        Key of the list in the scene, for error messages.
-
-    Returns
-    -------
-    (m,) bool array
-        True for interfaces between the elements of a pair.
-
-    Raises
-    ------
-    InputError
-        An id is unknown, or two elements share no interface.
-    """
+    """Return the mask (m,) of interfaces between pairs of ids; `where`: key of the list, for InputError."""
     chosen = np.zeros(len(interfaces), dtype=bool)
     if not pairs:
         return chosen

@@ -40,7 +40,6 @@ class CoveredEdge:
     side: float  # horizontal direction in which the outward normal leans: 1, −1, or 0 for a level edge
 
     def between(self, low: float, high: float) -> CoveredEdge:
-        """Return the piece of the edge between two shares of its length, from 0 to 1."""
         share = np.array([low, high])
         place = self.place[0] + share * (self.place[1] - self.place[0])
         height = self.height[0] + share * (self.height[1] - self.height[0])
@@ -129,7 +128,6 @@ class Backing:
         return any(edge.place[0] <= place <= edge.place[1] for edge in self.edges)
 
     def position(self, point: Floats) -> float:
-        """Return the horizontal position of a point (2,)."""
         return float(point @ self._right)
 
     def pressures(self) -> Members:
@@ -197,14 +195,12 @@ class Backing:
         return self.fill.surcharge + self.fill.density * self.gravity * depth
 
     def _active(self, edge: CoveredEdge) -> Floats:
-        """Return the active pressure (2,) at the ends of an edge, at least 0."""
         coefficient = 1.0 / self.fill.passive_coefficient
         stress = self._vertical(self.fill.level - edge.height)
         full = coefficient * stress - self.fill.held(coefficient)
         return np.asarray(self.fill.active * np.maximum(full, 0.0))
 
     def _passive(self, edge: CoveredEdge) -> Floats:
-        """Return the largest pressure (2,) at the ends of an edge."""
         coefficient = self.fill.passive_coefficient
         stress = self._vertical(self.fill.level - edge.height)
         return np.asarray(
@@ -212,11 +208,9 @@ class Backing:
         )
 
     def _rise(self, edge: CoveredEdge) -> float:
-        """Return the vertical length of an edge, 0 for a level one."""
         return float(abs(edge.height[1] - edge.height[0])) if edge.side else 0.0
 
     def _point(self, place: float, height: float) -> Floats:
-        """Return the point (2,) of the scene at a position and a height."""
         return place * self._right - height * self.down
 
     def _centre(self, edge: CoveredEdge, ends: Floats) -> Floats:

@@ -24,8 +24,6 @@ from jld_core.scene.schema import Scene
 
 
 class PlacedCase(NamedTuple):
-    """Load case of a scene with its origin."""
-
     where: str  # key in the scene
     case: Case  # the load case
     # of a moving load: its name and direction, and the distance of its first axle along the path; None for other cases
@@ -159,7 +157,6 @@ def _corners(elements: Elements, entry: FaceLoad, key: str) -> Floats:
 
 
 def _force_per_area(entry: FaceLoad, outward: Floats) -> Floats:
-    """Return the force per area (3,) on a face with outward normal (3,)."""
     return -entry.ends[0] * outward if entry.traction is None else np.array(entry.traction, dtype=float)
 
 
@@ -176,13 +173,11 @@ def surface_tractions(elements: Elements, interfaces: Interfaces, index: int, pr
 
 
 def _unit_vector(face: Floats) -> Floats:
-    """Return the outward unit normal (3,) of a face (k, 3)."""
     vector = area_vector(face)
     return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _flat(face: Floats, frame: Floats, origin: Floats) -> shapely.Polygon:
-    """Return a face (k, 3) in the coordinates of `frame` (2, 3) about `origin` (3,)."""
     return shapely.Polygon((face - origin) @ np.transpose(frame))
 
 
@@ -227,7 +222,6 @@ def body_forces(entry: BodyLoad | TiltLoad, elements: Elements, where: str) -> F
 
 
 def couple_of(entry: PointLoad, elements: Elements, where: str) -> tuple[int, Floats]:
-    """Return the element of a point load and its moment (1,) or (3,), both checked."""
     if entry.element not in elements.index:
         raise InputError(f"{where}.element", f"no element is named {entry.element!r}", "the id of a free element")
     index, expected = elements.index[entry.element], 1 if elements.centroid.shape[1] == 2 else 3
@@ -419,7 +413,6 @@ class Boundary:
         return Loads(body, couples, points_of(points, d), tuple(tractions))
 
     def _on_fill(self, entry: FillLoad, where: str) -> list[Traction | PointEntry]:
-        """Return a load on the surface of the fill; raise InputError without fill."""
         if self.backing is None:
             raise InputError(f"{where}.on_fill", "the scene has no fill", '"fill" with level, density and friction')
         return self.backing.spread(entry, where)

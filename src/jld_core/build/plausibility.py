@@ -30,8 +30,6 @@ _ELEMENT: Final = (1e-3, 1e3)  # m, limits of usual element sizes
 
 @dataclass(frozen=True)
 class Resultant:
-    """Resultant of a set of generalised forces."""
-
     force: Floats  # (d,) sum of the forces, scene units
     # remaining couple: about the out-of-plane axis (planar; 0 unless the forces cancel) or along the force (spatial).
     # Where the forces cancel in space, the magnitude of the whole couple.

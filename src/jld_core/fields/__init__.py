@@ -10,11 +10,12 @@ from jld_core.lazy_exports import export_lazily
 if TYPE_CHECKING:
     from jld_core.fields import bounds, loads, mesh, problem
     from jld_core.fields.bounds import governing_bounds
-    from jld_core.fields.cones import ConeProgram
+    from jld_core.fields.cones import ConeProgram, ConeSizes
     from jld_core.fields.weak_equilibrium import WeakEquilibrium
 
 __all__ = [
     "ConeProgram",
+    "ConeSizes",
     "WeakEquilibrium",
     "bounds",
     "bounds_by_fields",
@@ -28,7 +29,7 @@ export_lazily(
     __name__,
     {
         "bounds": ["governing_bounds"],
-        "cones": ["ConeProgram"],
+        "cones": ["ConeProgram", "ConeSizes"],
         "weak_equilibrium": ["WeakEquilibrium"],
     },
     submodules=["bounds", "loads", "mesh", "problem"],

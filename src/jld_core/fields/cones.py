@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
 import clarabel
@@ -19,11 +19,33 @@ from scipy.sparse.linalg import splu
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import chosen, interface
 from jld_core.batch.library import Cones, ConeTask, library, pointers, require_success
+from jld_core.linalg.cholesky import columns_of_factor
 
 # Pivot of an equation over the largest below which it depends on others; independent ones have 1e-4 and more
 _DEPENDENT = 1e-7
 
 _SMALL = 1e-10  # added to the diagonal where dependent equations are looked for
+
+
+@dataclass(frozen=True)
+class ConeSizes:
+    """Numbers of cones of a program, in the order of its rows.
+
+    Attributes
+    ----------
+    zero, linear : int
+        Equations, and inequalities s ≥ 0.
+    threes, fours : int
+        Second-order cones of 3 and of 4 rows.
+    tensors : int
+        Cones of 6 rows: positive semidefinite tensors as vectors (see `forms.tensors`).
+    """
+
+    zero: int
+    linear: int
+    threes: int
+    fours: int = 0
+    tensors: int = 0
 
 
 @dataclass(frozen=True)
@@ -43,16 +65,10 @@ class Factor:
 
 @dataclass(frozen=True)
 class Terms:
-    """Entries of the reduced system as sums over weights of rows.
+    """Entries (e,) of the reduced system as sums over weights of rows.
 
-    The e entries are the diagonal ones, then those of `Factor.row`.
-
-    Attributes
-    ----------
-    fixed : (e,) float array
-        Part of each entry without weights.
-    start, weight, coefficient : (e + 1,), (t,), (t,) arrays
-        Terms of each entry. Weights are those of linear rows, then six of each cone: its upper triangle row by row.
+    fixed: part without weights. start, weight, coefficient: (e + 1,), (t,), (t,) terms. Entries are diagonal ones, then
+    those of `Factor.row`; weights those of linear rows, then six of each cone: its upper triangle row by row.
     """
 
     fixed: Floats
@@ -71,30 +87,31 @@ def independent_rows(matrix: sp.csr_array) -> Bools:
     return np.asarray(abs(pivots) > _DEPENDENT * size)
 
 
-def factor_of(matrix: sp.csr_array, sizes: tuple[int, int, int]) -> Factor:
-    """Find the pattern of the factor of the reduced system."""
-    equations, width = sizes[0], matrix.shape[1]
+def symbolic_factor(matrix: sp.csr_array, sizes: ConeSizes) -> Factor:
+    """Find the pattern of the factor of the reduced system of a program with rows `matrix`."""
+    equations, width = sizes.zero, matrix.shape[1]
     hessian = _hessian_pattern(matrix, sizes)
-    inner = np.flatnonzero(hessian.diagonal() > 0)
-    outer = np.flatnonzero(hessian.diagonal() == 0)
+    coned = np.flatnonzero(hessian.diagonal() > 0)  # variables in a linear row or cone
+    unconed = np.flatnonzero(hessian.diagonal() == 0)
     place = np.empty(width + equations, dtype=np.int64)
-    place[inner] = _minimum_degree(sp.csr_array(hessian[inner][:, inner]))
+    place[coned] = _minimum_degree(sp.csr_array(hessian[coned][:, coned]))
     if equations:
         # variables that are connected fill each other
-        count, group = connected_components(hessian[inner][:, inner], directed=False)
-        joins = sp.csr_array((np.ones(len(inner)), (np.arange(len(inner)), group)), shape=(len(inner), count))
-        own = abs(sp.csr_array(matrix[:equations][:, inner])) @ joins
-        place[width:] = len(inner) + _minimum_degree(sp.csr_array(own @ own.T))
-    place[outer] = len(inner) + equations + np.arange(len(outer))
-    inside, first = sp.coo_array(hessian), sp.coo_array(sp.csr_array(matrix[:equations]))
-    row = place[np.concatenate([inside.coords[0], width + first.coords[0]])]
-    column = place[np.concatenate([inside.coords[1], first.coords[1]])]
-    return _filled(place, np.maximum(row, column), np.minimum(row, column))
+        count, group = connected_components(hessian[coned][:, coned], directed=False)
+        joins = sp.csr_array((np.ones(len(coned)), (np.arange(len(coned)), group)), shape=(len(coned), count))
+        touched = abs(sp.csr_array(matrix[:equations][:, coned])) @ joins
+        place[width:] = len(coned) + _minimum_degree(sp.csr_array(touched @ touched.T))
+    # their pivot is 0 until the equations are eliminated, so they come last
+    place[unconed] = len(coned) + equations + np.arange(len(unconed))
+    inside, equation_entries = sp.coo_array(hessian), sp.coo_array(sp.csr_array(matrix[:equations]))
+    row = place[np.concatenate([inside.coords[0], width + equation_entries.coords[0]])]
+    column = place[np.concatenate([inside.coords[1], equation_entries.coords[1]])]
+    return _laid_out(place, columns_of_factor(row, column, len(place)))
 
 
-def _hessian_pattern(matrix: sp.csr_array, sizes: tuple[int, int, int]) -> sp.csr_array:
+def _hessian_pattern(matrix: sp.csr_array, sizes: ConeSizes) -> sp.csr_array:
     """Return a matrix (n, n) with entries where variables share a linear row or a cone."""
-    equations, linear, cones = sizes
+    equations, linear, cones = sizes.zero, sizes.linear, sizes.threes
     group = np.concatenate([np.arange(linear), linear + np.repeat(np.arange(cones), 3)])
     rows = len(group)
     joins = sp.csr_array((np.ones(rows), (group, np.arange(rows))), shape=(linear + cones, rows))
@@ -113,32 +130,22 @@ def _minimum_degree(pattern: sp.csr_array) -> Ints:
     return np.asarray(factor.perm_c, dtype=np.int64)
 
 
-def _filled(place: Ints, one: Ints, other: Ints) -> Factor:
-    """Compute the pattern of a symmetric matrix's factor, with fill; entries with one ≤ other count."""
+def _laid_out(place: Ints, columns: list[list[int]]) -> Factor:
+    """Lay out a factor by columns and by rows, from the rows of each column."""
     count = len(place)
-    below = one > other
-    structure: list[set[int]] = [set() for _ in range(count)]
-    for row, column in zip(one[below].tolist(), other[below].tolist(), strict=True):
-        structure[column].add(row)
-    for column in range(count):
-        rest = structure[column]
-        if rest:
-            parent = min(rest)
-            structure[parent] |= rest
-            structure[parent].discard(parent)
-    rows = [sorted(rest) for rest in structure]
-    start = np.concatenate([[0], np.cumsum([len(rest) for rest in rows])]).astype(np.int64)
-    row = np.array([k for rest in rows for k in rest], dtype=np.int64)
+    start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])]).astype(np.int64)
+    row = np.array([k for rows in columns for k in rows], dtype=np.int64)
     column = np.repeat(np.arange(count), np.diff(start))
     order = np.lexsort((column, row))
     left_start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))]).astype(np.int64)
     return Factor(place, start, row, left_start, column[order], order)
 
 
-def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) -> Terms:
+def terms_of(factor: Factor, matrix: sp.csr_array, sizes: ConeSizes) -> Terms:
     """Compute the entries of the reduced system as sums over weights of rows."""
-    equations, linear, cones = sizes
+    equations, linear, cones = sizes.zero, sizes.linear, sizes.threes
     width, count = matrix.shape[1], len(factor.place)
+    # entries on the diagonal, then those below it, found again by their key: column · N + row
     column = np.repeat(np.arange(count), np.diff(factor.start))
     keys = np.concatenate([np.arange(count) * (count + 1), column * count + factor.row])
     order = np.argsort(keys)
@@ -148,16 +155,19 @@ def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) 
         return np.asarray(order[np.searchsorted(keys[order], wanted)])
 
     fixed = np.zeros(len(keys))
-    first = sp.coo_array(sp.csr_array(matrix[:equations]))
-    fixed[entry(factor.place[width + first.coords[0]], factor.place[first.coords[1]])] = first.data
-    every = equations + np.arange(linear)
-    found = [_products(matrix, every, every, np.arange(linear))]
+    equation_entries = sp.coo_array(sp.csr_array(matrix[:equations]))
+    at = entry(factor.place[width + equation_entries.coords[0]], factor.place[equation_entries.coords[1]])
+    fixed[at] = equation_entries.data
+    linear_rows = equations + np.arange(linear)
+    products = [_products(matrix, linear_rows, linear_rows, np.arange(linear))]
     head = equations + linear + 3 * np.arange(cones)
-    for number, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
-        found.append(_products(matrix, head + i, head + j, linear + 6 * np.arange(cones) + number))
+    for number, (i, j) in enumerate(zip(*np.triu_indices(3), strict=True)):
+        weight = linear + 6 * np.arange(cones) + number
+        products.append(_products(matrix, head + i, head + j, weight))
         if i != j:
-            found.append(_products(matrix, head + j, head + i, linear + 6 * np.arange(cones) + number))
-    a, b, weight, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
+            products.append(_products(matrix, head + j, head + i, weight))
+    a, b, weight, value = (np.concatenate(parts) for parts in zip(*products, strict=True))
+    # the matrix is symmetric: one half of it
     keep = factor.place[a] >= factor.place[b]
     a, b, weight, value = a[keep], b[keep], weight[keep], value[keep]
     shape = (len(keys), linear + 6 * cones)
@@ -166,14 +176,15 @@ def terms_of(factor: Factor, matrix: sp.csr_array, sizes: tuple[int, int, int]) 
     return Terms(fixed, sums.indptr.astype(np.int64), sums.indices.astype(np.int64), sums.data)
 
 
-def _products(matrix: sp.csr_array, one: Ints, other: Ints, weight: Ints) -> tuple[Ints, Ints, Ints, Floats]:
-    """Multiply all pairs of entries of rows one[k] and other[k]: columns, number of the weight, product."""
+def _products(matrix: sp.csr_array, rows: Ints, others: Ints, weight: Ints) -> tuple[Ints, Ints, Ints, Floats]:
+    """Multiply all pairs of entries of rows[k] and others[k]: both columns, number of the weight, product."""
     start, length = matrix.indptr, np.diff(matrix.indptr)
-    count = length[one] * length[other]
-    pair = np.repeat(np.arange(len(one)), count)
+    count = length[rows] * length[others]
+    pair = np.repeat(np.arange(len(rows)), count)
+    # number of each product within its pair of rows, which counts the entries of the second row fastest
     inside = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-    first = start[one[pair]] + inside // length[other][pair]
-    second = start[other[pair]] + inside % length[other][pair]
+    first = start[rows[pair]] + inside // length[others][pair]
+    second = start[others[pair]] + inside % length[others][pair]
     return matrix.indices[first], matrix.indices[second], weight[pair], matrix.data[first] * matrix.data[second]
 
 
@@ -202,8 +213,6 @@ class Regularisation:
 
 @dataclass(frozen=True)
 class Stopping:
-    """Stopping criteria of the interior-point method."""
-
     # gap, residual: absolute or relative duality gap, and relative residual, at which a program counts as solved
     gap: float = 1e-9
     residual: float = 1e-9
@@ -231,24 +240,23 @@ class ConeBatch:
     that are off. ValueError: no compiled solver, see `is_installed`.
     """
 
-    def __init__(self, matrix: sp.csr_array, rhs: Floats, idle: Floats, sizes: tuple[int, int, int]) -> None:
+    def __init__(self, matrix: sp.csr_array, rhs: Floats, idle: Floats, sizes: ConeSizes) -> None:
         variant = chosen()
         if variant is None:
             raise ValueError("no compiled solver is installed; test is_installed()")
         self._library = library(variant)
-        own = sp.csr_array(matrix)
-        equations, linear, cones = sizes
+        whole, equations = sp.csr_array(matrix), sizes.zero
         kept = np.ones(len(rhs), dtype=bool)
         if equations > 1:
             # around nodes equations of equilibrium depend on each other
-            kept[:equations] = independent_rows(sp.csr_array(own[:equations]))
-        self._kept, self._rows, self._width = np.flatnonzero(kept), len(rhs), own.shape[1]
-        own = sp.csr_array(own[self._kept])
-        own.eliminate_zeros()
-        own.sort_indices()
-        sizes = (int(kept[:equations].sum()), linear, cones)
-        self._arrays = _arrays(own, sizes, rhs[self._kept], idle[self._kept])
-        numbers = {"columns": self._width, "equations": sizes[0], "linear": linear, "cones": cones}
+            kept[:equations] = independent_rows(sp.csr_array(whole[:equations]))
+        self._kept, self._rows, self._width = np.flatnonzero(kept), len(rhs), whole.shape[1]
+        independent = sp.csr_array(whole[self._kept])
+        independent.eliminate_zeros()
+        independent.sort_indices()
+        sizes = replace(sizes, zero=int(kept[:equations].sum()))
+        self._arrays = _arrays(independent, sizes, rhs[self._kept], idle[self._kept])
+        numbers = {"columns": self._width, "equations": sizes.zero, "linear": sizes.linear, "cones": sizes.threes}
         self._problem = Cones(**numbers, **asdict(Regularisation()), **pointers(**self._arrays))
 
     def solve(self, off: Bits, objective: Floats) -> ConeAnswers:
@@ -268,9 +276,10 @@ class ConeBatch:
         }
         task = ConeTask(count=count, **asdict(Stopping()), **pointers(**arrays))
         require_success(self._library.jld_solve_cones(ctypes.byref(self._problem), ctypes.byref(task)))
-        whole = np.zeros((count, self._rows))
-        whole[:, self._kept] = dual
-        return ConeAnswers([STATUS[int(one)] for one in state], used.astype(np.int64), point, whole, value)
+        # equations that were left out have multiplier 0
+        multipliers = np.zeros((count, self._rows))
+        multipliers[:, self._kept] = dual
+        return ConeAnswers([STATUS[int(code)] for code in state], used.astype(np.int64), point, multipliers, value)
 
 
 def is_installed() -> bool:
@@ -278,9 +287,9 @@ def is_installed() -> bool:
     return chosen() is not None
 
 
-def _arrays(matrix: sp.csr_array, sizes: tuple[int, int, int], rhs: Floats, idle: Floats) -> dict[str, Any]:
+def _arrays(matrix: sp.csr_array, sizes: ConeSizes, rhs: Floats, idle: Floats) -> dict[str, Any]:
     """Compute the arrays of `JldCones` by name, with the factor pattern; see `ConeBatch`."""
-    factor = factor_of(matrix, sizes)
+    factor = symbolic_factor(matrix, sizes)
     terms = terms_of(factor, matrix, sizes)
     sign = np.ones(len(factor.place))
     sign[factor.place[matrix.shape[1] :]] = -1.0
@@ -328,9 +337,9 @@ class Rows:
         if not count:
             return place
         for columns, values in entries:
-            wide = np.asarray(columns).reshape(count, -1)
-            self.row.append(np.repeat(place, wide.shape[1]))
-            self.column.append(wide.ravel())
+            by_row = np.asarray(columns).reshape(count, -1)
+            self.row.append(np.repeat(place, by_row.shape[1]))
+            self.column.append(by_row.ravel())
             filled = np.broadcast_to(np.asarray(values, dtype=float), np.shape(columns)) if np.ndim(values) else values
             self.value.append(np.broadcast_to(filled, np.shape(columns)).reshape(-1).astype(float))
         self.rhs.append(np.broadcast_to(np.asarray(rhs, dtype=float), (count,)).copy())
@@ -375,27 +384,26 @@ class ConeProgram:
         A.
     rhs : (rows,) array
         b.
-    sizes : (int, int, int)
-        Numbers of equations, of inequalities s ≥ 0, and of second-order cones of 3 rows, in the order of the rows.
+    sizes : ConeSizes
+        Equations, inequalities and second-order cones of 3 rows; no others.
     many : bool
         Hundreds of programs are solved: by `ConeBatch`, which takes its time to set up, and by Clarabel where that
         leaves them open or is not installed.
     """
 
     def __init__(
-        self, objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: tuple[int, int, int], many: bool = False
+        self, objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: ConeSizes, many: bool = False
     ) -> None:
         self._objective, self._rhs, self._sizes, self._many = objective, rhs, sizes, many
         self._matrix = sp.csc_matrix(matrix)
         self._matrix.sort_indices()
         self._row = self._matrix.indices.copy()
         self._data = self._matrix.data.copy()
-        zero, linear, cones = sizes
-        self._cones = [clarabel.ZeroConeT(zero), clarabel.NonnegativeConeT(linear)]
-        self._cones += [clarabel.SecondOrderConeT(3)] * cones
+        self._cones = _clarabel_cones(sizes)
+        # right-hand sides of rows that are off, inside of their cones: 1, and 0 in the tails of cones
         self._idle = np.ones(len(rhs))
-        head = zero + linear + np.arange(3 * cones).reshape(-1, 3)
-        self._idle[head[:, 1:]] = 0.0
+        rows_of_cones = sizes.zero + sizes.linear + np.arange(3 * sizes.threes).reshape(-1, 3)
+        self._idle[rows_of_cones[:, 1:]] = 0.0
         self._solvers: dict[bool, Any] = {}
         self._batch: ConeBatch | None = None
 
@@ -416,14 +424,14 @@ class ConeProgram:
             return [self._by_clarabel(rows, None if costs is None else costs[k]) for k, rows in enumerate(off)]
         if self._batch is None:
             self._batch = ConeBatch(sp.csr_array(self._matrix), self._rhs, self._idle, self._sizes)
-        wide = np.broadcast_to(self._objective, (len(off), len(self._objective))) if objective is None else objective
-        found, answers = self._batch.solve(off, wide), list[Answer]()
-        for k, status in enumerate(found.status):
+        same = np.broadcast_to(self._objective, (len(off), len(self._objective)))
+        batch, answers = self._batch.solve(off, same if objective is None else objective), list[Answer]()
+        for k, status in enumerate(batch.status):
             if status == "Open":
                 answers.append(self._by_clarabel(off[k], None if costs is None else costs[k]))
             else:
-                value = float(found.objective[k])
-                answers.append(Answer(found.point[k], found.dual[k], value, status == "Solved", status))
+                value = float(batch.objective[k])
+                answers.append(Answer(batch.point[k], batch.dual[k], value, status == "Solved", status))
         return answers
 
     def _by_clarabel(self, off: Bools | None, objective: Floats | None) -> Answer:
@@ -464,6 +472,13 @@ class ConeProgram:
         return Answer(np.array(answer.x), np.array(answer.z), float(answer.obj_val), usable, status)
 
 
+def _clarabel_cones(sizes: ConeSizes) -> list[Any]:
+    cones: list[Any] = [clarabel.ZeroConeT(sizes.zero), clarabel.NonnegativeConeT(sizes.linear)]
+    cones += [clarabel.SecondOrderConeT(3)] * sizes.threes
+    cones += [clarabel.SecondOrderConeT(4)] * sizes.fours
+    return cones + [clarabel.PSDTriangleConeT(3)] * sizes.tensors
+
+
 def _settings(**choices: Any) -> Any:
     """Return settings of Clarabel: silent, one thread, the program as given, and what is chosen."""
     settings = clarabel.DefaultSettings()
@@ -484,24 +499,8 @@ _MOST_STEPS = 100  # largest number of iterations of the interior-point method
 _ROUGH_REGULAR = 1e-7
 
 
-@dataclass(frozen=True)
-class ConeSizes:
-    """Numbers of cones of a program, in the order of its rows."""
-
-    zero: int  # equations
-    linear: int  # inequalities s ≥ 0
-    # threes, fours: second-order cones of 3 and of 4 rows
-    threes: int
-    fours: int
-    tensors: int  # cones of 6 rows, positive semidefinite tensors as vectors (see `forms.tensors`)
-
-
 def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: ConeSizes) -> Answer:
     """Minimise q x where A x + s = b and s lies in cones; the answer is not verified."""
-    cones = [clarabel.ZeroConeT(sizes.zero), clarabel.NonnegativeConeT(sizes.linear)]
-    cones += [clarabel.SecondOrderConeT(3)] * sizes.threes
-    cones += [clarabel.SecondOrderConeT(4)] * sizes.fours
-    cones += [clarabel.PSDTriangleConeT(3)] * sizes.tensors
     width = len(objective)
     settings = _settings(
         input_sparse_dropzeros=True,
@@ -513,7 +512,7 @@ def solve_cones(objective: Floats, matrix: sp.csr_array, rhs: Floats, sizes: Con
         tol_gap_rel=_GAP,
     )
     solver: Any = clarabel.DefaultSolver(
-        sp.csc_matrix((width, width)), objective, sp.csc_matrix(matrix), rhs, cones, settings
+        sp.csc_matrix((width, width)), objective, sp.csc_matrix(matrix), rhs, _clarabel_cones(sizes), settings
     )
     answer = solver.solve()
     status = str(answer.status)

@@ -1,7 +1,7 @@
 """Long and flat cells, cut in layers by planes before they are filled with tetrahedra.
 
-Fans about the centroid of a long or flat cell have no planes at 45° to its edges, where blocks shear, and none in the
-middle of its depth, where bending changes sign. Bricks of its smallest width at its ends have both.
+Fans about their centroid have no planes at 45° to edges, where blocks shear, and none in the middle of the depth, where
+bending changes sign. Bricks of the smallest width at the ends have both.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.mesh import merged, ring_of
 from jld_core.geometry import facets_of
-from jld_core.geometry.polyhedra import FacetFrames
+from jld_core.geometry.polyhedra import FacetFrames, Facets
 
 
 @dataclass(frozen=True)
@@ -88,26 +88,17 @@ def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     facets = facets_of([elements.shape[k] for k in free], [elements.faces[k] for k in free])
-    frames = FacetFrames.on(facets)
     reach = 2.0 * tolerances.FACE * float(np.ptp(np.array([elements.lower[free], elements.upper[free]]), axis=0).min())
-    for index in range(len(facets)):
-        cell = int(free[facets.element[index]])
-        height = (elements.shape[cell] - facets.origin[index]) @ facets.normal[index]
-        own = (facets.loops[index][0] - facets.origin[index]) @ facets.normal[index]
-        if len(facets.loops[index]) > 1 or height.max() > reach or own.min() < -reach:
-            raise InputError(
-                f"element {elements.ids[cell]!r}",
-                "fields in space fill convex cells with plane faces, and it is none",
-                "a convex element, or several of them",
-            )
-    loops = [facets.loops[k][0] for k in range(len(facets))]
-    every = [*loops, *faces.polygon, *(ring for patch in patches for ring in patch.rings)]
-    points, number = merged(np.concatenate([*every, np.zeros((0, 3)) if more is None else more]), reach)
-    split = np.split(number, np.cumsum([len(one) for one in every]))[:-1]
+    _require_convex(assembly, facets, reach)
+    # outlines of facets, then of interfaces, then those of patches
+    loops = [facet_loops[0] for facet_loops in facets.loops]
+    outlines = [*loops, *faces.polygon, *(ring for patch in patches for ring in patch.rings)]
+    points, number = merged(np.concatenate([*outlines, np.zeros((0, 3)) if more is None else more]), reach)
+    nodes = np.split(number, np.cumsum([len(outline) for outline in outlines]))[:-1]
     near = cKDTree(points)
-    rings = [ring_of(points, near, corners, reach) for corners in split]
-    free_side = ~(elements.support[faces.a] & elements.support[faces.b])
-    face_rings = rings[len(loops) : len(loops) + len(faces)]
+    rings = [ring_of(points, near, corners, reach) for corners in nodes]
+    of_faces, of_patches = rings[len(loops) : len(loops) + len(faces)], iter(rings[len(loops) + len(faces) :])
+    frames = FacetFrames.on(facets)
     made = []
     for index in range(len(facets)):
         cell = int(free[facets.element[index]])
@@ -115,15 +106,32 @@ def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats
         on = []
         for face in np.flatnonzero((faces.a == cell) | (faces.b == cell)).tolist():
             outward = faces.normal[face] if faces.a[face] == cell else -faces.normal[face]
-            off = abs((points[face_rings[face]] - origin) @ normal).max()
-            if outward @ normal > 0.5 and off <= 2.0 * reach:
+            off = abs((points[of_faces[face]] - origin) @ normal).max()
+            if outward @ normal > _SAME_WAY and off <= 2.0 * reach:
                 on.append(face)
         made.append(Facet(cell, origin, normal, frames.e1[index], frames.e2[index], rings[index], tuple(on)))
-    chosen = tuple(ring if ok else None for ring, ok in zip(face_rings, free_side, strict=True))
-    rest = iter(rings[len(loops) + len(faces) :])
-    placed = tuple((patch.facet, tuple(next(rest) for _ in patch.rings)) for patch in patches)
-    return Surface(points, tuple(made), chosen, placed, reach)
+    between_supports = elements.support[faces.a] & elements.support[faces.b]
+    stated = tuple(None if skip else ring for ring, skip in zip(of_faces, between_supports, strict=True))
+    placed = tuple((patch.facet, tuple(next(of_patches) for _ in patch.rings)) for patch in patches)
+    return Surface(points, tuple(made), stated, placed, reach)
 
+
+def _require_convex(assembly: Assembly, facets: Facets, reach: float) -> None:
+    elements = assembly.elements
+    for index in range(len(facets)):
+        cell = int(elements.free[facets.element[index]])
+        origin, normal = facets.origin[index], facets.normal[index]
+        # no corner of the cell lies before a facet, and none of the facet behind its plane
+        height, of_facet = (elements.shape[cell] - origin) @ normal, (facets.loops[index][0] - origin) @ normal
+        if len(facets.loops[index]) > 1 or height.max() > reach or of_facet.min() < -reach:
+            raise InputError(
+                f"element {elements.ids[cell]!r}",
+                "fields in space fill convex cells with plane faces, and it is none",
+                "a convex element, or several of them",
+            )
+
+
+_SAME_WAY = 0.5  # cosine above which an interface and a facet look the same way
 
 _TWICE = 2.0 - 1e-6  # least ratio of the width of a cell to the size of its end at which it is cut in the middle
 
@@ -165,22 +173,23 @@ class Layers:
 
 
 def layers_of(surface: Surface, cell: int) -> Layers | None:
-    """Cut a long or flat cell of width w ≥ 3 s at s from both ends of side s, or half way for w ≥ 2 s.
+    """Cut a cell of width w between opposite facets of size s: at s from both if w ≥ 3 s, half way if w ≥ 2 s.
 
     None for others.
     """
-    own = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
-    normals = np.array([surface.facets[index].normal for index in own])
+    facets = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
+    normals = np.array([surface.facets[index].normal for index in facets])
     cosine = normals @ normals.T
     across = cosine.argmin(axis=1)
-    nodes = _nodes(surface, own)
+    nodes = _nodes(surface, facets)
     planes: list[tuple[Floats, float]] = []
     for i, j in enumerate(across.tolist()):
+        # facets that are each other's most opposite one
         if i < j and across[j] == i and cosine[i, j] < _OPPOSITE:
-            planes += _planes(surface, surface.facets[own[i]], surface.facets[own[j]], nodes)
+            planes += _planes(surface, surface.facets[facets[i]], surface.facets[facets[j]], nodes)
     if not planes:
         return None
-    parts = [Part((), tuple((k, surface.points[surface.facets[k].ring]) for k in own), ())]
+    parts = [Part((), tuple((k, surface.points[surface.facets[k].ring]) for k in facets), ())]
     for number, (normal, offset) in enumerate(planes):
         parts = [half for part in parts for half in _halves(part, number, normal, offset, surface.reach)]
     return Layers(np.array([n for n, _ in planes]), np.array([d for _, d in planes]), tuple(parts))
@@ -209,22 +218,22 @@ def pieces(
     surface: Surface, index: int, region: shapely.Polygon, layers: dict[int, Layers], face: int | None = None
 ) -> list[shapely.Polygon]:
     """Cut a region along the parts of its cell, and of both cells at an interface; without slivers."""
-    facet, found = surface.facets[index], [region]
-    both = [k for k, one in enumerate(surface.facets) if face is not None and face in one.faces]
-    for place in both or [index]:
+    facet, cut = surface.facets[index], [region]
+    on_both_sides = [k for k, facet in enumerate(surface.facets) if face is not None and face in facet.faces]
+    for place in on_both_sides or [index]:
         cell = surface.facets[place].cell
         if cell not in layers:
             continue
         outlines = [outline for part in layers[cell].parts for name, outline in part.skin if name == place]
         cutters = [shapely.Polygon(facet.flat(outline)) for outline in outlines]
-        parts = [shapely.intersection(one, cutter) for one in found for cutter in cutters]
-        found = [
-            _without_straight_corners(one, surface.reach)
+        parts = [shapely.intersection(piece, cutter) for piece in cut for cutter in cutters]
+        cut = [
+            _without_straight_corners(piece, surface.reach)
             for part in parts
-            for one in shapely.get_parts(part).tolist()
-            if one.geom_type == "Polygon" and one.area > surface.reach * one.length
+            for piece in shapely.get_parts(part).tolist()
+            if piece.geom_type == "Polygon" and piece.area > surface.reach * piece.length
         ]
-    return found
+    return cut
 
 
 def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.Polygon:
@@ -236,10 +245,10 @@ def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.
     return shapely.Polygon(corners[1:], plain.interiors) if off <= reach and len(corners) > 3 else plain
 
 
-def _nodes(surface: Surface, own: list[int]) -> Floats:
-    """Return the nodes (k, 3) of facets `own`, and of the interfaces and load patches on them."""
+def _nodes(surface: Surface, facets: list[int]) -> Floats:
+    """Return the nodes (k, 3) of facets, and of the interfaces and load patches on them."""
     rings: list[Ints] = []
-    for index in own:
+    for index in facets:
         facet = surface.facets[index]
         rings += [facet.ring, *(ring for f in facet.faces if (ring := surface.faces[f]) is not None)]
         rings += [ring for place, loops in surface.patches if place == index for ring in loops]
@@ -250,7 +259,7 @@ def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[t
     """Return the planes, unit normal (3,) and offset, that cut a long or flat cell between two facets."""
 
     # Where the facets lean, all planes meet in one line; a plane close to a node is moved to it.
-    def share(places: Floats) -> Floats:
+    def share(places: Floats) -> Floats:  # of the way from one facet to the other
         near, far = (one.origin - places) @ one.normal, (other.origin - places) @ other.normal
         return np.asarray(near / (near + far))
 
@@ -265,11 +274,11 @@ def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[t
     planes = []
     for place in places:
         nearest = float(known[np.argmin(np.round(abs(known - place), _DIGITS))])
-        t = nearest if abs(nearest - place) * width <= _SNAP * side else place
-        lean = t * other.normal - (1.0 - t) * one.normal
-        size = float(np.linalg.norm(lean))
-        offset = t * float(other.origin @ other.normal) - (1.0 - t) * float(one.origin @ one.normal)
-        planes.append((lean / size, offset / size))
+        at = nearest if abs(nearest - place) * width <= _SNAP * side else place
+        normal = at * other.normal - (1.0 - at) * one.normal
+        size = float(np.linalg.norm(normal))
+        offset = at * float(other.origin @ other.normal) - (1.0 - at) * float(one.origin @ one.normal)
+        planes.append((normal / size, offset / size))
     return planes
 
 
@@ -283,17 +292,17 @@ def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float
     """Cut a part by plane `number`: its two halves, or the part alone if it lies on one side."""
     skins: tuple[list[tuple[int, Floats]], ...] = ([], [])
     caps: tuple[list[tuple[int, Floats]], ...] = ([], [])
-    on: list[Floats] = []
+    on_plane: list[Floats] = []
     for source, target in ((part.skin, skins), (part.caps, caps)):
         for name, outline in source:
             for half, (piece, edge) in enumerate(_clipped(outline, normal, offset, reach)):
-                on.append(edge)
+                on_plane.append(edge)
                 if len(piece) > 2:
                     target[half].append((name, piece))
     for half in (0, 1):
         if not skins[half] and not caps[half]:
             return [Part((*part.side, half == 0), part.skin, part.caps)]
-    cap = _convex(np.concatenate(on), normal, reach)
+    cap = _convex(np.concatenate(on_plane), normal, reach)
     return [Part((*part.side, bool(half)), tuple(skins[half]), (*caps[half], (number, cap))) for half in (0, 1)]
 
 
@@ -320,12 +329,11 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
 
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
     """Order the corners (k, 3) of a convex polygon counter-clockwise and merge repeated ones."""
-    one = np.eye(3)[np.argmin(abs(normal))]
-    one = np.cross(normal, one)
-    one /= np.linalg.norm(one)
-    two = np.cross(normal, one)
-    middle = places.mean(axis=0)
-    angle = np.arctan2((places - middle) @ two, (places - middle) @ one)
+    e1 = np.cross(normal, np.eye(3)[np.argmin(abs(normal))])
+    e1 /= np.linalg.norm(e1)
+    e2 = np.cross(normal, e1)
+    away = places - places.mean(axis=0)
+    angle = np.arctan2(away @ e2, away @ e1)
     ordered = places[np.argsort(angle)]
     apart = np.linalg.norm(ordered - np.roll(ordered, 1, axis=0), axis=1) > reach
     return ordered[apart] if apart.any() else ordered[:1]

@@ -99,7 +99,6 @@ class Problem:
         return bool(self.dead.any() or self.dead_pull.any())
 
     def without_dead_load(self) -> Problem:
-        """Return the problem under its live load alone."""
         return replace(self, dead=np.zeros_like(self.dead), dead_pull=np.zeros_like(self.dead_pull))
 
     def under_dead_load(self) -> Problem:
@@ -107,7 +106,6 @@ class Problem:
 
     @property
     def sides(self) -> Sides:
-        """Sides of the mesh, (f,) each."""
         return self.mesh.sides
 
     @cached_property
@@ -166,7 +164,6 @@ def units_of(assembly: Assembly, material: Material) -> Units:
 
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:
-    """Scale an assembly, and loads over the roots of a mesh, to the problem on that mesh."""
     density = units.length / units.stress
     own, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
     crushing = np.where(np.isnan(own.crush), np.inf, own.crush)
@@ -201,7 +198,6 @@ def require_fields(assembly: Assembly) -> None:
 
 
 def require_planar(assembly: Assembly) -> None:
-    """Raise InputError for a spatial assembly."""
     if assembly.dimension != 2:
         raise InputError("cracks", "fields are for planar scenes, and this one is spatial", '"faces"')
 

@@ -1,7 +1,6 @@
 """Meshes of dry joints, fitted by rigid blocks before any field is solved for.
 
-Linear tractions cannot press at a corner, where hinges turn. Rigid blocks, whose programs are small, tell what that
-costs in each triangle.
+Linear tractions cannot press at a corner, where hinges turn; small programs tell what that costs in each triangle.
 """
 
 from __future__ import annotations
@@ -41,20 +40,20 @@ def fitted_joints(mesh: Mesh, problem_on: Callable[[Mesh], Problem], labels: Bit
     """Halve edges of dry joints where tractions lose most of λ; decides how near bounds are, not whether they hold."""
     # The cost is estimated by rigid blocks: λ under linear tractions against λ under forces at the nodes,
     # docs/method.md (10.8).
-    most = _MOST * len(mesh)
+    most_tetrahedra = _MOST * len(mesh)
     problem = problem_on(mesh)
     blocks = RigidBlocks.of(problem, labels)
     if not problem.is_dry(labels).any() or not blocks.free.any():
         return mesh
-    points = rigid_balance(problem, blocks, at_nodes=True)
-    if points is None or not points.factor > 0.0:
+    by_forces = rigid_balance(problem, blocks, at_nodes=True)
+    if by_forces is None or not by_forces.factor > 0.0:
         return mesh
     while True:
-        held = rigid_balance(problem, blocks, at_nodes=False)
-        if held is None or held.factor >= (1.0 - _SHARE * gap) * points.factor:
+        by_tractions = rigid_balance(problem, blocks, at_nodes=False)
+        if by_tractions is None or by_tractions.factor >= (1.0 - _SHARE * gap) * by_forces.factor:
             return mesh
-        finer = halve_edges(mesh, _edges_of_loss(problem, blocks, held.traction, points.velocity))
-        if len(finer) > most or len(finer) == len(mesh):
+        finer = halve_edges(mesh, _edges_of_loss(problem, blocks, by_tractions.traction, by_forces.velocity))
+        if len(finer) > most_tetrahedra or len(finer) == len(mesh):
             return mesh
         mesh, problem = finer, problem_on(finer)
 
@@ -95,44 +94,49 @@ class RigidBalance:
 
 
 def rigid_balance(problem: Problem, blocks: RigidBlocks, *, at_nodes: bool) -> RigidBalance | None:
-    """Solve for the equilibrium of rigid blocks of largest λ (10.8), unchecked; at_nodes: pressure at corners.
+    """Maximise λ in equilibrium of rigid blocks (10.8), scaled, uncertified; None if unsolved.
 
-    Or None.
+    at_nodes: forces at the corners of triangles, else linear tractions.
     """
-    p, s, rows = problem, problem.sides, blocks.dry(problem)
-    count, solid = len(rows), problem.mesh.cell
-    place = p.mesh.corners[s.a[rows][:, None], s.corner_a[rows]]
-    at = place if at_nodes else (place + place.sum(axis=1, keepdims=True)) / 4.0
-    wrench = _wrenches(at) * (s.area[rows] / 3.0)[:, None, None, None]
+    p, rows = problem, blocks.dry(problem)
+    balance = _equilibrium_matrix(problem, blocks, rows, at_nodes=at_nodes)
+    live, dead = _resultants(p, blocks, p.live, p.pull), _resultants(p, blocks, p.dead, p.dead_pull)
+    free = np.repeat(blocks.free, 6)
+    equations = sp.hstack([balance, sp.csr_array(live.reshape(-1, 1))], format="csr")[free]
+    linear, threes = _joint_cones(p, rows)
+    parts = [part for part in (linear, threes) if part.count]
+    width = 9 * len(rows) + 1
+    matrix = sp.csr_array(sp.vstack([equations, *(part.matrix(width) for part in parts)]))
+    right = np.concatenate([-dead.ravel()[free], *(part.right for part in parts)])
+    objective = np.zeros(width)
+    objective[-1] = -1.0
+    sizes = ConeSizes(int(free.sum()), linear.count, threes.count // 3)
+    answer = solve_cones(objective, matrix, right, sizes)
+    if answer.status not in ("Solved", "AlmostSolved"):
+        return None
+    velocity = np.zeros(len(free))
+    velocity[free] = answer.dual[: sizes.zero]
+    return RigidBalance(-answer.objective, answer.point[:-1].reshape(-1, 3, 3), velocity.reshape(-1, 6))
+
+
+def _equilibrium_matrix(problem: Problem, blocks: RigidBlocks, rows: Ints, *, at_nodes: bool) -> sp.csr_array:
+    """Return the map (6b, 9k) from tractions on dry triangles `rows` (k,) to wrenches of blocks about the origin."""
+    s, count = problem.sides, len(rows)
+    corners = problem.mesh.corners[s.a[rows][:, None], s.corner_a[rows]]
+    # the resultant of a linear pressure with value 1 at one corner acts at (2, 1, 1)/4
+    at = corners if at_nodes else (corners + corners.sum(axis=1, keepdims=True)) / 4.0
+    wrench = _wrenches(at) * (s.area[rows] / 3.0)[:, None, None, None]  # (k, 3, 6, 3)
+    # column 9 k + 3 corner + axis
     columns = np.broadcast_to(
         9 * np.arange(count)[:, None, None, None] + 3 * np.arange(3)[:, None, None] + np.arange(3), wrench.shape
     )
     entries = []
-    both = s.b[rows] >= 0
-    for sign, some, tetrahedra in ((1.0, np.ones(count, dtype=bool), s.a), (-1.0, both, s.b)):
-        six = 6 * blocks.of_cell[solid[tetrahedra[rows[some]]]]
-        row = np.broadcast_to(six[:, None, None, None] + np.arange(6)[:, None], wrench[some].shape)
-        entries.append((sign * wrench[some].ravel(), row.ravel(), columns[some].ravel()))
+    for sign, here, tetrahedra in ((1.0, np.ones(count, dtype=bool), s.a), (-1.0, s.b[rows] >= 0, s.b)):
+        first = 6 * blocks.of_cell[problem.mesh.cell[tetrahedra[rows[here]]]]
+        row = np.broadcast_to(first[:, None, None, None] + np.arange(6)[:, None], wrench[here].shape)
+        entries.append((sign * wrench[here].ravel(), row.ravel(), columns[here].ravel()))
     value, row, column = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-    size = 6 * len(blocks.free)
-    tied = sp.csr_array((value, (row, column)), shape=(size, 9 * count))
-    live, dead = _resultants(p, blocks, p.live, p.pull), _resultants(p, blocks, p.dead, p.dead_pull)
-    keep = np.repeat(blocks.free, 6)
-    linear, threes = _joint_cones(p, rows)
-    equal = sp.hstack([tied, sp.csr_array(live.reshape(-1, 1))], format="csr")[keep]
-    parts = [part for part in (linear, threes) if part.count]
-    width = 9 * count + 1
-    matrix = sp.csr_array(sp.vstack([equal, *(part.matrix(width) for part in parts)]))
-    right = np.concatenate([-dead.ravel()[keep], *(part.right for part in parts)])
-    objective = np.zeros(width)
-    objective[-1] = -1.0
-    sizes = ConeSizes(int(keep.sum()), linear.count, threes.count // 3, 0, 0)
-    answer = solve_cones(objective, matrix, right, sizes)
-    if answer.status not in ("Solved", "AlmostSolved"):
-        return None
-    velocity = np.zeros(size)
-    velocity[keep] = answer.dual[: sizes.zero]
-    return RigidBalance(-answer.objective, answer.point[:-1].reshape(-1, 3, 3), velocity.reshape(-1, 6))
+    return sp.csr_array((value, (row, column)), shape=(6 * len(blocks.free), 9 * count))
 
 
 def _wrenches(at: Floats) -> Floats:
@@ -162,7 +166,7 @@ def _joint_cones(problem: Problem, rows: Ints) -> tuple[Rows, Rows]:
     # Pressure is limited by crushing of the joint, and by a share of the strength of the blocks in one direction.
     p = problem
     face, normal = p.face[rows], p.sides.normal[rows]
-    one, two = across(normal)
+    tangents = across(normal)
     mu, c = p.joints.friction[face], p.joints.shear[face]
     # tractions near the strength of the blocks would concentrate where no field can spread them
     strength = min(2.0 * p.material.intercept / (1.0 - p.material.sine), p.material.crushing)
@@ -173,10 +177,10 @@ def _joint_cones(problem: Problem, rows: Ints) -> tuple[Rows, Rows]:
         columns = 9 * np.arange(len(rows))[:, None] + 3 * corner + np.arange(3)
         linear.add([(columns, normal)], 0.0, len(rows))
         linear.add([(columns[crushed], -normal[crushed])], crush[crushed], len(crushed))
-        wide = np.stack([mu[:, None] * normal, one, two], axis=1)
+        cone = np.stack([mu[:, None] * normal, *tangents], axis=1)  # head μ σ, then the shear tractions
         right = np.zeros((len(rows), 3))
         right[:, 0] = c
-        threes.add([(np.repeat(columns, 3, axis=0), wide.reshape(-1, 3))], right.ravel(), 3 * len(rows))
+        threes.add([(np.repeat(columns, 3, axis=0), cone.reshape(-1, 3))], right.ravel(), 3 * len(rows))
     return linear, threes
 
 
@@ -187,6 +191,7 @@ def _edges_of_loss(problem: Problem, blocks: RigidBlocks, traction: Floats, velo
     s, rows, mesh = problem.sides, blocks.dry(problem), problem.mesh
     nodes = mesh.simplices[s.a[rows][:, None], s.corner_a[rows]]
     place = mesh.points[nodes]
+    # the transpose of the map of forces to wrenches gives velocities of points by those of blocks
     move = _wrenches(place)
     jump = -np.einsum("kcij,ki->kcj", move, velocity[blocks.of_cell[mesh.cell[s.a[rows]]]])
     both = s.b[rows] >= 0
@@ -197,8 +202,8 @@ def _edges_of_loss(problem: Problem, blocks: RigidBlocks, traction: Floats, velo
     if not total.any():
         return np.zeros((0, 2), dtype=np.int64)
     ranked = np.sort(total)[::-1]
-    least = ranked[int(np.searchsorted(np.cumsum(ranked), _MARKED * ranked.sum()))]
-    marked = np.flatnonzero(total >= (1.0 - _EQUAL) * least)
+    last_marked = ranked[int(np.searchsorted(np.cumsum(ranked), _MARKED * ranked.sum()))]
+    marked = np.flatnonzero(total >= (1.0 - _EQUAL) * last_marked)
     share = lost[marked] / total[marked][:, None]
     ends = place[marked][:, _EDGES]
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)

@@ -1,8 +1,4 @@
-"""Loads of spatial cells as body forces and tractions with the resultants of the scene, docs/method.md (9.5), (10.3).
-
-Forces that no free face takes are constant in each tetrahedron of the coarsest mesh, so that refinement never changes
-the load.
-"""
+"""Loads of spatial cells as body forces and tractions with the scene's resultants, docs/method.md (9.5), (10.3)."""
 
 from __future__ import annotations
 
@@ -14,7 +10,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.forms import across
@@ -35,6 +31,9 @@ _RING = 0.7
 _CONVEX = 1e-6
 
 
+_Triangles = list[tuple[int, int, int]]  # nodes of triangles, counter-clockwise from outside
+
+
 class _Filler:
     """Fills regions of facets with triangles; adds nodes to `points` where fans need a centre."""
 
@@ -43,56 +42,69 @@ class _Filler:
         self.points = surface.points.tolist()
         self._near = cKDTree(surface.points)
 
-    def triangles(self, facet: Facet, region: shapely.Polygon, ringed: bool = False) -> list[tuple[int, int, int]]:
+    def triangles(self, facet: Facet, region: shapely.Polygon, ringed: bool = False) -> _Triangles:
         """Triangulate a region seen from outside, with a ring along its edges if `ringed`; InputError if not valid."""
+        loops = self._nodes_of(facet, region)
+        flat = [facet.flat(self.surface.points[nodes]) for nodes in loops]
+        region = shapely.Polygon(flat[0], flat[1:])
+        if not region.is_valid:
+            raise self._refusal(facet)
+        outer = loops[0].tolist() if region.exterior.is_ccw else loops[0][::-1].tolist()
+        if len(outer) == 3 and len(loops) == 1:
+            return [(outer[0], outer[1], outer[2])]
+        if len(loops) == 1 and region.convex_hull.area - region.area <= _CONVEX * region.area:
+            return self._fan(facet, region, outer, ringed)
+        return _delaunay(region, loops, flat)
+
+    def _nodes_of(self, facet: Facet, region: shapely.Polygon) -> list[Ints]:
+        """Return the nodes (k,) of the outline and the holes of a region; InputError for a corner without a node."""
         reach, fixed = self.surface.reach, self.surface.points
-        rings = [np.asarray(ring.coords)[:-1] for ring in (region.exterior, *region.interiors)]
         near = cKDTree(facet.flat(fixed))
-        high = abs((fixed - facet.origin) @ facet.normal)
-        named = []
-        for ring in rings:
+        height = abs((fixed - facet.origin) @ facet.normal)
+        loops = []
+        for ring in (region.exterior, *region.interiors):
             nodes = []
-            for place in ring:
-                close = [k for k in near.query_ball_point(place, 4.0 * reach) if high[k] <= 4.0 * reach]
+            for place in np.asarray(ring.coords)[:-1]:
+                close = [k for k in near.query_ball_point(place, 4.0 * reach) if height[k] <= 4.0 * reach]
                 if not close:
                     raise self._refusal(facet)
                 nodes.append(close[int(np.linalg.norm(facet.flat(fixed[close]) - place, axis=1).argmin())])
-            named.append(ring_of(fixed, self._near, np.array(nodes), reach))
-        region = shapely.Polygon(
-            *[facet.flat(fixed[nodes]) for nodes in named[:1]], [facet.flat(fixed[n]) for n in named[1:]]
-        )
-        if not region.is_valid:
-            raise self._refusal(facet)
-        outer = named[0].tolist() if region.exterior.is_ccw else named[0][::-1].tolist()
-        if len(outer) == 3 and len(named) == 1:
-            return [(outer[0], outer[1], outer[2])]
-        if len(named) == 1 and region.convex_hull.area - region.area <= _CONVEX * region.area:
-            middle = facet.placed(np.array([region.centroid.coords[0]]))[0]
-            found = []
-            if ringed:
-                inner = list(range(len(self.points), len(self.points) + len(outer)))
-                self.points += (middle + _RING * (fixed[outer] - middle)).tolist()
-                for a, b, p, q in zip(outer, outer[1:] + outer[:1], inner, inner[1:] + inner[:1], strict=True):
-                    found += [(a, b, q), (a, q, p)]
-                outer = inner
-            self.points.append(middle.tolist())
-            return found + [(a, b, len(self.points) - 1) for a, b in zip(outer, outer[1:] + outer[:1], strict=True)]
-        known = {
-            tuple(place): int(k)
-            for nodes in named
-            for k, place in zip(nodes, facet.flat(fixed[nodes]).tolist(), strict=True)
-        }
-        found = []
-        for part in shapely.get_parts(shapely.constrained_delaunay_triangles(region)):
-            a, b, c = (known[tuple(place)] for place in shapely.get_coordinates(part)[:3].tolist())
-            p, q, r = shapely.get_coordinates(part)[:3]
-            found.append((a, b, c) if np.linalg.det([q - p, r - p]) > 0.0 else (a, c, b))
-        return found
+            loops.append(ring_of(fixed, self._near, np.array(nodes), reach))
+        return loops
+
+    def _fan(self, facet: Facet, region: shapely.Polygon, outer: list[int], ringed: bool) -> _Triangles:
+        """Fill a convex region with a fan about its centroid, after a ring of quadrilaterals if `ringed`."""
+        middle = facet.placed(np.array([region.centroid.coords[0]]))[0]
+        ring: _Triangles = []
+        if ringed:
+            inner = list(range(len(self.points), len(self.points) + len(outer)))
+            self.points += (middle + _RING * (self.surface.points[outer] - middle)).tolist()
+            for a, b, p, q in zip(outer, outer[1:] + outer[:1], inner, inner[1:] + inner[:1], strict=True):
+                ring += [(a, b, q), (a, q, p)]
+            outer = inner
+        centre = len(self.points)
+        self.points.append(middle.tolist())
+        return ring + [(a, b, centre) for a, b in zip(outer, outer[1:] + outer[:1], strict=True)]
 
     def _refusal(self, facet: Facet) -> InputError:
         return InputError(
             f"element {self.ids[facet.cell]!r}", "its faces cannot be filled with triangles", "plainer contacts"
         )
+
+
+def _delaunay(region: shapely.Polygon, loops: list[Ints], flat: list[Floats]) -> _Triangles:
+    """Triangulate a region without further nodes; loops, flat: nodes of its outline and holes, and their places."""
+    node_at = {
+        tuple(place): int(node)
+        for nodes, places in zip(loops, flat, strict=True)
+        for node, place in zip(nodes, places.tolist(), strict=True)
+    }
+    triangles = []
+    for part in shapely.get_parts(shapely.constrained_delaunay_triangles(region)):
+        p, q, r = shapely.get_coordinates(part)[:3]
+        a, b, c = (node_at[tuple(place)] for place in (p.tolist(), q.tolist(), r.tolist()))
+        triangles.append((a, b, c) if np.linalg.det([q - p, r - p]) > 0.0 else (a, c, b))
+    return triangles
 
 
 def coarse_solids(assembly: Assembly, surface: Surface, dry: Bools, layers: dict[int, Layers] | None = None) -> Mesh:
@@ -107,10 +119,11 @@ def coarse_solids(assembly: Assembly, surface: Surface, dry: Bools, layers: dict
     skins.add_cuts()
     solids, cells = [], []
     for (cell, _), skin in skins.of_part.items():
-        three = np.array(filler.points)[np.array(skin)]
-        base = three.reshape(-1, 3).mean(axis=0)
-        volume = np.linalg.det(three - base) / 6.0
-        centre = base + 0.25 * (volume @ (three - base).sum(axis=1)) / volume.sum()
+        corners = np.array(filler.points)[np.array(skin)]
+        # the centroid of a part is that of the tetrahedra from a point inside to its skin
+        base = corners.reshape(-1, 3).mean(axis=0)
+        volume = np.linalg.det(corners - base) / 6.0
+        centre = base + 0.25 * (volume @ (corners - base).sum(axis=1)) / volume.sum()
         solids += [(len(filler.points), *nodes) for nodes in skin]
         filler.points.append(centre.tolist())
         cells += [cell] * len(skin)
@@ -126,9 +139,6 @@ def coarse_solids(assembly: Assembly, surface: Surface, dry: Bools, layers: dict
     for cell in layers or {}:
         _require_filled(assembly, surface, mesh, cell)
     return mesh
-
-
-_Triangles = list[tuple[int, int, int]]  # nodes of triangles, counter-clockwise from outside
 
 
 class _Skins:
@@ -171,27 +181,28 @@ class _Skins:
                     if part.side[plane]:
                         continue
                     beyond = (*part.side[:plane], True, *part.side[plane + 1 :])
-                    one, two = across(layers.normal[[plane]])
-                    frame = Facet(cell, outline[0], layers.normal[plane], one[0], two[0], np.zeros(0, dtype=int), ())
-                    own = self.filler.triangles(frame, shapely.Polygon(frame.flat(outline)))
-                    self.of_part.setdefault((cell, part.side), []).extend(own)
-                    self.of_part.setdefault((cell, beyond), []).extend((a, c, b) for a, b, c in own)
+                    e1, e2 = (axes[0] for axes in across(layers.normal[[plane]]))
+                    frame = Facet(cell, outline[0], layers.normal[plane], e1, e2, np.zeros(0, dtype=int), ())
+                    triangles = self.filler.triangles(frame, shapely.Polygon(frame.flat(outline)))
+                    self.of_part.setdefault((cell, part.side), []).extend(triangles)
+                    self.of_part.setdefault((cell, beyond), []).extend((a, c, b) for a, b, c in triangles)
 
     def _filled(
         self, index: int, region: shapely.Polygon, face: int | None = None, *, ringed: bool = False
     ) -> _Triangles:
         """Triangulate a region of facet `index`, with each triangle in one part of the cell."""
         cut = pieces(self.surface, index, region, self.layers, face)
-        return [three for one in cut for three in self.filler.triangles(self.surface.facets[index], one, ringed)]
+        facet = self.surface.facets[index]
+        return [triangle for part in cut for triangle in self.filler.triangles(facet, part, ringed)]
 
     def _put(self, cell: int, triangles: _Triangles, tag: int | None = None) -> None:
         """Add triangles to the parts of a cell on whose surface they lie."""
         points, layers = self.filler.points, self.layers.get(cell)
-        for three in triangles:
-            side = layers.side(np.mean([points[node] for node in three], axis=0)) if layers else ()
-            self.of_part.setdefault((cell, side), []).append(three)
+        for nodes in triangles:
+            side = layers.side(np.mean([points[node] for node in nodes], axis=0)) if layers else ()
+            self.of_part.setdefault((cell, side), []).append(nodes)
             if tag is not None:
-                self.tags[tuple(sorted(three))] = tag
+                self.tags[tuple(sorted(nodes))] = tag
 
 
 def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
@@ -203,13 +214,14 @@ def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
     faces, sides, support = assembly.interfaces, mesh.sides, assembly.elements.support
     held = support[faces.a] | support[faces.b]
     joined = sides.tag >= 0
-    own = np.where(joined, sides.tag, 0)
-    paired = (sides.b >= 0) != held[own]
-    area = np.bincount(own[joined & paired], sides.area[joined & paired], minlength=len(faces))
+    face_of_side = np.where(joined, sides.tag, 0)
+    # an interface has a cell on both sides, one at a support on one
+    paired = (sides.b >= 0) != held[face_of_side]
+    area = np.bincount(face_of_side[joined & paired], sides.area[joined & paired], minlength=len(faces))
     off = (abs(area - faces.area) > _COVER * faces.area) & ~(support[faces.a] & support[faces.b])
     wrong = np.flatnonzero(off)
     if wrong.size or not paired[joined].all():
-        face = int(wrong[0]) if wrong.size else int(own[joined & ~paired][0])
+        face = int(wrong[0]) if wrong.size else int(face_of_side[joined & ~paired][0])
         raise InputError(
             f"interface {assembly.pair(face)}",
             "it does not lie on the faces of both elements",
@@ -242,8 +254,6 @@ class _Force:
 
 
 class _Piece(NamedTuple):
-    """Part of a facet in its plane, with the tractions on it."""
-
     polygon: shapely.Polygon
     mean: Floats  # (2, 3) dead and live stress vector at the origin of the facet
     slope: Floats  # (2, 3, 3) their derivatives
@@ -263,9 +273,9 @@ def loaded_solids(
         for kind, loads in enumerate((assembly.dead_loads, assembly.live_loads))
     ]
     patches, tractions = list[Patch](), list[PatchLoad]()
-    for index, own in sorted(pieces.items()):
+    for index, on_facet in sorted(pieces.items()):
         facet = plain.facets[index]
-        for polygon, mean, slope in _overlaid(own, plain.reach):
+        for polygon, mean, slope in _overlaid(on_facet, plain.reach):
             rings = tuple(facet.placed(np.asarray(r.coords)[:-1]) for r in (polygon.exterior, *polygon.interiors))
             patches.append(Patch(index, rings))
             tractions.append(PatchLoad(facet.cell, facet.origin, mean, slope))
@@ -283,18 +293,18 @@ def _pieces(
     assembly: Assembly, surface: Surface, loads: Loads, kind: int, patch: float | None, pieces: dict[int, list[_Piece]]
 ) -> Floats:
     """Add the tractions of loads to the pieces of each facet; return the rest (n, 6) of the loads."""
-    for one in loads.tractions:
-        index, polygon = _pressed(assembly, surface, one)
-        pieces.setdefault(index, []).append(_piece(surface.facets[index], polygon, one, kind))
+    for traction in loads.tractions:
+        index, polygon = _pressed(assembly, surface, traction)
+        pieces.setdefault(index, []).append(_piece(surface.facets[index], polygon, traction, kind))
     points, chosen = loads.points, dict[tuple[int, int], list[_Force]]()
-    inside = np.ones(len(points), dtype=bool)
+    inside = np.ones(len(points), dtype=bool)  # points of loads on no free face: they stay body forces
     for k, (cell, place, vector) in enumerate(zip(points.element, points.at, points.force, strict=True)):
         stated = not np.isnan(points.width[k])
         force = _Force(place, vector, float(points.width[k]) if stated else patch)
-        found = _region_of(assembly, surface, int(cell), force)
-        if found is not None:
+        region_key = _region_of(assembly, surface, int(cell), force)
+        if region_key is not None:
             inside[k] = False
-            chosen.setdefault(found, []).append(force)
+            chosen.setdefault(region_key, []).append(force)
         elif stated:
             raise InputError(
                 f"element {assembly.elements.ids[cell]!r}",

@@ -1,8 +1,7 @@
-"""What one certified field proves for other labellings: upper and lower bounds on λ.
+"""What one certified field proves for other labellings: upper and lower bounds on λ, docs/method.md (9.13), (9.14).
 
-A mechanism dissipates in blocks and on faces; only the latter depends on labels, each face on its own. A stress field
-is within yield everywhere, so that it stands under every labelling whose dry faces it presses within friction.
-Formulas: docs/method.md (9.13) and (9.14).
+Only the dissipation of faces depends on labels, each on its own. A stress field within yield everywhere stands under
+every labelling whose dry faces it presses within friction.
 """
 
 from __future__ import annotations
@@ -37,11 +36,11 @@ class FieldMechanism:
     def bounds(self, labellings: Bits) -> Floats:
         """Return the upper bound on λ (k,) of labellings (k, m); inf where a flow rule is violated."""
         dry, inner = (np.where(np.isfinite(part), part, 0.0) for part in (self.dry, self.inner))
-        found = self.constant + inner.sum() + labellings @ (dry - inner)
-        wrong = (labellings & np.isinf(self.dry)) | (~labellings & np.isinf(self.inner))
+        bounds = self.constant + inner.sum() + labellings @ (dry - inner)
+        violated = (labellings & np.isinf(self.dry)) | (~labellings & np.isinf(self.inner))
         # sums in another order round differently
         size = abs(self.constant) + float((np.abs(dry) + np.abs(inner)).sum())
-        return np.where(wrong.any(axis=1), np.inf, found + tolerances.SUMMATION * size)
+        return np.where(violated.any(axis=1), np.inf, bounds + tolerances.SUMMATION * size)
 
     def bound_of(self, labels: Bits, undecided: Bools) -> float:
         """Return the upper bound on λ of all labellings that agree where decided (9.15).
@@ -54,8 +53,9 @@ class FieldMechanism:
 
     def costs(self, labels: Bits) -> Floats:
         """Return by how much (m,) the bound rises if one face becomes undecided; inf where a flow rule is violated."""
-        own, other = np.where(labels, self.dry, self.inner), np.where(labels, self.inner, self.dry)
-        return np.where(np.isfinite(own), np.maximum(other, own) - np.where(np.isfinite(own), own, 0.0), np.inf)
+        labelled, other = np.where(labels, self.dry, self.inner), np.where(labels, self.inner, self.dry)
+        finite = np.isfinite(labelled)
+        return np.where(finite, np.maximum(other, labelled) - np.where(finite, labelled, 0.0), np.inf)
 
 
 @dataclass(frozen=True)
@@ -71,22 +71,22 @@ class FieldStresses:
 
 
 def mechanism_of(upper: UpperBound, field: VelocityField, labels: Bits) -> FieldMechanism | None:
-    """Compute the upper bounds that a velocity field proves for all labellings, still faces opened a little.
+    """Compute the upper bounds that the velocity field of labels (m,) proves for all labellings.
 
-    Or None.
+    Small violations under either label are opened first, where that costs little; None where nothing is proven.
     """
-    own = field.factor * upper.problem.units.load
+    bound = field.factor * upper.problem.units.load
     for share in REPAIRED:
-        found = weighed(upper, upper.repaired(field.velocity, share))
-        if found is not None and found.bounds(labels[None])[0] <= own + _COST * abs(own):
-            return found
+        mechanism = mechanism_bounds(upper, upper.repaired(field.velocity, share))
+        if mechanism is not None and mechanism.bounds(labels[None])[0] <= bound + _COST * abs(bound):
+            return mechanism
     return None
 
 
-def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
-    """Compute dissipation of velocities (t, 3, 2) in blocks and on faces under both labels, for a proof.
+def mechanism_bounds(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
+    """Compute the upper bounds that velocities (t, d + 1, d) prove under either label of each face (9.13).
 
-    None if infinite.
+    None without live work, or with infinite dissipation in blocks.
     """
     p, s = upper.problem, upper.problem.sides
     rates = upper.rates(velocity)
@@ -94,9 +94,10 @@ def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
     work = float((upper.live * velocity).sum())
     if not work > 0.0:
         return None
-    half = s.area / p.mesh.dimension
+    # dissipation is convex along a side, so its corner values bound it
+    corner_share = s.area / p.mesh.dimension
     ends = p.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
-    inside = half[p.inside] * ends[p.inside].sum(axis=1)
+    inside = corner_share[p.inside] * ends[p.inside].sum(axis=1)
     blocks = p.mesh.volume * p.material.dissipation(rates.trace, rates.shear, allowance)
     dead = upper.dead * velocity
     slack = tolerances.SUMMATION * (float(inside.sum()) + float(blocks.sum()) + float(np.abs(dead).sum()))
@@ -105,8 +106,8 @@ def weighed(upper: UpperBound, velocity: Floats) -> FieldMechanism | None:
         return None
     rows = p.on_faces
     face, count = p.face[rows], len(p.joints.friction)
-    joint = half[rows] * upper.joint_power(rates, rows, allowance).sum(axis=1)
-    crack = half[rows] * ends[rows].sum(axis=1)
+    joint = corner_share[rows] * upper.joint_power(rates, rows, allowance).sum(axis=1)
+    crack = corner_share[rows] * ends[rows].sum(axis=1)
     load = p.units.load
     dry, inner = (np.asarray(np.bincount(face, part, minlength=count) * (load / work)) for part in (joint, crack))
     return FieldMechanism(constant * load, dry.astype(np.float64), inner.astype(np.float64))

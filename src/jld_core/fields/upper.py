@@ -1,8 +1,7 @@
-"""Upper bound: velocity fields that are linear in each simplex, with jumps on every side.
+"""Upper bound: velocity fields that are linear in each simplex, with jumps on every side, proven without the solver.
 
-Formulas: docs/method.md (9.10), (9.11), in space (10.2) and (10.6). The solver proposes velocities. This module proves
-the bound: in the plane it adds opening until every flow rule holds, in space the solver keeps a margin to them; then it
-recomputes dissipation and work from the velocities alone.
+Formulas: docs/method.md (9.10), (9.11), in space (10.2) and (10.6). In the plane opening is added until every flow rule
+holds; in space the solver keeps a margin to them.
 """
 
 from __future__ import annotations
@@ -29,12 +28,12 @@ def jump_entries(problem: Problem, rows: Ints, corner: int) -> tuple[Ints, Float
     """Return columns (k, 2d) and values (k, d, 2d) of the jump b − a at a corner; supports do not move."""
     # Column d·(d + 1)·simplex + d·corner + axis is a velocity; without b, its columns are those of a with values 0.
     s, d = problem.sides, problem.mesh.dimension
-    own = d * (d + 1) * s.a[rows] + d * s.corner_a[rows, corner]
-    there = s.b[rows] >= 0
-    other = np.where(there, d * (d + 1) * s.b[rows] + d * s.corner_b[rows, corner], own)
-    columns = np.concatenate([own[:, None] + np.arange(d), other[:, None] + np.arange(d)], axis=1)
-    own_values = np.broadcast_to(-np.eye(d), (len(rows), d, d))
-    return columns, np.concatenate([own_values, there[:, None, None] * np.eye(d)], axis=2)
+    of_a = d * (d + 1) * s.a[rows] + d * s.corner_a[rows, corner]
+    moves = s.b[rows] >= 0  # b is a simplex and no support
+    of_b = np.where(moves, d * (d + 1) * s.b[rows] + d * s.corner_b[rows, corner], of_a)
+    columns = np.concatenate([of_a[:, None] + np.arange(d), of_b[:, None] + np.arange(d)], axis=1)
+    values_of_a = np.broadcast_to(-np.eye(d), (len(rows), d, d))
+    return columns, np.concatenate([values_of_a, moves[:, None, None] * np.eye(d)], axis=2)
 
 
 def strain_entries(problem: Problem) -> tuple[Ints, Floats, Floats]:
@@ -79,6 +78,7 @@ class VelocityProgram:
         if driving is not None:
             self._add(self._linear, [(every, -driving.reshape(1, -1))], -margin, 1)
         self._simplices()
+        # sides with jumps in the material, and those on dry joints: without labels a side can be both
         dry = None if labels is None else problem.is_dry(labels)
         cut = problem.jumps if dry is None else problem.jumps[~dry[problem.jumps]]
         joints = problem.on_faces if dry is None else np.flatnonzero(dry)
@@ -94,12 +94,13 @@ class VelocityProgram:
         three = self._threes.count // 3
         self._whole = matrix, rhs, ConeSizes(1, self._linear.count, three, self._fours.count // 4, self._psd.count // 6)
         if self._switched:
+            # only linear rows and cones of three are switched, and the one row of live work stands before them
             groups = id(self._linear), id(self._threes)
             self._off_owner = np.concatenate([np.array([-1]), *(part for key in groups for part in self._owner[key])])
             self._off_dry = np.concatenate([[False], *(part for key in groups for part in self._when_dry[key])])
             self._off_cohesion = np.zeros(len(self._off_dry), dtype=bool)
             self._off_cohesion[1 + np.concatenate(self._cohesive)] = True
-            self._program = ConeProgram(self._fixed, matrix, rhs, (1, self._linear.count, three), many)
+            self._program = ConeProgram(self._fixed, matrix, rhs, ConeSizes(1, self._linear.count, three), many)
 
     def solve(self, dry: Bools | None = None, undecided: Bools | None = None) -> Answer:
         """Solve the program for dry and undecided sides (f,); the answer is not certified."""
@@ -265,12 +266,13 @@ def opening_motion(problem: Problem) -> Floats | None:
     motion, apart = _cell_motion(problem, number, centre, len(cells)), _convex_gradients(problem, number)
     if motion is None or apart is None:
         return None
-    values, room = motion
+    values, slack = motion
     away = mesh.corners - centre[number][:, None]
-    slope = values[:, 2:6].reshape(-1, 2, 2)[number]
-    velocity = values[number, :2][:, None] + np.einsum("tij,tkj->tki", slope, away)
+    gradient = values[:, 2:6].reshape(-1, 2, 2)[number]
+    velocity = values[number, :2][:, None] + np.einsum("tij,tkj->tki", gradient, away)
+    # jumps of at most a quarter of the slack from each side leave half of it on interfaces
     steep = 1.0 + max(float(problem.joints.friction.max(initial=0.0)), problem.material.friction)
-    share = 0.25 * room / (steep * float(np.hypot(*apart.T).max(initial=1e-300)))
+    share = 0.25 * slack / (steep * float(np.hypot(*apart.T).max(initial=1e-300)))
     return np.asarray(velocity + share * apart[:, None])
 
 
@@ -278,6 +280,7 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     """Find gradients (t, 2) of a function linear on triangles and convex in each cell, by a linear program; or None."""
     # One exists for every mesh of fans, trees of triangles and their bisections, which are regular subdivisions.
     mesh, e = problem.mesh, problem.sides
+    # one value of the function for each node of each cell
     key = number[:, None] * len(mesh.points) + mesh.simplices
     unique, node = np.unique(key, return_inverse=True)
     node = node.reshape(-1, 3)
@@ -291,66 +294,76 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     matrix = sp.csr_array((value, (row, column)), shape=(len(inside), count))
     # jumps in proportion to the size of triangles, as those of |x|² are
     size = np.minimum(np.sqrt(mesh.volume[e.a[inside]]), np.sqrt(mesh.volume[e.b[inside]]))
-    wanted = sp.hstack([-matrix, sp.csr_array(size[:, None])])
+    convex = sp.hstack([-matrix, sp.csr_array(size[:, None])])
     objective = np.zeros(count + 1)
     objective[-1] = -1.0
-    whole = sp.csr_array(sp.vstack([wanted, sp.eye_array(count + 1), -sp.eye_array(count + 1)]))
+    whole = sp.csr_array(sp.vstack([convex, sp.eye_array(count + 1), -sp.eye_array(count + 1)]))
     rhs = np.repeat([0.0, 1.0], [len(inside), 2 * count + 2])
-    found = ConeProgram(objective, whole, rhs, (0, len(rhs), 0)).solve()
-    if not found.usable or not found.point[-1] > _LEAST:
+    answer = ConeProgram(objective, whole, rhs, ConeSizes(0, len(rhs), 0)).solve()
+    if not answer.usable or not answer.point[-1] > _LEAST:
         return None
-    return np.asarray(np.einsum("tki,tk->ti", mesh.gradient, found.point[:-1][node]))
+    return np.asarray(np.einsum("tki,tk->ti", mesh.gradient, answer.point[:-1][node]))
 
 
 def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> tuple[Floats, float] | None:
     """Find motions of the cells (count, 6), coefficients ≤ 1, of the largest slack in all flow rules; or None."""
-    p, e, rows = problem, problem.sides, problem.on_faces
+    # Columns: velocity (2) and gradient G (2, 2), row by row, of each cell, then the slack.
     width = 6 * count + 1
     linear, cones = Rows(), Rows()
-    every = np.arange(6 * count)
+    coefficients = np.arange(6 * count)
     for sign in (1.0, -1.0):
-        linear.add([(every, sign)], 1.0, len(every))
+        linear.add([(coefficients, sign)], 1.0, len(coefficients))
     linear.add([(np.array([width - 1]), 1.0)], 1.0, 1)
+    _add_joint_rules(linear, problem, number, centre, width)
+    _add_cell_rules(linear, cones, problem.material.sine, count, width)
+    parts = [part for part in (linear, cones) if part.count]
+    objective = np.zeros(width)
+    objective[-1] = -1.0
+    whole = sp.csr_array(sp.vstack([part.matrix(width) for part in parts]))
+    rhs = np.concatenate([part.right for part in parts])
+    answer = ConeProgram(objective, whole, rhs, ConeSizes(0, linear.count, cones.count // 3)).solve()
+    slack = float(answer.point[-1]) if answer.usable else 0.0
+    return (answer.point[:-1].reshape(-1, 6), slack) if slack > _LEAST else None
+
+
+def _add_joint_rules(linear: Rows, problem: Problem, number: Ints, centre: Floats, width: int) -> None:
+    """Append slack √(1 + μ²) ≤ δn ± μ δs at both ends of edges on interfaces, μ the larger of joint and material."""
+    p, e, rows = problem, problem.sides, problem.on_faces
     slope = np.maximum(p.joints.friction, p.material.friction)[p.face[rows]]
     size = np.hypot(1.0, slope)
-    last = np.full(len(rows), width - 1)
+    slack = np.full(len(rows), width - 1)
+    normal = e.normal[rows]
+    tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
     for end in (0, 1):
         place = p.mesh.corners[e.a[rows], e.corner_a[rows, end]]
         for sign in (1.0, -1.0):
-            normal = e.normal[rows]
-            along = normal - sign * slope[:, None] * np.column_stack([-normal[:, 1], normal[:, 0]])
-            entries = [(last, 1.0 * size)]
+            along = normal - sign * slope[:, None] * tangent
+            entries = [(slack, 1.0 * size)]
             for triangle, weight in ((e.a[rows], -1.0), (e.b[rows], 1.0)):
+                # a support has no columns: those of the other side stand in, with values 0
+                moves = triangle >= 0
                 cell = number[np.maximum(triangle, 0)]
-                there = np.where(triangle >= 0, weight, 0.0)
+                first = np.where(moves, 6 * cell, 6 * number[e.a[rows]])
                 arm = place - centre[cell]
                 for axis in (0, 1):
-                    force = -there * along[:, axis]
-                    base = np.where(triangle >= 0, 6 * cell, 6 * number[e.a[rows]])
-                    entries.append((base + axis, force))
-                    entries += [(base + 2 + 2 * axis + k, force * arm[:, k]) for k in (0, 1)]
+                    value = -np.where(moves, weight, 0.0) * along[:, axis]
+                    entries.append((first + axis, value))
+                    entries += [(first + 2 + 2 * axis + k, value * arm[:, k]) for k in (0, 1)]
             linear.add(entries, 0.0, len(rows))
-    base = 6 * np.arange(count) + 2
-    top = np.full(count, width - 1)
-    one = np.ones(count)
-    linear.add([(base, -one), (base + 3, -one), (top, one)], 0.0, count)
-    if p.material.sine > 0.0:
-        parts = [
-            [(base, -one), (base + 3, -one), (top, one)],
-            [(base, -p.material.sine * one), (base + 3, p.material.sine * one)],
-            [(base + 1, -p.material.sine * one), (base + 2, -p.material.sine * one)],
-        ]
-        for k in range(count):
-            for part in parts:
-                cones.add([(column[k : k + 1], value[k : k + 1]) for column, value in part], 0.0, 1)
-    blocks = [linear.matrix(width)] + ([cones.matrix(width)] if cones.count else [])
-    rhs = np.concatenate([linear.right, *([cones.right] if cones.count else [])])
-    objective = np.zeros(width)
-    objective[-1] = -1.0
-    whole = sp.csr_array(sp.vstack(blocks))
-    answer = ConeProgram(objective, whole, rhs, (0, linear.count, cones.count // 3)).solve()
-    room = float(answer.point[-1]) if answer.usable else 0.0
-    return (answer.point[:-1].reshape(-1, 6), room) if room > _LEAST else None
+
+
+def _add_cell_rules(linear: Rows, cones: Rows, sine: float, count: int, width: int) -> None:
+    """Append slack ≤ e and g sin φ ≤ e − slack of each cell, with e and g of docs/method.md (9.2)."""
+    first, slack, one = 6 * np.arange(count) + 2, np.full(count, width - 1), np.ones(count)
+    trace = [(first, -one), (first + 3, -one), (slack, one)]
+    linear.add(trace, 0.0, count)
+    if not sine > 0.0:
+        return
+    differences = [(first, -sine * one), (first + 3, sine * one)]
+    sums = [(first + 1, -sine * one), (first + 2, -sine * one)]
+    for k in range(count):
+        for part in (trace, differences, sums):
+            cones.add([(column[k : k + 1], value[k : k + 1]) for column, value in part], 0.0, 1)
 
 
 # Rate, relative to the largest velocity, below which it counts as zero: far above the residual of the solver
@@ -406,20 +419,24 @@ class Settling:
         # of a joint the flow rule is δn ≥ μ|δs|, of the material δn ≥ sin φ √(δn² + δs²), so δn ≥ tan φ |δs|
         slope = np.full(len(face), p.material.friction)
         slope[joint] = p.joints.friction[face[joint]]
-        wanted = np.full(len(face), rigid)
-        wanted[joint] = np.isinf(p.joints.crushing[face[joint]])
+        held = np.full(len(face), rigid)  # where crushing does not replace the flow rule
+        held[joint] = np.isinf(p.joints.crushing[face[joint]])
         count = len(p.mesh)
-        rules = [(np.full(count, p.material.sine), np.full(count, rigid)), (slope, wanted), (slope, wanted)]
-        chosen = Rows()
-        for (head, *tail), (steep, asked) in zip(self._groups, rules, strict=True):
-            _choose(chosen, rates, head, tail, steep, asked, small)
-        return sp.csr_array(chosen.matrix(len(rates)) @ self._rates) if chosen.count else None
+        # of triangles, and of both ends of edges
+        rules = [(np.full(count, p.material.sine), np.full(count, rigid)), (slope, held), (slope, held)]
+        equations = Rows()
+        for (head, *tail), (steep, without_crushing) in zip(self._groups, rules, strict=True):
+            _add_active_rules(equations, rates, head, tail, steep, without_crushing, small)
+        return sp.csr_array(equations.matrix(len(rates)) @ self._rates) if equations.count else None
 
 
-def _choose(
-    chosen: Rows, rates: Floats, head: Ints, tail: list[Ints], slope: Floats, wanted: Bools, small: float
+def _add_active_rules(
+    equations: Rows, rates: Floats, head: Ints, tail: list[Ints], slope: Floats, wanted: Bools, small: float
 ) -> None:
-    """Append equations for the active flow rules among head ≥ slope · |tail|; small: rate that counts as zero."""
+    """Append equations that keep active flow rules rates[head] = slope · |rates[tail]| (k,).
+
+    wanted: (k,) False where crushing replaces the rule; small: rate that counts as zero.
+    """
     value, parts = rates[head], [rates[part] for part in tail]
     size = np.sqrt(sum((part**2 for part in parts), np.zeros(len(value))))
     active = wanted & (value - slope * size <= small)
@@ -427,12 +444,12 @@ def _choose(
     free = slope == 0.0
     # opening 0 where nothing resists slip or nothing slips, slip 0 where nothing slips, else the tangent of the cone
     for rows in (head[(active & free) | still], *(part[still] for part in tail)):
-        chosen.add([(rows, 1.0)], 0.0, len(rows))
+        equations.add([(rows, 1.0)], 0.0, len(rows))
     sliding = np.flatnonzero(active & ~still & ~free)
     if sliding.size:
         shares = [-(slope * rate)[sliding] / size[sliding] for rate in parts]
         tangent = [(part[sliding], share) for part, share in zip(tail, shares, strict=True)]
-        chosen.add([(head[sliding], 1.0), *tangent], 0.0, len(sliding))
+        equations.add([(head[sliding], 1.0), *tangent], 0.0, len(sliding))
 
 
 # Largest relative rise of λ above the solver's at which an opened field is taken without settling: ten times the usual
@@ -530,7 +547,6 @@ class UpperBound:
         return None
 
     def _velocity(self, answer: Answer) -> Floats:
-        """Return the velocities (t, d + 1, d) of an answer."""
         return answer.point[: self.live.size].reshape(self.live.shape)
 
     def _falling(self, labels: Bits) -> VelocityField | None:
@@ -585,7 +601,6 @@ class UpperBound:
 
     @cached_property
     def _velocity_program(self) -> VelocityProgram:
-        """The program without margins."""
         return VelocityProgram(self.problem, self.live, self.dead, many=self._many)
 
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
@@ -629,7 +644,7 @@ class UpperBound:
         return VelocityField(factor, velocity / work, power / work, opened) if np.isfinite(factor) else None
 
     def allowance(self, velocity: Floats) -> float:
-        """Return the missing opening that counts as rounding for velocities (t, 3, 2), scaled, for `power`."""
+        """Return the missing opening that counts as rounding for velocities (t, d + 1, d), scaled, for `power`."""
         return tolerances.ROUNDING * float(abs(velocity).max()) * self._steep
 
     def repaired(self, velocity: Floats, share: float) -> Floats:
@@ -657,10 +672,10 @@ class UpperBound:
             motion = opening_motion(self.problem)
             if motion is not None:
                 rates, every = self.rates(motion), np.ones(len(self.problem.joints.friction), dtype=bool)
-                least = min(
+                room = min(
                     -float(part.max(initial=-np.inf)) for b in (every, ~every) for part in self.lacking(rates, b)
                 )
-                self._motion = motion / least if least > 0.0 else None
+                self._motion = motion / room if room > 0.0 else None
         return self._motion
 
     def rates(self, velocity: Floats) -> Rates:

@@ -385,15 +385,7 @@ def different_lines(vectors: Floats) -> int:
 
 
 class Outlines:
-    """Factory of the outlines of blocks of one assembly.
-
-    Edges of planar elements are computed once and stored.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly whose elements form the blocks.
-    """
+    """Factory of the outlines of blocks of one assembly; edges of planar elements are computed once."""
 
     def __init__(self, assembly: Assembly) -> None:
         self._elements, self._planar, self._reach = assembly.elements, assembly.dimension == 2, reach_of(assembly)
@@ -402,18 +394,7 @@ class Outlines:
         self._facets: dict[int, list[Facet]] = {}
 
     def of(self, members: Ints) -> Outline:
-        """Return the outline of the union of some elements.
-
-        Parameters
-        ----------
-        members : (n,) int array
-            Indices of the elements.
-
-        Returns
-        -------
-        Outline
-            Boundary of the block.
-        """
+        """Return the outline of the union of elements (n,)."""
         elements, reach = self._elements, self._reach
         if not self._planar:
             for e in members.tolist():

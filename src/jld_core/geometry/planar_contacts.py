@@ -23,8 +23,6 @@ from jld_core.geometry.stated_fit import NearMiss, Overlap, refuse_overlaps
 
 @dataclass(frozen=True)
 class PlanarContact:
-    """Straight contact of two polygons."""
-
     # a, b: indices of the elements
     a: int
     b: int
@@ -33,7 +31,6 @@ class PlanarContact:
 
 
 def without_repeats(polygons: list[Floats]) -> list[Floats]:
-    """Remove corners that repeat the previous one."""
     kept = list(polygons)
     for chosen, stack in measures.by_corner_count(polygons):
         step = np.linalg.norm(stack - np.roll(stack, 1, axis=1), axis=2)
@@ -92,23 +89,9 @@ def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats, within: float) -
 
 
 def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
-    """Find all straight contacts between polygons.
+    """Find all straight contacts between counter-clockwise polygons (k, 2), by (a, b), then along the outline of a.
 
     Pieces that join end to end in a line are one contact, for example at a T-joint or at a vertex in a straight edge.
-    Pieces apart from one another or around a corner are separate contacts.
-
-    Parameters
-    ----------
-    polygons : list of (k, 2) arrays
-        Corners of the n elements, counter-clockwise, scene units.
-
-    Returns
-    -------
-    list of PlanarContact
-        Contacts in order of (a, b), then along the outline of a.
-
-    Notes
-    -----
     Source: interface frame of Iannuzzo et al. 2024, with normals from element faces.
     """
     near = _near(_shapes(polygons), tolerances.CONTACT * _spans(polygons))

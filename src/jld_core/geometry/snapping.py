@@ -27,8 +27,6 @@ _STRAIGHT: Final = 1e-9  # kink, relative to the edge, below which a node insert
 
 @dataclass(frozen=True)
 class Snapped:
-    """Paths after snapping, in the given order."""
-
     paths: list[Floats]  # corners of each path; empty where the path vanished
     largest: float  # largest displacement of a corner, length
     moved: int  # number of corners that moved
@@ -252,27 +250,7 @@ class SnappedSolids:
 
 
 def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: float) -> SnappedSolids:
-    """Close gaps between polyhedra and make their faces plane, up to a tolerance.
-
-    Parameters
-    ----------
-    vertices : sequence of (k, 3) arrays
-        Vertices of each solid.
-    faces : sequence of Faces
-        Loops of vertex indices of each solid.
-    tolerance : float
-        Length, at least 0.
-
-    Returns
-    -------
-    SnappedSolids
-        Vertices after snapping, largest displacement and number of moved vertices.
-
-    Raises
-    ------
-    InputError
-        The tolerance is negative or not finite.
-    """
+    """Close gaps between polyhedra, by vertices (k, 3) and faces, and make their faces plane, up to a tolerance."""
     if not (tolerance >= 0.0 and np.isfinite(tolerance)):
         raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
     if not len(vertices):
@@ -304,7 +282,6 @@ class _Loops:
         return len(self.count)
 
     def of(self, face: int) -> Ints:
-        """Return the nodes (k,) of one face."""
         return self.node[self.start[face] : self.start[face] + self.count[face]]
 
     def stacks(self) -> list[tuple[Ints, Ints]]:

@@ -33,8 +33,6 @@ _AT_ONCE = 20_000  # pairs of elements per batch: cubes have about 25 pairs of f
 
 @dataclass(frozen=True)
 class SpatialContact:
-    """Plane contact of two polyhedra."""
-
     # a, b: indices of the elements
     a: int
     b: int
@@ -91,24 +89,8 @@ def nearer_pairs(lower: Floats, upper: Floats, reach: Floats, pairs: tuple[Ints,
 
 
 def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[SpatialContact]:
-    """Find all plane contacts between polyhedra.
+    """Find all plane contacts between polyhedra, among sorted pairs a < b; those in several parts are several.
 
-    A contact in several parts gives several contacts; a contact with a hole gives one.
-
-    Parameters
-    ----------
-    facets : Facets
-        Facets of all elements, in the order of the elements.
-    pairs : tuple of two (p,) int arrays
-        Candidate pairs of elements a < b, sorted.
-
-    Returns
-    -------
-    list of SpatialContact
-        Contacts in order of (a, b), then of the facets of a and of b.
-
-    Notes
-    -----
     Source: docs/method.md (1.1), with normals from element faces.
     """
     one, two = _opposite_facets(facets, *pairs)

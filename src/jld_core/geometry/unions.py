@@ -33,8 +33,6 @@ _HAIR: Final = 1e-7  # relative shrinkage of holes before triangulation, so that
 
 @dataclass(frozen=True)
 class Region:
-    """Plane area with holes."""
-
     shell: Floats  # (k, 2) outer boundary, counter-clockwise, scene units
     holes: tuple[Floats, ...] = ()  # boundaries of holes, clockwise
 

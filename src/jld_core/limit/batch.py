@@ -52,21 +52,8 @@ class BatchBounds:
 class BatchAnalysis:
     """Batch solver of one limit analysis, safe for concurrent use by several threads.
 
-    Parameters
-    ----------
-    analysis : LimitAnalysis
-        Supplies the tolerances and the scaling.
-    batch : BatchSolver
-        The compiled batch solver.
-    checked : bool
-        True if the batch solver knows larger yield sets, so that its states are to be checked.
-
-    Attributes
-    ----------
-    load : float
-        λ in scene units per scaled λ.
-    batch : BatchSolver
-        The compiled batch solver.
+    checked: the batch solver knows larger yield sets, so that its states are to be checked. load: λ, scene units, per
+    scaled λ.
     """
 
     def __init__(self, analysis: LimitAnalysis, batch: BatchSolver, *, checked: bool = False) -> None:
@@ -77,7 +64,6 @@ class BatchAnalysis:
 
     @classmethod
     def of(cls, analysis: LimitAnalysis) -> BatchAnalysis | None:
-        """Create the batch solver of an analysis, or None, see `LimitAnalysis.batch`."""
         # Inner faces in space that may crush take the solver of faces that do not: its upper bounds hold, and its
         # states where they are admissible.
         if analysis.batch is not None:
@@ -103,20 +89,6 @@ class BatchAnalysis:
         return self.judged(low, high, np.where(locked, LOCKED, np.where(falls, FALLS, 0)))
 
     def judged(self, low: Floats, high: Floats, verdict: Ints) -> BatchBounds:
-        """Judge scaled bounds (k,) with the verdicts (k,) of the batch solver.
-
-        Parameters
-        ----------
-        low, high : (k,) array
-            Bounds.
-        verdict : (k,) int array
-            Verdicts.
-
-        Returns
-        -------
-        BatchBounds
-            Bounds and statuses.
-        """
         falls, locked = verdict == FALLS, verdict == LOCKED
         size = np.maximum(abs(low), abs(high))
         with np.errstate(invalid="ignore"):
@@ -243,7 +215,6 @@ class SampleAnalysis:
 
     @cached_property
     def _repeated(self) -> BatchRows | None:
-        """Return the rows of the structure for all samples of a call."""
         rows = self._plain
         if rows is None:
             return None

@@ -1,21 +1,9 @@
-"""Upper bounds on λ over all choices of blocks that cover an assembly.
+"""Upper bounds on λ over all choices of blocks that cover an assembly, docs/method.md (6.5), (6.6).
 
-Where the possible blocks p can be listed, a segmentation is a choice x_p ∈ {0, 1} with every element in exactly one
-block. The **block relaxation** gives every block forces of its own, in equilibrium under x_p times its weight and its
-share of λ. On the faces around the block they lie in x_p times the dry set, on the faces inside it in x_p times the
-inner set. Sets of wedge shape are represented by rays (`BlockProgram`), other sets by the rows and cones of the yield
-sets (`ConeProgram`). Forces on a face agree on both sides, and the shares of λ agree on all elements (docs/method.md
-(6.5), (6.6)). For blocks of few elements this bound is much tighter than the face-by-face `Relaxation`, because each
-block is one body.
-
-The dual is a mechanism for every block: velocities u of each element of each block, and a velocity w of each face,
-relative to which the blocks on either side open. For a load factor θ a block has an **excess**
-
-    e_p = θ b_λ·u_p + b·u_p − Σ_{inside} D_inner(J) − Σ_{around} D_dry(half jump),
-
-and a segmentation whose blocks have Σ e_p > 0 does not reach θ. Numbers v on the elements bound Σ e_p from below for
-all choices at once: Σ e_p ≥ Σ v + Σ_p min(0, e_p − Σ_{e ∈ p} v_e). All bounds are computed here from the values that
-the solver returned, whatever its status.
+Every possible block p has forces of its own, in equilibrium under x_p times its loads and in x_p times its sets; forces
+on a face agree on both sides, and λ on all elements. Sets of wedge shape are rays (`BlockProgram`), others rows and
+cones (`ConeProgram`). For blocks of few elements the bound is much tighter than that of the face-by-face `Relaxation`,
+because each block is one body. Bounds are computed from the values that the solver returned, whatever its status.
 """
 
 from __future__ import annotations
@@ -103,23 +91,25 @@ class BatchBlockProgram:
     def solve(
         self, allowed: Bools, thresholds: Floats, most: Floats, pool: ThreadPoolExecutor | None = None
     ) -> list[BlockMultipliers]:
-        """Solve the programs of k sets of allowed blocks (k, p); `pool` supplies one more thread."""
+        """Solve k programs with allowed blocks (k, p) for scaled λ `thresholds` (k,) to reach, and `most` (k,).
+
+        most: scaled λ that is not exceeded; `pool` supplies one more thread.
+        """
         # Full registers are shared by two threads; a single one is not split, as a partly filled register takes as
         # long.
-        width = self._batch.width
-        registers = -(-len(allowed) // width)
-        here = width * (registers if pool is None else -(-registers // 2))
-        portions = [part for part in (np.arange(here)[: len(allowed)], np.arange(here, len(allowed))) if len(part)]
+        count, width = len(allowed), self._batch.width
+        registers = -(-count // width)
+        count_here = width * (registers if pool is None else -(-registers // 2))
+        portions = [part for part in (np.arange(count_here)[:count], np.arange(count_here, count)) if len(part)]
 
-        def run(k: Ints) -> BlockAnswers:
-            return self._batch.solve(allowed[k], thresholds[k], LEAST * thresholds[k], most[k])
+        def run(rows: Ints) -> BlockAnswers:
+            return self._batch.solve(allowed[rows], thresholds[rows], LEAST * thresholds[rows], most[rows])
 
-        others = [] if pool is None else [pool.submit(run, k) for k in portions[1:]]
-        found = [run(portions[0]), *(other.result() for other in others)]
-        return [self._multipliers(answers, k) for answers in found for k in range(len(answers.state))]
+        others = [] if pool is None else [pool.submit(run, rows) for rows in portions[1:]]
+        portions_solved = [run(portions[0]), *(other.result() for other in others)]
+        return [self._multipliers(answers, k) for answers in portions_solved for k in range(len(answers.state))]
 
     def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
-        """Return velocities, multipliers and shares of one set of allowed blocks."""
         shared = answers.shared[k]
         return BlockMultipliers(
             velocity=-answers.own[k][self._balance],

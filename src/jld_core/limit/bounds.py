@@ -1,8 +1,8 @@
-"""Checked bounds on λ, computed from raw solver output (docs/method.md (3.3)).
+"""Checked bounds on λ, computed from raw solver output, all scaled (docs/method.md (3.3)).
 
-A lower bound is the λ of forces that satisfy equilibrium and lie in every yield set. An upper bound is the work
-balance of velocities whose dissipation is finite on every face. Neither relies on the solver: its answer is repaired
-and checked, and gives no bound if the check fails. All quantities here are scaled.
+An answer is repaired and checked, and gives no bound if the check fails: lower bounds are the λ of forces in
+equilibrium
+and in every yield set, upper ones the work balance of velocities of finite dissipation.
 """
 
 from __future__ import annotations
@@ -454,24 +454,7 @@ def relative_width(low: float, high: float, load_scale: float) -> float:
 
 
 def exceeds(low: float, bound: float, load_scale: float) -> bool:
-    """Return whether a proven lower bound on λ contradicts an upper bound.
-
-    The difference must exceed the proof tolerance.
-
-    Parameters
-    ----------
-    low : float
-        Proven lower bound on λ.
-    bound : float
-        Upper bound on λ, may be infinite.
-    load_scale : float
-        λ below which differences are negligible, in the unit of the bounds.
-
-    Returns
-    -------
-    bool
-        True if low − bound exceeds `tolerances.PROVEN` times the largest of |low|, |bound| and `load_scale`.
-    """
+    """Return whether a proven lower bound on λ contradicts an upper one by more than `tolerances.PROVEN`."""
     return low - bound > tolerances.PROVEN * max(abs(low), abs(bound) if np.isfinite(bound) else 0.0, load_scale)
 
 

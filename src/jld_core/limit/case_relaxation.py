@@ -354,7 +354,6 @@ class _Cases(Generic[_Kind]):
 
     @property
     def solves(self) -> int:
-        """Return the number of programs solved so far."""
         return sum(one.solves for one in self._cases)
 
     @property

@@ -1,9 +1,5 @@
-"""Facial reduction: finite-dissipation motions of assemblies that a self-stress confines.
+"""Facial reduction: finite-dissipation motions of assemblies that a self-stress confines, docs/method.md (3.12).
 
-A motion of finite dissipation has jumps J = −Gᵀz with z in the dual cones of the yield rows. A self-stress R in the
-recession cones gives z·(−G R) = 0. So z is zero in rows where R has slack. In a second-order cone with R on its
-boundary, z lies on the one conjugate ray: z = κ (1, −V/|V|), κ ≥ 0. Such rows are removed, and such cones are replaced
-by that ray. The search for self-stress is repeated until none is found (docs/method.md (3.12)).
 Sources: Borwein & Wolkowicz, Regularizing the abstract convex program, J. Math. Anal. Appl. 83 (1981); Permenter &
 Parrilo, Partial facial reduction, Math. Program. 171 (2018).
 """
@@ -13,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import scipy.linalg as la
@@ -49,6 +45,7 @@ _REDUCTION_ROUNDS: Final = 8  # Largest number of successive self-stresses.
 _ROUNDED: Final = 1e-9  # Allowed rounding of jumps per unit of live work, relative to the largest live load.
 # Slip, relative to the largest velocity, above which the direction of a ray is taken from the motion.
 _SLIDES: Final = 1e-4
+_SAME_WAY: Final = 0.5  # Cosine between a slip and a self-stress above which the slip gives the ray.
 _ALONG: Final = 1e-4  # Component of a unit vector below which it is set to zero.
 _KEPT: Final = 2e-8  # Slack kept in the half-spaces of cones, scaled, to make up for (3.12a).
 _LEANS: Final = (1e5, 1e7, 1e8)  # Factors by which a self-stress is added, scaled.
@@ -57,6 +54,9 @@ _POSITIVE: Final = 1e-6  # Multiplier, relative to the largest, above which it c
 _LEFT_AFTER_REDUCTION: Final = 1e-12  # Size of a forbidden jump below which its row is dropped.
 # Share of the largest velocity that a pseudo-inverse leaves as rounding.
 _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
+
+# Faces with reduced rows (n,), and the projectors (n, q, q) onto their allowed jumps.
+_Allowed: TypeAlias = tuple[Ints, Floats]
 
 
 class FacialReduction:
@@ -170,8 +170,8 @@ class FacialReduction:
             # Where faces slide, jumps stay on a curved cone: take Newton steps along its tangent at the present slip.
             jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
             speed = float(abs(velocity).max()) if turned else np.inf
-            bases = self._allowed_jumps(program, reduced, jumps, speed)
-            forbid = self._forbidden(bases)
+            allowed = self._allowed_jumps(program, reduced, jumps, speed)
+            forbid = self._forbidden(allowed)
             if idle:
                 forbid = sp.csr_array(sp.vstack([forbid, sp.csr_array(live[None] / np.linalg.norm(live))]))
             projector, nothing = ConsistentProjector(forbid), np.zeros(forbid.shape[0])
@@ -188,75 +188,97 @@ class FacialReduction:
                 if not work * _ROUNDED > tolerances.ROUNDING * float(abs(live).max() * abs(velocity).max()):
                     continue
                 velocity, work = velocity / work, 1.0
-            found = self._measured(velocity, work, labels, bases)
+            found = self._measured(velocity, work, labels, allowed)
             if found.margin >= 0.0:
                 return found
         return None
 
-    def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> dict[int, Floats]:
-        """Return a basis (q, k) of the allowed jumps of each face with reduced rows."""
+    def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> _Allowed:
+        """Return faces with reduced rows (n,) and the projectors (n, q, q) onto their allowed jumps."""
         # A self-stress proves that some yield rows hold with equality: they are removed, and a cone is replaced by the
         # tangent along the self-stress. By duality a jump is a combination of the rows that are left, J = Gᵀz, so that
-        # these rows span what is allowed. A face without a reduced row needs no basis. Columns of further unknowns
-        # (beyond the resultants) have no jump: only combinations z that vanish there count. The bases are orthonormal.
+        # these rows span what is allowed. A face without a reduced row needs no projector. Columns of further unknowns
+        # (beyond the resultants) have no jump: only combinations z that vanish there count.
         s, q = program.structure, self.template.assembly.freedoms
         yields = program.matrix.tocsr()
-        pattern = self.template.yield_set.pattern
+        row_face = self.template.yield_set.pattern.row_face
         faces = len(self.template.assembly.interfaces)
         first = s.equalities + 1
         whole = np.zeros(s.shape[0], dtype=bool)
         whole[reduced.linear] = True
         for cone in reduced.cones:
             whole[s.heads[cone] : s.heads[cone] + s.cones[cone]] = True
-        rays: dict[int, list[Floats]] = {}
+        whole = whole[first : first + len(row_face)]
+        edge = np.unique(row_face[~whole])
+        place = np.full(faces, -1)
+        place[edge] = np.arange(len(edge))
+        kept = np.flatnonzero(whole & (place[row_face] >= 0))
+        rows, owner = [yields[first + kept]], [place[row_face[kept]]]
         for cone, direction in reduced.rays.items():
-            rows = yields[s.heads[cone] : s.heads[cone] + s.cones[cone]].toarray()
-            face = int(pattern.row_face[s.heads[cone] - first])
-            rays.setdefault(face, []).extend(_tangent(rows, direction, jumps[face], q * face, speed))
-        bases: dict[int, Floats] = {}
-        for face in range(faces):
-            own = first + np.flatnonzero(pattern.row_face == face)
-            if whole[own].all():
-                continue
-            table = np.vstack([yields[own[whole[own]]].toarray(), *(row[None] for row in rays.get(face, []))])
-            extra = table[:, q * faces :]
-            extra = extra[:, np.any(extra != 0.0, axis=0)]
-            free = la.null_space(extra.T) if extra.size else np.eye(len(table))
-            bases[face] = la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
-        return bases
+            cone_rows = yields[s.heads[cone] : s.heads[cone] + s.cones[cone]].toarray()
+            face = int(row_face[s.heads[cone] - first])
+            tangents = _tangent(cone_rows, direction, jumps[face], q * face, speed)
+            rows.append(sp.csr_array(np.array(tangents)))
+            owner.append(np.full(len(tangents), place[face]))
+        return edge, _projectors(sp.coo_array(sp.vstack(rows)), np.concatenate(owner), edge, (faces, q))
 
-    def _forbidden(self, bases: dict[int, Floats]) -> sp.csr_array:
-        """Return E (rows, q·free) with E u = 0 if and only if reduced faces have jumps in `bases`."""
+    def _forbidden(self, allowed: _Allowed) -> sp.csr_array:
+        """Return E (rows, q·free) with E u = 0 if and only if reduced faces have allowed jumps."""
+        faces, onto = allowed
         q = self.template.assembly.freedoms
-        faces = np.array(sorted(bases), dtype=np.int64)
         jumps = sp.csr_array(self.prover.transposed[(q * faces[:, None] + np.arange(q)).ravel()])
         if not len(faces):
             return jumps
-        away = [sp.csr_array(np.eye(q) - bases[face] @ bases[face].T) for face in faces.tolist()]
-        stacked = sp.csr_array(sp.block_diag(away, format="csr") @ jumps)
+        away = sp.bsr_array((np.eye(q) - onto, np.arange(len(faces)), np.arange(len(faces) + 1)))
+        stacked = sp.csr_array(away @ jumps)
         return sp.csr_array(stacked[abs(stacked).max(axis=1).toarray().ravel() > _LEFT_AFTER_REDUCTION])
 
-    def _measured(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
-        """Compute margin and bound of velocities, jumps of reduced faces projected onto their bases."""
+    def _measured(self, velocity: Floats, work: float, labels: Bits, allowed: _Allowed) -> Motion:
+        """Compute margin and bound of velocities, jumps of reduced faces projected onto the allowed ones."""
         # The margin is −inf if this changes a jump by more than rounding.
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         # of each face: self-stress bounds no force here, so fast motions elsewhere excuse no closing jump
         met = (abs(self.prover.transposed) @ abs(velocity)).reshape(jumps.shape).max(axis=1)
         noise = self.prover.exact * met + _LAST_DIGIT * max(float(abs(velocity).max()), 1.0)
-        for face, basis in bases.items():
-            snapped = basis @ (basis.T @ jumps[face])
-            if abs(snapped - jumps[face]).max() > noise[face]:
-                return Motion(velocity, jumps, work, -np.inf, np.inf)
-            jumps[face] = snapped
+        edge, onto = allowed
+        snapped = (onto @ jumps[edge][:, :, None])[:, :, 0]
+        if np.any(abs(snapped - jumps[edge]).max(axis=1) > noise[edge]):
+            return Motion(velocity, jumps, work, -np.inf, np.inf)
+        jumps[edge] = snapped
         # Set a jump to zero if it is below the rounding of the sums it comes from.
         jumps[abs(jumps).max(axis=1) <= 1e-3 * noise] = 0.0
         sets = self.template.yield_set
         margin = sets.margin(jumps, labels)
-        edge: Ints = np.array(sorted(bases), dtype=np.int64)
         own = self.prover.exact * abs(jumps[edge]).max(axis=1)
         margin[edge] = np.where(abs(margin[edge]) <= own, 0.0, margin[edge])
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
         return Motion(velocity, jumps, work, float(margin.min()), bound, self.prover.noise(velocity, bound))
+
+
+def _projectors(rows: sp.coo_array, owner: Ints, edge: Ints, sizes: tuple[int, int]) -> Floats:
+    """Return projectors (n, q, q) onto what the rows of each of the faces `edge` (n,) span.
+
+    rows: (r, columns); owner: (r,) place in `edge`; sizes: all faces, q.
+    """
+    faces, q = sizes
+    order = np.argsort(owner, kind="stable")
+    count = np.bincount(owner, minlength=len(edge))
+    number = np.empty(len(owner), dtype=np.int64)  # of each row within its face
+    number[order] = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    tables = np.zeros((len(edge), max(1, int(count.max(initial=0))), q))
+    at, column, beyond = owner[rows.row], rows.col - q * edge[owner[rows.row]], rows.col >= q * faces
+    own = (column >= 0) & (column < q)
+    tables[at[own], number[rows.row[own]], column[own]] = rows.data[own]
+    extra = sp.csr_array(rows)
+    for face in np.unique(at[beyond & (rows.data != 0.0)]).tolist():
+        further = extra[np.flatnonzero(owner == face)][:, q * faces :].toarray()
+        free = la.null_space(further.T)
+        left = free.T @ tables[face, : len(further)]
+        tables[face] = 0.0
+        tables[face, : len(left)] = left
+    left, size, _ = np.linalg.svd(tables.transpose(0, 2, 1), full_matrices=False)
+    spans = size > np.finfo(float).eps * max(tables.shape[1:]) * size.max(axis=1, initial=0.0)[:, None]
+    return np.asarray((left * spans[:, None, :]) @ left.transpose(0, 2, 1))
 
 
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:
@@ -302,10 +324,10 @@ def _tangent(rows: Floats, direction: Floats, jump: Floats, place: int, speed: f
         slip = np.array([jump[at[0] - place] / row[at[0]] for at, row in zip(where, tail, strict=True)])
         size = float(np.linalg.norm(slip))
         if size > _SLIDES * speed:
-            own = slip / size
-            if own @ direction > 0.5:
-                across = np.array([-own[1], own[0]])
-                return [rows[0] - own @ tail, across @ tail]
+            along = slip / size
+            if along @ direction > _SAME_WAY:
+                across = np.array([-along[1], along[0]])
+                return [rows[0] - along @ tail, across @ tail]
     return [rows[0] - direction @ tail]
 
 
@@ -316,8 +338,28 @@ _LEFT: Final = 2e-9  # Slack of a state in all rows that are left, scaled.
 _ACCURACIES: Final = ((1e-9, 2e-8), (1e-12, 4e-9))  # Residual to reach, and slack to keep while solving, in turn.
 _TIMES: Final = np.logspace(0.0, 14.0, 57)  # Factors of a self-stress, scaled, tried in turn.
 _LAST_DIGITS: Final = 4.0 * float(np.finfo(float).eps)
-# Bounds on the forces, scaled, and slacks below which a row counts as tight, in the order tried; 0: by simplex
-_RAYS: Final = ((0.0, 1e-5), (0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4))
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """How a ray R with A R = target is sought."""
+
+    force_limit: float  # bound on its forces, scaled; 0: by simplex, without a bound
+    tight_slack: float  # slack, scaled, below which a row counts as tight; 0: the point is not projected onto such rows
+
+    def support(self, program: ConicProgram, columns: int, target: Floats) -> LargestSupport | None:
+        if self.force_limit:
+            return largest_support(program, columns, target, self.force_limit)
+        return polygonal_support(program, columns, target)
+
+    def point(self, program: ConicProgram, support: LargestSupport, target: Floats) -> Floats:
+        """Return a candidate (columns,) for the ray."""
+        return (
+            project_onto_faces(program, support, target, _SNAP, self.tight_slack) if self.tight_slack else support.point
+        )
+
+
+_ATTEMPTS: Final = (Attempt(0.0, 1e-5), Attempt(0.0, 0.0), Attempt(1e3, 1e-5), Attempt(1e2, 1e-4))  # in the order tried
 
 
 @dataclass(frozen=True)
@@ -331,8 +373,6 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _RowPosition:
-    """Slacks of a vector in a set of yield rows."""
-
     linear: Floats  # (k,) slacks of the linear rows
     head: Floats  # (c,) value of the first row of each cone
     tail: Floats  # (c, 2) values of its other rows
@@ -344,7 +384,6 @@ class _RowPosition:
 
     @property
     def least(self) -> float:
-        """Return the least slack of all linear rows and cones."""
         return float(min(self.linear.min(initial=np.inf), self.inside.min(initial=np.inf)))
 
 
@@ -360,31 +399,26 @@ class SelfStress:
         self.stages = list(self._reduced())[::-1] if small else []
 
     def ray(self) -> State | None:
-        """Find R₁ with A R₁ + b_λ = 0 admissible beside faster growing self-stresses; None where no proof is found.
+        """Find a ray R₁, A R₁ + b_λ = 0, that is admissible in the rows which large self-stresses leave (3.14a).
 
-        With a state that has slack in all yield sets it proves that every larger λ is admissible.
+        With a state that has slack in all yield sets it proves that every larger λ is admissible; None without proof.
         """
-        for stage in self.stages:
+        target = -self.template.live
+        for stage, attempt in itertools.product(self.stages, _ATTEMPTS):
             left = program_of_rows(self.program, stage.left)
-            for largest, least in _RAYS:
-                target = -self.template.live
-                found = (
-                    largest_support(left, self.columns, target, largest)
-                    if largest
-                    else polygonal_support(left, self.columns, target)
-                )
-                if found is None:
-                    continue
-                ray = _without_last_digits(
-                    project_onto_faces(left, found, target, _SNAP, least) if least else found.point
-                )
-                size = min(1.0, float(abs(ray).max()) or 1.0)
-                forces = ray[: self.template.matrix.shape[1]]
-                slack = min(0.0, _row_position(left, ray).least) / size
-                state = State(self._table(forces), 1.0, slack, self.prover.imbalance(forces, self.template.live))
-                if self.prover.is_ray(state):
-                    return state
+            support = attempt.support(left, self.columns, target)
+            if support is None:
+                continue
+            ray = self._as_ray(_without_last_digits(attempt.point(left, support, target)), left)
+            if self.prover.is_ray(ray):
+                return ray
         return None
+
+    def _as_ray(self, point: Floats, left: ConicProgram) -> State:
+        """Return a candidate (columns,) for a ray with its slack in the rows left, relative to forces below one."""
+        forces = point[: self.template.matrix.shape[1]]  # columns after the resultants are auxiliary
+        slack = min(0.0, _row_position(left, point).least) / min(1.0, float(abs(point).max()) or 1.0)
+        return State(self._table(forces), 1.0, slack, self.prover.imbalance(forces, self.template.live))
 
     def states(self, inside: Floats) -> Iterator[State]:
         """Find states of large λ, from a point `inside` (columns + 1,) with slack in every yield set.

@@ -43,8 +43,6 @@ class Movement(StrEnum):
 
 @dataclass(frozen=True)
 class FaceMotion:
-    """Movement of one face in a mechanism."""
-
     kind: Movement
     place: Floats  # (d,) position of the hinge, or the centroid of the face, scene units
     # largest of the opening at the corners, the slip at the centroid and the slip by spin alone, scene units

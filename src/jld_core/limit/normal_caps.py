@@ -1,12 +1,7 @@
-"""Upper bounds on the normal force of each planar face in all layouts that reach a load factor.
+"""Upper bounds c_f on the normal force of planar faces in all layouts that reach a load factor T (6.7).
 
-A block relaxation averages the forces of a face over many blocks, each of which may be pressed without limit. No layout
-presses a face by more than a linear program over both labels of all faces allows:
-
-    c_f = max N_f  subject to  A F + λ b_λ + b = 0,  F_g in the dry or the inner set of g,  λ ≥ T,  N_g ≤ c_g so far.
-
-Its dual is a mechanism with a unit dislocation at f. c_f is computed here from the velocities that the solver returned:
-N_f ≤ Σ D(J − e_f) − b·u − T b_λ·u, where a jump J that closes by κ more than dissipation allows costs κ c_g.
+A block relaxation averages the forces of a face over many blocks, each of which may be pressed without limit. The dual
+is a mechanism with a unit dislocation at f; c_f is computed from the velocities that the solver returned.
 """
 
 from __future__ import annotations

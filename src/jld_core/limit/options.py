@@ -257,7 +257,6 @@ class EffectiveAreas:
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> EffectiveAreas | None:
-        """Return the convergence in the facts of a result; None without effective areas."""
         if "effective_area" not in facts:
             return None
         areas = facts["effective_area"]

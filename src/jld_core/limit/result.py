@@ -98,7 +98,6 @@ def effects(assembly: Assembly, forces: Floats) -> Floats:
 
 
 def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats | None) -> list[dict[str, Any]]:
-    """Return the JSON objects of all members; forces and elongations are None where not given."""
     # The force is positive in tension; pins also have a shear.
     members, ids = assembly.members, assembly.elements.ids
     force = None if forces is None else tensions(assembly, forces)
@@ -343,7 +342,6 @@ class LimitAnalysisResult(Result):
 
     @property
     def contact(self) -> str:
-        """Return the contact model, "convex" or "concave"."""
         return self.model.contact
 
     @property
@@ -358,7 +356,6 @@ class LimitAnalysisResult(Result):
 
     @property
     def effective_areas(self) -> EffectiveAreas | None:
-        """Return the convergence of effective areas; None without them."""
         return EffectiveAreas.of(self.facts)
 
     def to_json(self) -> dict[str, Any]:
@@ -526,20 +523,7 @@ def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:
 
 
 def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) -> LimitAnalysisResult:
-    """Combine the results of load cases into the result of the structure.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Structure with load cases; supplies the required factors.
-    cases : dict of str to LimitAnalysisResult
-        Result of each case by name, in the order of the assembly's cases.
-
-    Returns
-    -------
-    LimitAnalysisResult
-        Governing factor with its bracket; forces and mechanism are those of the governing case.
-    """
+    """Combine the results of load cases, in their order, into that of the structure."""
     found = list(cases.values())
     known = [CaseBounds(one.status, *one.bracket, one.load_factor) for one in found]
     decided = governing(known, assembly.required.tolist())

@@ -130,6 +130,26 @@ def _distances(graph: sp.csr_array, root: int) -> Floats:
 _LEAF = 100  # number of unknowns up to which a part of the graph is one dense front
 
 
+def columns_of_factor(a: Ints, b: Ints, count: int) -> list[list[int]]:
+    """Return the rows below the diagonal of each column of a factor, fill included.
+
+    a, b: (k,) ends of the entries of the matrix (count, count), in order of elimination; those on the diagonal count
+    for nothing.
+    """
+    below: list[set[int]] = [set() for _ in range(count)]
+    proper = a != b
+    for row, column in zip(np.maximum(a, b)[proper].tolist(), np.minimum(a, b)[proper].tolist(), strict=True):
+        below[column].add(row)
+    columns = []
+    for column in range(count):
+        rows = sorted(below[column])
+        columns.append(rows)
+        # the first row is the parent of the column in the elimination tree, and fills with its other rows
+        if rows:
+            below[rows[0]].update(rows[1:])
+    return columns
+
+
 class _Run(NamedTuple):
     """Range of update-matrix rows of a child front that are consecutive rows of its parent."""
 

@@ -58,24 +58,10 @@ def _of_stresses(assembly: Assembly, inner_bending: InnerBending) -> tuple[Label
 
 
 def maps_criteria(assembly: Assembly, face_to: Ints, matrix: Floats) -> bool:
-    """Return True if a symmetry maps the yield set of each face onto that of its image, under both labels.
+    """Return whether a symmetry maps the yield set of each face onto that of its image, under both labels.
 
-    Under a map, V and m of a face may change sign, so that equal parameters are no equal sets. Sets are known to be
-    mapped where the axes of a face are mapped onto those of its image.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        A planar or spatial structure.
-    face_to : (m,) int array
-        Image of each face.
-    matrix : (d, d) array
-        Rotation or reflection.
-
-    Returns
-    -------
-    bool
-        True without criteria of plug-ins: strengths then say all.
+    V and m of a face may change sign, so that equal parameters are no equal sets. Sets are known to be mapped where the
+    axes of a face are mapped onto those of its image. True without criteria of plug-ins: strengths then say all.
     """
     if not assembly.face_strengths.criteria:
         return True
@@ -160,7 +146,6 @@ def _rows(assembly: Assembly, numbers: Strengths, bending: Bending | None, dry: 
 
 
 def _taken(gauge: Gauge, faces: Bools) -> Gauge:
-    """Return a gauge of some faces (m,)."""
     numbers = (np.asarray(part)[faces] for part in (gauge.torsion, gauge.capacity, gauge.friction))
     return Gauge(None if gauge.shear is None else gauge.shear[faces], *numbers)
 

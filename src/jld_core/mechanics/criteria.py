@@ -1,7 +1,7 @@
 """Yield criteria of faces, stated as rows: the interface of a plug-in, and the check of what it states.
 
-A criterion speaks of stresses of a face, so that its numbers are material constants: n = N/A, pressure positive, V/A,
-and the scaled moment M/(A l/2), which is n for a force at the edge. Compressed at its edge, a face has |m| = n.
+A criterion speaks of stresses, so that its numbers are material constants: n = N/A, pressure positive, V/A, and the
+scaled moment M/(A l/2). Compressed at its edge, a face has |m| = n.
 """
 
 from __future__ import annotations
@@ -137,7 +137,6 @@ class Criterion(Protocol):
 
 
 def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None, label: Any) -> FaceGeometry:
-    """Return the geometry of some faces; bending: of all faces, None in the plane."""
     own = faces.take(which)
     if bending is None:
         edge = np.array([[0.0, 1.0], [0.0, -1.0]])

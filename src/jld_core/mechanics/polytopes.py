@@ -165,6 +165,5 @@ def _normals(groups: Floats) -> Floats:
 
 
 def _firsts(normals: Floats) -> Bools:
-    """Return a mask of the rows that are equal to no earlier one."""
     near = abs(normals[:, None] - normals[None]).max(axis=2, initial=0.0) < 10.0 * _SAME
     return np.asarray(~np.any(np.tril(near, -1), axis=1))

@@ -1,7 +1,6 @@
 """Yield sets with friction from prescribed normal forces, and constant effective areas.
 
-The conic programs of associative limit analysis stay the same. Only the numbers in the rows |V| + |MT|/c_T ≤ c + μN
-change. Programs, bounds and repairs take these sets like any other yield set.
+Only the numbers in the rows |V| + |MT|/c_T ≤ c + μN change.
 """
 
 from __future__ import annotations
@@ -17,22 +16,12 @@ from jld_core.mechanics.yield_set import CoulombWedge, FrictionSet, ParabolicBen
 
 @dataclass(frozen=True)
 class EffectiveAreas:
-    """Effective rectangles of m spatial faces: the parts that resist torsion, as factors.
+    """Effective rectangles of m spatial faces, parts that resist torsion, as factors.
 
-    The effective rectangle is the largest part of a rectangle about the centre of pressure x. c_T and c_T,e are the
-    torsion lengths of the whole face and of this part. With the shear force V and mT = MT / c_T, the limit on shear is
-    |V| + ρ |mT + a·V| ≤ μN.
-
-    Attributes
-    ----------
-    ratio : (m,) array
-        ρ = c_T / c_T,e ≥ 1; 1 for a whole face.
-    arm : (m, 2) array
-        a = (x2, −x1) / c_T; 0 for a whole face.
-
-    Notes
-    -----
-    Source: Iannuzzo et al. 2024, eq. (5), (8); docs/method.md (2.14), (2.15).
+    A part lies about the centre of pressure x. With V and mT = MT / c_T the limit on shear is |V| + ρ |mT + a·V| ≤ μN.
+    ratio: (m,) ρ = c_T / c_T,e ≥ 1, of the torsion lengths of the whole face and the part. arm: (m, 2) a = (x2, −x1) /
+    c_T.
+    Whole faces have 1 and 0. Source: Iannuzzo et al. 2024, eq. (5), (8); docs/method.md (2.14), (2.15).
     """
 
     ratio: Floats
@@ -206,11 +195,9 @@ class PrescribedFriction:
         return None
 
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
-        """Return None: parabolic sets are not available for prescribed friction."""
         return None
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return None: wedges are not available for prescribed friction."""
         return None
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:

@@ -1,11 +1,7 @@
 """Yield sets stated as rows, one class for plane and space: what every route needs follows from rows and gauges.
 
-x are the resultants of the core of a face, scaled: (N, V, m) in the plane; in space (N, m1, m2), or all six. The set is
-C x + d ≥ 0, and |B (V1, V2)| + k|mT| ≤ c + μN; in the plane V is alone, or stands in the rows; in space there may be
-one such limit for shear and one for torsion, or rows in the place of them. The dissipation of a jump is its greatest
-work over the vertices of the core, after its opening has lost μ g°(s, ω), where g° is the dual of the gauge. It is
-finite where no ray of the core works, docs/method.md (2.19), (2.20). Dry joints that crush have a curved core, see
-`crushing`.
+x are the scaled resultants of the core of a face: (N, V, m) in the plane; in space (N, m1, m2), or all six. Sets and
+dissipation: docs/method.md (2.19), (2.20). Dry joints that crush have a curved core, see `crushing`.
 """
 
 from __future__ import annotations
@@ -71,7 +67,6 @@ class Parabolas:
     shift: Floats
 
     def slack(self, forces: Floats) -> Floats:
-        """Return the slack (k,) of scaled forces (k, 3)."""
         n = forces[:, 0]
         return np.asarray(n - n * n / self.limit - abs(forces[:, 2]))
 
@@ -84,7 +79,6 @@ class Parabolas:
         return np.where(p <= 0.0, 0.0, crushed)
 
     def share(self, forces: Floats, least: float) -> Floats:
-        """Return the ratio (k,) of a demand to its capacity."""
         n = forces[:, 0]
         return np.maximum(used(abs(forces[:, 2]), n * (1.0 - n / self.limit), least), used(n, self.limit, least))
 
@@ -120,7 +114,6 @@ class Rectangles:
     limit: Floats
 
     def slack(self, forces: Floats) -> Floats:
-        """Return the slack t (k,) of scaled forces (k, 6)."""
         # t is the largest value with (N + t)³ ≤ N_c (N − |m1| − t)(N − |m2| − t) and both factors ≥ 0, computed by
         # bisection. It is concave and never changes faster than its three arguments. The plain difference of both sides
         # would change faster near the apex of the set.
@@ -386,7 +379,6 @@ class LabelRows:
 
     @cached_property
     def gauge_sizes(self) -> Floats:
-        """Return the divisors (m, 2) of the rows of gauges in a program."""
         return np.maximum(np.maximum(1.0, self.mu), self.c) if self.sized is None else self.sized.gauge_sizes
 
 
@@ -565,15 +557,12 @@ class RowYield:
         return Hull(self._laid_out[1], self.active(every) | self.active(~every))
 
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
-        """Return None: rows are no parabolas."""
         return None
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
-        """Return None: rows are no wedges."""
         return None
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Return None: the rows have no fixed order."""
         return None
 
     @property

@@ -1,8 +1,7 @@
 """The standard criterion, stated once for both labels, plane and space: friction, shear, tension and crushing.
 
-Each label requires c·m ≤ N + σtA for the rows c of bending, |V| + |mT| ≤ c + μN, and c·m ≥ N − σcA where there is a
-compressive strength; dry joints have no tension, and crush along a curve, see `crushing`. Planar faces have the rows
-±m of a line and no torsion. Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12).
+Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12). Dry joints crush along a curve, see
+`crushing`; planar faces have the rows ±m of a line and no torsion.
 """
 
 from __future__ import annotations
@@ -50,7 +49,6 @@ class Bending:
 
     @property
     def face(self) -> Ints:
-        """Return the face (rows,) to which each row belongs."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
     def table(self, *, dry: bool) -> tuple[Floats, Floats, Bools]:
@@ -268,7 +266,6 @@ class StandardYield(RowYield):
 
     @property
     def associative(self) -> StandardYield:
-        """Return the set with associative friction, which is this set itself."""
         return self
 
     def is_dry(self, labels: Bits) -> Bools:
@@ -343,7 +340,6 @@ class StandardYield(RowYield):
 
 
 def _standard_yield(numbers: Strengths, bending: Bending | None, point: Bools) -> StandardYield:
-    """Return the yield sets of faces with scaled strengths."""
     dry, inner = _sides(numbers, point)
     capped = np.isfinite(inner.crush).any()
     late = 0 if not capped else 2 if bending is None else int(np.diff(bending.start).max(initial=0))
@@ -369,7 +365,6 @@ def _sides(numbers: Strengths, point: Bools) -> tuple[Side, Side]:
 
 
 def _crushing(dry: Side, inner: Side, *, plane: bool) -> Crushing | None:
-    """Return the sets of the dry faces that crush; None if none does."""
     faces = np.flatnonzero(np.isfinite(dry.crush))
     if not faces.size:
         return None
@@ -401,23 +396,7 @@ def standard_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBen
 
 
 def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
-    """Convert strengths to forces, stress times area, and divide them by the force scale.
-
-    A material that the scene does not name gives a face without strength. `require_materials` refuses the labellings
-    that need such a material.
-
-    Parameters
-    ----------
-    strengths : Strengths
-        Strengths, scene units.
-    unit : (m,) array
-        Area of each face over the force scale.
-
-    Returns
-    -------
-    Strengths
-        Scaled forces.
-    """
+    """Convert strengths to forces, by the area of each face over the force scale; materials not named have none."""
 
     def scaled(stress: Floats) -> Floats:
         # A face without area has no limit, as one without compressive strength.

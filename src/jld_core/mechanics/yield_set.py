@@ -19,27 +19,9 @@ _ROUTE: Final = Route("labels", STANDARD | CRITERIA)
 class RowPattern:
     """Sparsity and numbers of the yield rows s = h − G y of all m faces under both labels.
 
-    The columns y are the scaled resultants of all faces, then extra variables. s ≥ 0 in the linear rows, which come
-    first. s lies in second-order cones in the others. Both labels share the sparsity.
-
-    Attributes
-    ----------
-    row, column, face : (nnz,) int arrays
-        Row, column (resultants as in A_eq) and face of each coefficient of G.
-    dry, inner : (nnz,) arrays
-        Coefficients under either label.
-    h_dry, h_inner : (rows,) arrays
-        Right-hand sides h under either label.
-    row_face : (rows,) int array
-        Face of each row.
-    linear : int
-        Number of linear rows.
-    cones : tuple of int
-        Sizes of the second-order cones.
-    capacity : (k,) int array
-        Entries that hold −μ, the coefficient of N, in a row that limits shear.
-    extra : int
-        Number of columns beyond the resultants (bounds on shear of spatial faces).
+    y are the scaled resultants of all faces, then `extra` variables. Rows: `linear` ones with s ≥ 0, then second-order
+    cones of sizes `cones`. row, column, face, dry, inner: (nnz,) coefficients of G. h_dry, h_inner, row_face: (rows,).
+    capacity: (k,) entries that hold −μ, the coefficient of N in a row that limits shear.
     """
 
     row: Ints
@@ -297,7 +279,6 @@ class Sheet:
         self._length = self._cones = 0
 
     def column(self, face: Ints, resultant: int) -> Ints:
-        """Return the columns of one resultant of the faces (k,)."""
         return self.freedoms * face + resultant
 
     def new_columns(self, count: int) -> Ints:

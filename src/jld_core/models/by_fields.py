@@ -81,7 +81,6 @@ class FieldResult(Result):
 
     @property
     def gap(self) -> float:  # type: ignore[override]
-        """Return the relative width of the bracket."""
         return _width(*self.bracket)
 
     @property
@@ -157,7 +156,6 @@ class FieldResult(Result):
         }
 
     def facts_in_words(self) -> dict[str, str]:
-        """Describe the result by named facts, for the terminal."""
         found, several = self.decided, bool(self.assembly.cases)
         width = _width(found.low, found.high)
         bracket = f"{_shown(found.low)} {_shown(found.high)}"
@@ -236,7 +234,6 @@ def solve_by_fields(
 
 
 def _bounds_to_json(bounds: FieldBounds) -> dict[str, Any]:
-    """Return the bounds of one load case as plain numbers."""
     known = case_bounds_of(bounds)
     return {
         "load_factor": number(known.low),

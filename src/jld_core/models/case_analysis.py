@@ -37,7 +37,6 @@ _DIVIDES: Final = 1e-9  # relative error that a whole number of cells may have
 
 
 def under(assembly: Assembly, model: Model | None = None) -> Assembly:
-    """Return an assembly with the crack model that a model names, else with its own."""
     cracks = assembly.cracks if model is None or model.cracks is None else cracks_of(model.cracks)
     return assembly if cracks == assembly.cracks else replace(assembly, cracks=cracks)
 
@@ -173,7 +172,6 @@ class CaseAnalysis:
         return governing_result(self.assembly, dict(zip(names, found, strict=True)))
 
     def _solve_case(self, analysis: LimitAnalysis, labels: Bits, stands: bool) -> LimitAnalysisResult:
-        """Solve one labelling under the load case of an analysis."""
         start = time.process_time()
         proof = solve_labelling(analysis, labels, self.model, stands=stands)
         least = least_bracket(analysis, labels, self.model, proof)

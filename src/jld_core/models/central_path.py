@@ -1,10 +1,7 @@
 """Interior-point method for programs whose rows follow their own solution (quasi-variational inequalities).
 
-Wanted is a point y that is optimal in the program frozen at y. Each step is a Newton step on the optimality conditions
-of the frozen program, in which the rows are functions of y. Weights of the barrier select one of several paths.
-
-Source: docs/method.md (2.16) to (2.18); Facchinei, Kanzow and Sagratella 2014, Math. Program. 144, 369–412 for the
-conditions; Nesterov and Todd 1997, Math. Oper. Res. 22, 1–42 for the scaling of cones.
+Weights of the barrier select one of several paths. Source: docs/method.md (2.16) to (2.18); Facchinei, Kanzow and
+Sagratella 2014, Math. Program. 144, 369–412; Nesterov and Todd 1997, Math. Oper. Res. 22, 1–42.
 """
 
 from __future__ import annotations
@@ -160,7 +157,6 @@ class MovingRows:
 
     @property
     def size(self) -> int:
-        """Return the number n of columns of the program."""
         return len(self.objective)
 
     @cached_property
@@ -229,8 +225,6 @@ _FLIP: Final = np.array([1.0, -1.0, -1.0])  # signs of the quadratic form of a s
 
 @dataclass(frozen=True)
 class PathPoint:
-    """Primal and dual variables of one iterate."""
-
     y: Floats  # (n,) forces, further variables, and λ as the last entry, scaled
     u: Floats  # (equalities,) multipliers of equilibrium, which are velocities
     s: Floats  # (rows,) slacks of the rows
@@ -263,7 +257,6 @@ class CentralPath:
 
     @property
     def _degree(self) -> int:
-        """Return the number of linear rows and cones."""
         return self.rows.linear + (len(self.rows.rhs) - self.rows.linear) // 3
 
     def points(self) -> Iterator[PathPoint]:

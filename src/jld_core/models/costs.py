@@ -99,21 +99,8 @@ def _grid_faces(rows: Sequence[str]) -> int:
 def require_memory(structure: Assembly | Scene) -> CostEstimate:
     """Raise InputError if one labelling needs more memory than there is; return the estimate.
 
-    Parameters
-    ----------
-    structure : Assembly or Scene
-        Planar or spatial assembly, with or without load cases. Of a scene, whose contacts are not known yet, the least
-        number of faces counts, so that hopeless ones are refused before contacts are built.
-
-    Returns
-    -------
-    CostEstimate
-        Expected time and memory to evaluate one labelling; at least these for a scene.
-
-    Raises
-    ------
-    InputError
-        If the estimated memory exceeds the memory limit of the process.
+    Of a scene, whose contacts are not known yet, the least number of faces counts, so that hopeless ones are refused
+    early.
     """
     if isinstance(structure, Scene):
         faces, few = _least_faces(structure), "at least "

@@ -1,9 +1,7 @@
-"""Resist torsion on the effective area of dry rectangles.
+"""Resist torsion on the effective area of dry rectangles: forces optimal where frozen at their own areas.
 
-A rectangle with centre of pressure x is replaced by the largest rectangle centred at x: sides l_i − 2|x_i|, torsion
-length c_T of that rectangle, torsion MT about x. This yield set is not convex. Wanted are forces that are an optimum of
-the convex problem frozen at their own x; proofs hold for that problem. Central paths find such forces, and a proximal
-iteration where they do not. Source: Iannuzzo et al. 2024, eq. (5) and (8); docs/method.md (2.14) to (2.18).
+Central paths find such forces, and a proximal iteration where they do not; proofs hold for the frozen problem. Source:
+Iannuzzo et al. 2024, eq. (5) and (8); docs/method.md (2.14) to (2.18).
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
 """Solve blocks whose inner faces need not yield as rigid bodies (docs/method.md (7.2)).
 
-A block glued by inner faces that stay below yield moves as one body. The equilibrium equations of its elements are
-summed. Its inner faces, and slits inside the block, are removed. The rigid λ is an upper bound: its mechanism is also a
-mechanism of the full model, where all inner jumps are zero by construction.
-
-The rigid λ is exact if every block has admissible inner forces under the boundary forces found: the full model then has
-a state with the same λ. A failed check proves nothing, because boundary forces are not unique. Blocks that fail are
-taken apart into their elements, and everything is solved and checked again.
+The rigid λ is an upper bound: all inner jumps of its mechanism are zero. It is exact if every block has admissible
+inner
+forces under the boundary forces found. A failed check proves nothing, because boundary forces are not unique: blocks
+that fail are taken apart into their elements, and everything is solved and checked again.
 """
 
 from __future__ import annotations
@@ -385,7 +382,6 @@ def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, pro
     unit = other.load / one.load
 
     def state(found: State | None) -> State | None:
-        """Convert a state of the point assembly, None if there is none."""
         if found is None:
             return None
         forces = resultants_of_faces(full.assembly, points.assembly, parent, found.forces * other.face) / one.face
@@ -464,24 +460,7 @@ def limit_analysis(
 
 
 def require_model(assembly: Assembly, options: Model, dry: Bits) -> None:
-    """Raise InputError if the options do not support an assembly.
-
-    Call this function before any work starts.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        Assembly to be solved, with all its load cases.
-    options : Model
-        Options to check. Only effective areas and a solver other than "auto" can fail.
-    dry : (m,) bool array
-        Faces that may be dry in some labelling, True = may be dry.
-
-    Raises
-    ------
-    InputError
-        If effective areas or prescribed friction do not apply, or the solver rejects programs of this structure.
-    """
+    """Raise InputError if options do not support an assembly; `dry` (m,): faces that may be dry."""
     if options.effective_area:
         require_rectangles(assembly, dry)
     if options.friction != "associative":

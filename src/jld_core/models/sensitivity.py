@@ -62,8 +62,6 @@ _BENT: Final = 1e-2  # relative difference of the two chord slopes of a program 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Rate of change of λ with one parameter."""
-
     derivative: float  # two-sided rate; NaN where λ has a kink, or where the rate is not known well enough
     left: float  # rate for a decrease of the parameter, NaN where unknown
     right: float  # rate for an increase of the parameter, NaN where unknown
@@ -194,7 +192,6 @@ class SolvedProgram:
         self.held: Bools = held
 
     def sensitivity(self, change: _Change, unit: str) -> Sensitivity:
-        """Compute the rate of λ with one parameter, in scene units."""
         step = _STEP * change.size
         more, less = self._moved(change, step), self._moved(change, -step)
         matrix = sp.csr_array((more.matrix - less.matrix) / (2.0 * step))

@@ -205,7 +205,6 @@ def _by_fields(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
 
 
 def _collected(assembly: Assembly, labels: Bits, model: Model, bounds: list[CaseBounds]) -> BatchResult:
-    """Return bounds of k labellings under one load as one result."""
     value, low, high = (
         np.array([getattr(one, name) for one in bounds], dtype=float) for name in ("load_factor", "low", "high")
     )

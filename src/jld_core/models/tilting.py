@@ -1,9 +1,9 @@
 """Tilting tables: the angle at which a structure falls that is tilted with its ground, between proven bounds.
 
-At an angle θ the weights W turn from W g to W (g cos θ + t sin θ), t the direction of the tilt. The set of pairs (a, b)
-under which W (a g + b t) is carried is convex, and holds (0, 0). A load factor λ along the tangent of the unit circle
-at θ thus proves that the structure stands from θ to θ + arctan λ. Where no strength but friction acts the set is a
-cone, and the angle is arctan λ; else it is found step by step from below, and what falls just above proves the end.
+At an angle θ the weights turn from W g to W (g cos θ + t sin θ), t the direction of the tilt. The set of pairs (a, b)
+under which W (a g + b t) is carried is convex, and holds (0, 0): a load factor λ along the tangent of the unit circle
+at θ proves that the structure stands from θ to θ + arctan λ. Where no strength but friction acts the set is a cone, and
+the angle is arctan λ; else it is found step by step from below, and what falls just above proves the end.
 """
 
 from __future__ import annotations
@@ -107,7 +107,6 @@ def _facts(result: LimitAnalysisResult, towards: Floats) -> dict[str, Any]:
 
 
 def tilt_in_words(facts: Mapping[str, Any], name: str = "") -> dict[str, str]:
-    """Return the angle among the facts of a result as a fact in words."""
     if "tilt_bracket" not in facts:
         return {}
     angle, *ends = ("none" if end is None else f"{end:.9g}" for end in (facts["tilt_angle"], *facts["tilt_bracket"]))

@@ -1,7 +1,6 @@
 """Template of the conic programs of one assembly: data independent of the labelling.
 
-Rows: equilibrium, λ ≥ −c (feasible near zero; gives proofs of instability their sign), yield rows. A labelling chooses
-between two arrays of numbers.
+The row λ ≥ −c, feasible near zero, gives proofs of instability their sign.
 """
 
 from __future__ import annotations
@@ -89,21 +88,9 @@ class Bodies:
 class Structure:
     """Sparsity of M (compressed columns) and cones that all programs of one template share.
 
-    Attributes
-    ----------
-    indices, indptr : int arrays
-        Row indices and column starts of M.
-    shape : (int, int)
-        Rows and columns of M.
-    equalities : int
-        Number of rows with s = 0; they come first.
-    linear : int
-        Number of rows with s ≥ 0; they follow.
-    cones : tuple of int
-        Sizes of the second-order cones, which come last.
-    places : (equalities, d) array or None
-        Coordinates of the element of each equation, a hint for the elimination order; None if equations have no
-        elements.
+    Rows: `equalities` with s = 0, `linear` ones with s ≥ 0, second-order cones of sizes `cones`. places: (equalities,
+    d)
+    of the element of each equation, a hint for the elimination order.
     """
 
     indices: Ints

@@ -269,7 +269,6 @@ def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], l
     planes = [(np.eye(3)[axis], lower[axis] + sizes[axis] * np.arange(1, counts[axis])) for axis in range(3)]
 
     def parts(k: int) -> list[tuple[Floats, Faces]]:
-        """Cut one element."""
         vertices, faces = elements.shape[k], elements.faces[k]
         whole: list[tuple[Floats, Faces]] = [(vertices, faces)]
         for normal, offsets in planes:
@@ -285,10 +284,6 @@ def _by_planes(assembly: Assembly, cell: tuple[float, ...]) -> Callable[[int], l
 
 
 def _volume(vertices: Floats, faces: Faces) -> float:
-    """Compute the volume of a polyhedron.
-
-    vertices: (k, 3).
-    """
     total = 0.0
     for loop in faces:
         corners = vertices[list(loop)] - vertices[0]

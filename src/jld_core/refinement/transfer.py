@@ -29,8 +29,6 @@ _MOST_SHARES: Final = 64
 
 @dataclass(frozen=True)
 class Piece:
-    """Part of an element after the split."""
-
     keys: dict[str, Any]  # geometry keys of its scene entry
     share: float  # its volume over that of the element
 
@@ -95,7 +93,6 @@ def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[l
     reach = tolerances.ON_OUTLINE * assembly.size
 
     def on_pieces(anchor: dict[str, Any]) -> list[dict[str, Any]]:
-        """Return anchors at the same point of all pieces that hold it."""
         parts = cut_up[assembly.elements.index[anchor["element"]]]
         held = _holding(parts, np.array(anchor["at"]), reach)
         return [{**anchor, "element": f"{anchor['element']}.{k}"} for k in held] if len(parts) > 1 else [anchor]
@@ -260,8 +257,6 @@ SNAP: Final = 0.4
 
 @dataclass(frozen=True)
 class CellOptions:
-    """Arguments of `refine` that define the cells."""
-
     cell: tuple[float, ...]
     kind: str
     centre: tuple[float, float] | None

@@ -64,23 +64,7 @@ def cracks_of(given: Any) -> CrackModel:
 
 @typed
 def parse_cracks(text: str) -> CrackModel:
-    """Return the crack model that a text names, as on the command line.
-
-    Parameters
-    ----------
-    text : str
-        "faces", "cells:SIZE" (length) or "fields", "fields:GAP".
-
-    Returns
-    -------
-    "faces", CellCracks or FieldCracks
-        The crack model.
-
-    Raises
-    ------
-    InputError
-        The text names no crack model, or its number is not above 0.
-    """
+    """Return the crack model of "faces", "cells:SIZE" or "fields:GAP"; InputError for another text."""
     kind, colon, number = text.partition(":")
     if kind == "faces" and not colon:
         return "faces"

@@ -284,7 +284,6 @@ def _rate(rate: dict[str, Any]) -> str:
 
 
 def _shown(value: float | None) -> str:
-    """Format a number, or "none"."""
     return "none" if value is None else f"{value:.6g}"
 
 

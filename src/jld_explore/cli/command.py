@@ -37,7 +37,6 @@ def _guarded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _imported(name: str) -> Any:
-    """Import a command; return None if there is none of that name."""
     if name in _FUNCTIONS:
         module, function = _FUNCTIONS[name]
         command = getattr(import_module(f"jld_explore.cli.{module}"), function)
@@ -100,7 +99,6 @@ app = typer.Typer(
 
 
 def _version(wanted: bool) -> None:
-    """Print the version and exit if the option is given."""
     if wanted:
         from jld_core.batch.library import described as kernel_in_use
 

@@ -106,7 +106,6 @@ def with_options(options: Mapping[str, Option]) -> Callable[[Callable[..., None]
 
 
 def flags_of(command: Callable[..., None]) -> dict[str, str]:
-    """Return the flags of a decorated command's options by name."""
     return {
         name: option.param_decls[0] if option.param_decls else flag_of(name)
         for name, hint in command.__annotations__.items()

@@ -209,7 +209,6 @@ def _with_nominal(result: LimitAnalysisResult) -> LimitAnalysisResult:
 
 
 def _write_result(result: Result, out: Path) -> None:
-    """Write result.json and pictures into a folder."""
     require_folder(out)
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))

@@ -36,7 +36,6 @@ BOUNDED: Final = 1500  # most faces for which a bound on all labellings is compu
 def driver_for(
     space: SearchSpace, seed: int, model: SolveOptions, known: int | None, options: Mapping[str, Any], *, many: bool
 ) -> Driver:
-    """Make the default driver for a space; InputError if it lacks an option."""
     # Small spaces are enumerated, those up to REACH faces go to the exact driver, which proves most of them, and larger
     # ones to the portfolio, or to the genetic driver where one mechanism says little about the objective
     # (docs/notes/tried.md).

@@ -72,8 +72,6 @@ _SLACK: Final = 1e-9
 
 @dataclass(frozen=True)
 class Tally:
-    """Numbers of labellings and classes of a space."""
-
     labellings: int  # number of labellings
     classes: int  # number of labellings that differ by more than symmetry
 
@@ -189,7 +187,6 @@ class Enumeration(Driver):
                     yield rows[part[laid]], multiplicity[low : low + len(part)][laid]
 
     def count(self) -> Tally:
-        """Count labellings and classes by a complete enumeration."""
         labellings = classes = 0
         for _, multiplicity in self.batches():
             labellings += int(multiplicity.sum())

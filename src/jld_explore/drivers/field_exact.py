@@ -258,7 +258,6 @@ class FieldExact(ProvingDriver):
 
     @property
     def relaxations(self) -> int:
-        """Number of programs solved."""
         return self.refuter.programs + self.pool.programs
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
@@ -317,7 +316,6 @@ class FieldExact(ProvingDriver):
             self._join(list(labellings))
 
     def _join(self, labellings: Sequence[Bits]) -> None:
-        """Add evaluated labellings (m,) to the pool."""
         self._refuted = np.concatenate([self._refuted, self._refuted_above(self.incumbents.join(labellings))])
 
     # --- the proof --------------------------------------------------------------------------------------
@@ -503,7 +501,6 @@ class FieldExact(ProvingDriver):
             self._waiting.append(labels)
 
     def _add(self, conflicts: Sequence[Conflict]) -> None:
-        """Add conflicts to the proof, the formula, and the bounds of the pool."""
         self._state.add_conflicts(conflicts)
         if self._formula is not None:
             self._formula.learn(conflicts)

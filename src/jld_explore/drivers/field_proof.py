@@ -19,7 +19,7 @@ from jld_core.deadline import checkpoint
 from jld_core.errors import InputError, ParameterError
 from jld_core.fields.bounds import Fields, FieldSetting, PartialUpperBound, WeighedField
 from jld_core.fields.mesh import Mesh
-from jld_core.fields.transfer import FieldMechanism, weighed
+from jld_core.fields.transfer import FieldMechanism, mechanism_bounds
 from jld_core.limit.mechanism import DualBound
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflict_generation import conflict_of
@@ -57,9 +57,7 @@ class ProofAim(Protocol):
         """Return the governing factor that a lower bound of a labelling must exceed to be of use."""
         ...
 
-    def restart(self) -> None:
-        """Forget all bounds and return to the first target."""
-        ...
+    def restart(self) -> None: ...
 
     def next(self, bound: float, best: Mapping[int, float], left: Floats) -> float | None:
         """Record the target's bound; return the known one of the next, None at the end. left: (k,) open counts."""
@@ -82,7 +80,6 @@ def goal_of(best: float, gap: float) -> float:
 
 
 def holds(target: int | Range | None, counts: Floats) -> Bools:
-    """Return for each count (k,) whether it belongs to a target."""
     if target is None:
         return np.ones(len(counts), dtype=bool)
     return ~target.outside(counts) if isinstance(target, Range) else np.asarray(counts == target)
@@ -122,7 +119,6 @@ class StrongestAim:
 
 
 def _count_of_formula(space: SearchSpace) -> Count:
-    """Return the count of the front of a space; InputError where no formula expresses it."""
     count, asked = front_count(space), space.search.front
     if asked.counts:
         raise InputError(
@@ -224,7 +220,6 @@ class RequirementAim:
         return self._better(self.met(best))
 
     def _better(self, value: int | None) -> Range | None:
-        """Return the range of counts better than `value`, None for any."""
         if value is None:
             return None
         return Range.of((None, value - 1) if self._sense == "min" else (value + 1, None), whole=True)
@@ -302,7 +297,6 @@ class FieldRelaxation:
 
     @property
     def solves(self) -> int:
-        """Number of programs solved for refutations."""
         return sum(one.solves for one in self._asked)
 
     def restart(self) -> None:
@@ -410,8 +404,6 @@ _SHARED: Final = (3.5, 8.0)
 
 @dataclass(frozen=True)
 class CommonBound:
-    """Bound on all labellings under one load case."""
-
     mesh: Mesh
     found: WeighedField  # velocity field with the factor that no labelling exceeds
     bound: float  # governing factor that no labelling exceeds
@@ -488,7 +480,6 @@ class FieldIncumbents:
             self._known[labels.tobytes()] = bounds[0], bounds[1], int(count)
 
     def is_known(self, labels: Bits) -> bool:
-        """Return whether bounds of this labelling (m,) are stored."""
         return labels.tobytes() in self._known
 
     def in_pool(self, labels: Bits) -> bool:
@@ -559,8 +550,6 @@ _kept = _Kept()
 
 @dataclass(frozen=True)
 class ProofSetup:
-    """Data that all tasks of a proof share."""
-
     name: str  # name of the proof, unlike that of any other; each process keeps relaxations by it
     settings: tuple[FieldSetting, ...]  # setting of each load case
     required: tuple[float, ...]  # required factor of each load case
@@ -569,7 +558,6 @@ class ProofSetup:
     levels: tuple[tuple[Mesh, ...], ...]
 
     def problems(self, level: int) -> list[FieldProblem]:
-        """Return one problem for each load case, on the meshes of a level."""
         triples = zip(self.settings, self.levels[level], self.required, strict=True)
         return [FieldProblem(*one) for one in triples]
 
@@ -632,10 +620,9 @@ def refuting_step(
 
 
 def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | None:
-    """Return the bound of a field on its labelling, as a conflict of all free faces, or None."""
     if fields.velocity is None:
         return None
-    found = weighed(fields.upper, fields.velocity.velocity)
+    found = mechanism_bounds(fields.upper, fields.velocity.velocity)
     bound = np.inf if found is None else found.bound_of(fields.labels, np.zeros_like(free)) / required
     if not np.isfinite(bound):
         return None
@@ -675,7 +662,6 @@ class FieldRefuter:
 
     @property
     def cases(self) -> int:
-        """Number of load cases."""
         return len(self._setup.settings)
 
     def load_case(self, problem: FieldProblem) -> int:

@@ -252,7 +252,6 @@ class Genetic(Searcher):
         self._rank, self._crowding = rank[kept], crowding[kept]
 
     def _children(self, count: int) -> Bits:
-        """Return at most `count` children of parents selected by tournaments."""
         crossed = round(CROSSING_SHARE * count)
         rivals = self._generator.integers(len(self._rows), size=(2 * count, 2))
         couples = self._winners(rivals).reshape(count, 2)

@@ -23,8 +23,6 @@ _EVERY_RUN = -1  # owner index of the labelling at which all runs start
 
 @dataclass
 class _Run:
-    """State of one run."""
-
     labelling: Bits | None = None  # (m,) current labelling, True = dry; None before its start is evaluated
     sort_key: tuple[int, float] = (99, 0.0)  # sort key of the current labelling, from `sort_key`; less is better
     stalled: int = 0  # rounds without improvement
@@ -81,7 +79,6 @@ class HillClimb(Searcher):
                 labelling = run.labelling
 
                 def near(count: int, labelling: Bits = labelling) -> Bits:
-                    """Return at most `count` changes of the labelling of the run."""
                     return self.operators.vary(np.repeat(labelling[None], count, axis=0), self.rng)
 
                 rows = self.fresh(near, self.neighbours)

@@ -78,8 +78,6 @@ class OptunaOptions(DriverOptions):
 
 
 class Optuna(Searcher):
-    """Driver that proposes the trials of an Optuna sampler."""
-
     name = "optuna"
     Options = OptunaOptions
 
@@ -125,7 +123,7 @@ class Optuna(Searcher):
         rows: list[Bits] = []
         for _ in range(2 * self.size):
             trial = self._study.ask(self._space)
-            row = self.operators.read([trial.params[name] for name in self._space])
+            row = self.operators.read(np.array([[trial.params[name] for name in self._space]]))[0]
             if not len(row):
                 self._copy.add(self._study.tell(trial, state=TrialState.PRUNED), {})
                 continue
@@ -170,7 +168,7 @@ class Optuna(Searcher):
         """Add a finished trial for labels (m,) that no trial proposed."""
         from optuna.trial import TrialState, create_trial
 
-        params = dict(zip(self._space, self.operators.write(labels), strict=True))
+        params = dict(zip(self._space, self.operators.write(labels[None])[0].tolist(), strict=True))
         collapsed = found.status is Status.COLLAPSE
         frozen = create_trial(
             state=TrialState.COMPLETE if collapsed else TrialState.PRUNED,
@@ -263,7 +261,6 @@ def _storage(url: str) -> Any:
 
 
 def _journal(file: Path) -> Any:
-    """Open the journal in the folder of a study."""
     # The lock of the study excludes other writers, so a lock file and an incomplete line of a killed run are removed.
     # One of `_JOURNAL_ERRORS` is raised for a damaged journal.
     from optuna.storages import JournalStorage
@@ -279,5 +276,4 @@ def _journal(file: Path) -> Any:
 
 
 def _unusable(url: str, error: Exception) -> InputError:
-    """Return the InputError for a storage that cannot be used."""
     return ParameterError("storage", f"{url!r} cannot be used ({str(error).splitlines()[0]})", "the URL of a database")

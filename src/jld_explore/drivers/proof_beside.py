@@ -112,8 +112,6 @@ def _blocks(space: SearchSpace, deadline: Deadline) -> BlockSpace | None:
 
 
 class _Proof:
-    """State of the process."""
-
     current: _Proof | None = None
 
     def __init__(self, space: SearchSpace, model: SolveOptions, blocks: BlockSpace | None) -> None:
@@ -200,7 +198,6 @@ class _Proof:
 
 @one_thread()
 def _begin(work: bytes, seconds: float) -> Found:
-    """Bound all layouts in at most some seconds."""
     os.nice(_NICE)
     _Proof.current = _Proof(*pickle.loads(work))
     return _Proof.current.at_root(Deadline(seconds))

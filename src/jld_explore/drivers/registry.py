@@ -39,7 +39,6 @@ def owners(option: str) -> Iterator[type[Driver]]:
 
 
 def driver_named(name: str) -> type[Driver]:
-    """Return the class of a driver; ParameterError names the closest one."""
     kinds = driver_kinds()
     if name not in kinds:
         raise ParameterError("driver", f"no driver is named {name!r}", near(str(name), kinds))

@@ -208,7 +208,6 @@ class Searcher(Driver):
 
     @property
     def _none(self) -> Bits:
-        """Empty array of labellings (0, m)."""
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def ask(self, limit: int | None = None) -> Bits:
@@ -305,7 +304,6 @@ class Pool:
         self._signs, self._covariances = self._signs[places], self._covariances[places]
 
     def predict(self) -> Floats:
-        """Predict the rank of each labelling of the pool, (k,)."""
         self._refresh()
         return self._surrogate.predict_from(self._covariances)
 

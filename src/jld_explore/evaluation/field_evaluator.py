@@ -242,7 +242,6 @@ class FieldPool:
 
     @property
     def refined(self) -> int:
-        """Number of labellings that `refine` has treated."""
         return len({row for row, _ in self._steps})
 
     @property
@@ -354,9 +353,7 @@ class RaceAim(Protocol):
         """Return the layouts (k,) to refine; none once decided. closed: (k,) both bounds within `gap`."""
         ...
 
-    def order(self, rows: Ints, high: Floats) -> Ints:
-        """Return the open layouts in the order in which they are refined."""
-        ...
+    def order(self, rows: Ints, high: Floats) -> Ints: ...
 
     def enough(self, low: Floats) -> Floats:
         """Return the factor (k,) below which a lower bound does not matter."""
@@ -420,7 +417,6 @@ class RequirementAim:
         return rows[np.lexsort((-high[rows], self._counts[rows]))]
 
     def enough(self, low: Floats) -> Floats:
-        """Return the required factor for all layouts."""
         return np.full(len(low), self._required)
 
 
@@ -433,8 +429,6 @@ def _near(best: Floats, most: Floats, gap: float) -> Bools:
 
 @dataclass(frozen=True)
 class RaceResult:
-    """Bounds on the governing factor of raced layouts."""
-
     # low, high: (k, c) bounds on λ of each layout under each load case, scene units; infinite where there is none
     low: Floats
     high: Floats

@@ -235,7 +235,6 @@ class Evaluator(SharedEvaluator):
         return None
 
     def _by_batch_solver(self, labellings: Bits) -> list[Evaluation | None]:
-        """Evaluate labellings with the batch solver; return None for each one it cannot settle."""
         if self._batch is None:
             return [None] * len(labellings)
         start = time.perf_counter()
@@ -488,7 +487,6 @@ def keys_of(rows: Rows) -> list[bytes]:
 
 
 def statuses(rows: Rows) -> NDArray[np.object_]:
-    """Return the status (k,) of each row by name."""
     codes = rows["status"]
     return _STATUS_NAMES.take(codes)
 
@@ -500,7 +498,6 @@ def settled(rows: Rows) -> NDArray[np.object_]:
 
 
 def load_factors(rows: Rows) -> Floats:
-    """Return λ (k,) of each row, as `Evaluation.load_factor`."""
     zero = rows["zero_dilation"]
     found = np.where(np.isnan(zero), rows["associative"], zero)
     return np.asarray(np.where(rows["settled"] == _SETTLED_CODES[BOUND], np.nan, found))

@@ -128,7 +128,6 @@ def recorded(path: Path) -> dict[str, Any]:
 
 
 def damaged(path: Path, how: str) -> InputError:
-    """Return the InputError, not raised, for a damaged record file."""
     return InputError(str(path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
 
 
@@ -309,7 +308,6 @@ class Records:
         return self._count
 
     def find(self, labelling: Bits) -> Evaluation | None:
-        """Return the evaluation of a labelling (m,); None if not on record."""
         return self.find_all(labelling[None])[0]
 
     def find_all(self, labellings: Bits) -> list[Evaluation | None]:
@@ -342,7 +340,6 @@ class Records:
         self._count = end  # Set the count last, so that an interruption leaves no partial row visible.
 
     def forget_evaluations(self) -> None:
-        """Delete all evaluations, on disk and in memory."""
         with self._errors_named(), self._transaction():
             self._file.execute("DELETE FROM evaluations")
         self._count = 0
@@ -462,8 +459,6 @@ class Records:
 
 @dataclass(frozen=True)
 class PendingEvaluations:
-    """Labellings under evaluation."""
-
     labellings: Bits  # (k, m) True = dry
     found: list[Evaluation | None]  # evaluations known so far, one entry per labelling
     missing: Ints  # (j,) positions of the labellings sent to the workers
@@ -526,7 +521,6 @@ class RecordedEvaluator:
 
 
 def _missing(found: list[Evaluation | None]) -> Ints:
-    """Return the positions of the entries that are None."""
     return np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
 
 

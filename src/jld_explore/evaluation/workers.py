@@ -41,12 +41,11 @@ _of_thread = threading.local()  # An evaluator is for one thread, but workers of
 _of_process: Final[
     dict[str, SharedEvaluator]
 ] = {}  # Last evaluator of this process by digest; other threads make twins of it.
+_of_search: Final[dict[str, tuple[Any, ...]]] = {}  # What the last specification of this process was made of.
 
 
 @dataclass(frozen=True)
 class WorkerSpec:
-    """Pickled data from which a worker makes its evaluator."""
-
     content: bytes  # pickle of the function that makes the evaluator, the assembly and the settings
     digest: str  # SHA-256 of the content and the name of the batch solver
     parent: int  # process id of the process that made this specification
@@ -54,11 +53,13 @@ class WorkerSpec:
 
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
-        """Make the specification that workers need to evaluate labellings of an assembly."""
         content = cloudpickle.dumps((make, assembly, settings))  # pickle refuses functions defined in a program
         # Include the batch solver in the digest, since results depend on it.
         kernel = (chosen() or "none").encode()
-        return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
+        digest = hashlib.sha256(kernel + content).hexdigest()
+        _of_search.clear()
+        _of_search[digest] = make, assembly, settings
+        return cls(content, digest, os.getpid())
 
     def evaluator(self) -> LabellingEvaluator:
         """Return the evaluator of this thread, made at the first call; InputError for another version."""
@@ -71,7 +72,7 @@ class WorkerSpec:
                     raise ParameterError(
                         "cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one"
                     )
-                make, assembly, settings = pickle.loads(self.content)
+                make, assembly, settings = _of_search.get(self.digest) or pickle.loads(self.content)
                 evaluator = make(assembly, settings)
                 _of_process.clear()
                 if isinstance(evaluator, SharedEvaluator):
@@ -84,7 +85,6 @@ class WorkerSpec:
 
     @property
     def settles_nearly_all(self) -> bool:
-        """True if the batch solver settles nearly all labellings."""
         evaluator = self.evaluator()
         return isinstance(evaluator, SharedEvaluator) and evaluator.settles_nearly_all
 
@@ -122,8 +122,8 @@ _MOST_PER_TASK: Final = 64  # largest number of labellings per task
 # Largest number of faces over all labellings of a task for the batch solver, which takes about a second
 _MOST_FACES_PER_TASK: Final = 200_000
 
-# Smallest number of labellings of a task for the batch solver; fewer leave SIMD lanes idle
-_FEWEST_PER_TASK: Final = 32
+# Labellings of a task for the batch solver come in such numbers: others leave SIMD lanes idle
+_LANES: Final = 8
 
 # Largest useful number of threads in one process; code outside a solver waits for the interpreter lock
 MOST_THREADS: Final = 2
@@ -143,10 +143,17 @@ def batch_size(faces: int, requested: int) -> int:
     return int(np.clip(min(3000 // max(faces, 1), -(-requested // _FEWEST_TASKS)), 1, _MOST_PER_TASK))
 
 
-def _timed_batch(task: tuple[Any, ...]) -> tuple[tuple[int, list[Evaluation]], float]:
-    """Return the result of `evaluate_batch`, and the processor time of its thread, s."""
+def _timed_batch(task: tuple[Any, ...], then: Then | None) -> tuple[tuple[int, list[Evaluation]], float]:
+    """Return the result of `evaluate_batch` after what is done with it, and the processor time of its thread, s."""
     begun = time.thread_time()
-    return evaluate_batch(*task), time.thread_time() - begun
+    found = evaluate_batch(*task)
+    if then is not None:
+        _, _, labellings, deadline, *_ = task
+        then(labellings[: len(found[1])], found[1], deadline)
+    return found, time.thread_time() - begun
+
+
+Then = Callable[[Bits, list[Evaluation], Deadline | None], None]  # work on evaluations in the thread that made them
 
 
 class Workers:
@@ -161,7 +168,9 @@ class Workers:
         *,
         batch: bool = False,  # stay in this process: the batch solver settles nearly all labellings
         ahead: int = 0,  # runs that begin before the results of an earlier one are requested, see `Driver.ahead`
+        then: Then | None = None,
     ) -> None:
+        self._then = then
         self.spec, self.jobs, self.faces, self.hang_seconds = spec, jobs, faces, hang_seconds
         self.deaths = 0
         client = client_of_cluster()
@@ -225,7 +234,7 @@ class Workers:
         known = self._seconds_of_tasks > 0.0
         if self._single_thread is not None and known and own > _BUSY_SHARE * self._seconds_of_tasks:
             pool = self._single_thread
-        return [partial(self._result, pool.submit(_timed_batch, task)) for task in tasks]
+        return [partial(self._result, pool.submit(_timed_batch, task, self._then)) for task in tasks]
 
     def _result(self, task: Future[tuple[tuple[int, list[Evaluation]], float]]) -> tuple[int, list[Evaluation]]:
         """Wait for a task and record its time; return batch number and evaluations."""
@@ -266,7 +275,7 @@ class Run:
         if workers.batch:
             # Use as few tasks as threads for this run, so that threads seldom wait.
             most = max(_MOST_PER_TASK, _MOST_FACES_PER_TASK // workers.faces)
-            size = max(_FEWEST_PER_TASK, min(most, -(-len(labellings) // workers.threads_of_run)))
+            size = min(most, _LANES * -(-len(labellings) // (_LANES * workers.threads_of_run)))
         # The labelling to be evaluated in any case is a separate task, independent of the deadline.
         starts = (
             [0, *range(1, len(labellings), size)] if self._first_required else list(range(0, len(labellings), size))
@@ -311,7 +320,6 @@ class Run:
             yield slice(part.start, part.start + len(found)), found
 
     def _arguments(self, number: int) -> tuple[Any, ...]:
-        """Return the arguments of `evaluate_batch` for one task."""
         part = self._slices[number]
         required, thresholds = self._first_required and number == 0, self._thresholds[part]
         return self._workers.spec, number, self._labellings[part], self._deadline, thresholds, required

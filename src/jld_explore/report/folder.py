@@ -125,7 +125,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     found["proven"] &= tables.is_ahead(results, found["bound"], max(GAP, model.gap), load_scale(study.assembly))
     sure = complete and bool(found["proven"])
     finished = study.driver.finished and not found.get("open_layouts")
-    asked = tables.facts(results, study.scene.search, complete=complete, finished=finished)
+    asked = tables.requirement_entries(results, study.scene.search, complete=complete, finished=finished)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
     every = front_rows(front, known, axes, complete=sure, aimed=study.driver.settings.get("aim") == "front")
@@ -171,7 +171,6 @@ def _bracket_of_best(results: pd.DataFrame) -> list[float | None] | None:
 
 
 def _complaints(study: Study) -> list[str]:
-    """Return the problems of the record and of proofs in a study, one line each."""
     anew = f"{study.records.path.name} was empty: nothing had been finished, and the search began anew"
     left_out = (
         f"{study.undecided} layouts are left out: the search for an order whose stages stand stopped at its limit"

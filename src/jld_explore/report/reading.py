@@ -373,5 +373,4 @@ def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
 
 
 def _damaged(path: Path, how: str) -> InputError:
-    """Return the InputError, not raised, for a damaged file."""
     return InputError(str(path), f"it is damaged ({how.splitlines()[0]})", LEFT)

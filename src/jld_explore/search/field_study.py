@@ -52,7 +52,6 @@ class FieldStudy(Study):
 
     @property
     def gap(self) -> float:
-        """Return the relative gap of bounds that the scene asks for."""
         cracks = self.scene.cracks
         if not isinstance(cracks, FieldCracks):
             raise RuntimeError("a study by fields needs a scene that cracks by fields")
@@ -84,7 +83,6 @@ class FieldStudy(Study):
         return self._run_search()
 
     def _run_all(self) -> StopReason:
-        """Enumerate all layouts and race them."""
         pool: FieldPool | None = None
         try:
             labellings = self._enumerated()
@@ -138,11 +136,9 @@ class FieldStudy(Study):
         super()._count(evaluations, labellings)
 
     def _until(self, deadline: Any) -> None:
-        """Set the deadline of the next phase."""
         self.deadline, self._end = deadline, deadline.end
 
     def _open_again(self) -> None:
-        """Open the record that a finished search closed."""
         self.records, self._refined = self.open_records(), None
 
     def _race(self, pool: FieldPool) -> None:
@@ -163,7 +159,6 @@ class FieldStudy(Study):
         return BestAim()
 
     def _pool(self, labellings: Bits) -> FieldPool:
-        """Return a pool of labellings (k, m) with the bounds on record."""
         rows = self.table_records.rows
         unstable = statuses(rows) == "unstable"
         high = np.where(unstable, _UNSTABLE, rows["high"])
@@ -298,5 +293,4 @@ class FieldStudy(Study):
 
 
 def _finite(value: float | None) -> float | None:
-    """Return a number for JSON, None for one that is not finite."""
     return value if value is not None and math.isfinite(value) else None

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from jld_core import plugins
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
@@ -114,7 +116,6 @@ class Study:
         }
 
     def open_records(self) -> Records:
-        """Open the record in the folder, existing or new; errors are those of `Records`."""
         own = self.settings.own_objective is not None
         values = len(self.assembly.cases) + (self.assembly.has_low_values) + own
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
@@ -153,7 +154,6 @@ class Study:
 
     @property
     def _own_bound(self) -> float | None:
-        """Bound of the driver; InputError for one that is no number."""
         bound = self.driver.bound
         if bound is not None and (not isinstance(bound, int | float | np.number) or not bound > -math.inf):
             where = f"driver {self.driver.name!r}"
@@ -240,6 +240,8 @@ class Study:
                     offered, self._offered = self._offered, None
                     recorded.collect(recorded.submit(offered))
                     continue
+                with suppress(DeadlinePassed), plugins.guarded("jld.drivers", driver.name), self.deadline.enforced():
+                    driver.prepare()
                 pending = waiting.popleft()
                 evaluations = recorded.collect(pending)
                 self.solved = recorded.solved
@@ -300,15 +302,14 @@ class Study:
             hang_seconds=max(HANG_SECONDS, _HANGS * cost_estimate(self.assembly).seconds),
             batch=self._make is evaluator_of and settings.batched and spec.settles_nearly_all,
             ahead=self.driver.ahead,
+            then=None if self.space.void is not None else self.standing.foresee,
         )
 
     @property
     def worker_spec(self) -> WorkerSpec:
-        """Return the specification of the evaluators of this study."""
         return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make)
 
     def _restore(self) -> None:
-        """Hand the evaluations on record to the driver."""
         packed = self.records.rows["labelling"]
         rows = unpack(packed, len(self.assembly.interfaces))
         known = [self.records.find(labels) for labels in rows]

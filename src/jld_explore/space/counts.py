@@ -336,7 +336,6 @@ class Count:
 
     @property
     def title(self) -> str:
-        """Title of the column."""
         return self.column or self.name.replace("_", " ")
 
     def heading(self, assembly: Assembly) -> str:
@@ -344,7 +343,6 @@ class Count:
         return self.title if isinstance(self.axis, str) else self.axis(assembly)
 
     def label(self, assembly: Assembly) -> str:
-        """Return the axis label, with the unit in brackets."""
         axis, unit = self.axis if isinstance(self.axis, str) else self.axis(assembly), self.unit(assembly)
         return f"{axis} [{unit}]" if unit else axis
 
@@ -367,14 +365,12 @@ def _dry_length(layouts: Layouts) -> Floats:
 
 
 def _largest_mass(layouts: Layouts) -> Floats:
-    """Return (k,) mass of the heaviest block."""
     elements = layouts.assembly.elements
     stays = layouts.stays[:, elements.free] * elements.mass[elements.free]
     return np.asarray(totals_of(layouts.blocks, elements.free, stays).max(axis=1, initial=0.0))
 
 
 def _mass(layouts: Layouts) -> Floats:
-    """Return (k,) mass of all elements that are not left out."""
     elements = layouts.assembly.elements
     mass = elements.mass[elements.free]
     total = float(mass.sum()) or 1.0

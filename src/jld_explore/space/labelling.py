@@ -144,7 +144,6 @@ class Connectivity:
 
     @cached_property
     def compiled(self) -> Graph:
-        """The same graph for the compiled batch solver."""
         return Graph(len(self.start), self.a, self.b, self.touching)
 
 

@@ -40,7 +40,6 @@ class Range:
 
     @property
     def given(self) -> bool:
-        """True if there is at least one bound."""
         return self.low is not None or self.high is not None
 
     def above(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
@@ -129,7 +128,6 @@ class Sized:
         return size
 
     def one(self, members: Iterable[int]) -> SizeOf:
-        """Return a function that gives the size of one set."""
         rows = sorted(members)
 
         def size(measure: Measure) -> Floats:
@@ -175,8 +173,6 @@ _MEASURED: Final = 1e-6  # relative rounding allowed for values measured on the 
 
 @dataclass(frozen=True)
 class Limits:
-    """All limits of a search over an assembly."""
-
     assembly: Assembly  # structure with n elements and m faces
     search: Search  # section "search" of a scene
 

@@ -168,7 +168,6 @@ def _of_face(entry: FaceLoad, elements: Elements) -> list[tuple[Tag, int, Floats
 
 
 def _spread(value: Any) -> Tag:
-    """Return the distribution of a number; () of one without."""
     return (value.cov, value.kind) if isinstance(value, Uncertain) else ()
 
 
@@ -211,7 +210,6 @@ def _is_image(mark: Mark, image: Mark, to: Ints, matrix: Floats, centre: Floats,
 
 
 def _size(one: Floats, other: Floats) -> float:
-    """Return the largest magnitude in two arrays."""
     return max(float(abs(one).max(initial=0.0)), float(abs(other).max(initial=0.0)))
 
 
@@ -430,7 +428,6 @@ def _same_axes(faces: Interfaces, to: Ints, matrix: Floats) -> bool:
 def _image_of_members(
     assembly: Assembly, signature: Signature | None, to: Ints, matrix: Floats, centre: Floats, reach: float
 ) -> Ints | None:
-    """Return the images of the interfaces of members; None if a member has no image."""
     members = assembly.members
     tags = () if signature is None else signature.members
     strengths = assembly.face_strengths.table()
@@ -441,7 +438,6 @@ def _image_of_members(
         moved, aim, axis = (points - centre) @ matrix.T + centre, to[held], matrix @ members.axis[k]
 
         def same(j: int, k: int = k, moved: Floats = moved, aim: Ints = aim, axis: Floats = axis) -> bool:
-            """Return whether member j is the image of member k."""
             one, other = int(members.face[k]), int(members.face[j])
             alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
             alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)

@@ -40,8 +40,6 @@ FALL: Final = 0.05
 
 @dataclass(frozen=True)
 class CheckPlan:
-    """Plan for a check of the best layouts by fields."""
-
     count: int  # layouts checked beside the structure without cuts, 0 for no check
     seconds: float  # expected processor time, s
     skipped: str  # reason why nothing is checked, "" if something is
@@ -99,7 +97,6 @@ class FieldCheck(Step):
         return entries
 
     def run(self, done: Exploration, context: StepContext) -> Exploration:
-        """Return the search with the bounds of its best layouts."""
         start, space = time.perf_counter(), context.space
         ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(self.plan.count)
         low, high = np.full((2, len(done.results)), np.nan)

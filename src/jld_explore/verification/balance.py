@@ -154,7 +154,6 @@ class Balances:
         return self._balance(work, total, self._coefficient_digits + digits, moves, digits)
 
     def _balance(self, work: Fraction, total: int, scale: int, moves: Moves, digits: int) -> Balance:
-        """Return the work balance of a dissipation in its integer unit."""
         dissipated = Fraction(total, _PARTS << (scale + (3 if self._planar else 4) * self._digits))
         return Balance(work, dissipated - self._power(self._dead, self._dead_digits, moves, digits))
 
@@ -165,7 +164,6 @@ class Balances:
         return self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
 
     def _jump(self, face: int, moves: Moves) -> list[int]:
-        """Return the integer jump of a face under given velocities."""
         found = [0] * self.assembly.freedoms
         for element, sign, rows in self._sides[face]:
             velocity = moves.get(element)

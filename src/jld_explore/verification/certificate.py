@@ -95,7 +95,6 @@ def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
 
 
 def _line(reason: Reason) -> dict[str, Any]:
-    """Return a reason as a JSON object."""
     if isinstance(reason, Mechanism):
         moves = {str(element): velocity for element, velocity in reason.moves.items()}
         return {"dry": reason.dry, "inner": reason.inner, "case": reason.case, "digits": reason.digits, "moves": moves}

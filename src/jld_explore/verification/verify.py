@@ -58,8 +58,6 @@ _IDLE: Final = {"symmetry", "front"}  # keys under "search" that do not affect w
 
 
 class Labellings:
-    """Labellings of a scene as fixed labels and clauses."""
-
     def __init__(self, scene: Scene, assembly: Assembly) -> None:
         # literals: face + 1 states that a face is inner, −(face + 1) that it is dry; limits that clauses cannot express
         # are ignored, so that the proof covers more labellings
@@ -310,8 +308,6 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
 
 
 class Checker:
-    """Checker of the reasons of one claim, in order."""
-
     def __init__(self, scene: Scene, assembly: Assembly, claim: Claim) -> None:
         self.labellings = Labellings(scene, assembly)
         cases = assembly.by_case
@@ -349,7 +345,6 @@ class Checker:
             raise InputError("reasons", "they leave labellings that may carry more", "a proof that leaves none")
 
     def clause(self, reason: Reason) -> list[int] | None:
-        """Return the clause that a reason proves, or None if the reason does not hold."""
         # The clause is not stored. Its literals are those of `Labellings`.
         if isinstance(reason, Mechanism):
             return self._of_mechanism(reason)
@@ -380,7 +375,6 @@ class Checker:
         return True
 
     def _weighed(self, reason: Mechanism) -> Balance | None:
-        """Return the work balance of a mechanism, None if it is not well formed."""
         decided = self._decided(reason)
         if decided is None or not self._move(reason.moves, self._balances[reason.case].assembly.freedoms):
             return None
@@ -402,7 +396,6 @@ class Checker:
         return free and all(len(values) == numbers for values in moves.values())
 
     def _of_blocks(self, reason: BlockMechanism) -> list[int] | None:
-        """Return the clause that mechanisms of all possible blocks prove by (6.6), or None."""
         # The left side of (6.6) is concave in λ: positive at the ceiling and not negative at the bound, it is positive
         # for all λ between them. Blocks without velocities stand still.
         assembly, decided = self.labellings.assembly, self._decided(reason)
@@ -438,7 +431,6 @@ class Checker:
 
 
 def _labels(reason: Mechanism | BlockMechanism) -> list[int]:
-    """Return the clause that not all labels of a reason hold together."""
     return [*(face + 1 for face in reason.dry), *(-(face + 1) for face in reason.inner)]
 
 

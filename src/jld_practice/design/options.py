@@ -35,8 +35,6 @@ _ON: Final = 1e-6  # distance from a line, circle or support, relative to the st
 
 @dataclass(frozen=True)
 class Edge:
-    """Edge of a free element that carries a load."""
-
     element: int  # index of the element
     # low, high: places of both ends along the side or line, length
     low: float
@@ -647,7 +645,6 @@ def _defaults(options: DesignOptions) -> list[str]:
 
 
 def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) -> dict[str, Any]:
-    """Return the value of the key "materials" with those of the options and with defaults."""
     # Default strengths and friction replace missing ones, and a low friction is added.
     found = {**materials}
     if options.density is not None:

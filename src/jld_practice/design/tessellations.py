@@ -72,8 +72,6 @@ class AlignedCells:
 
 @dataclass(frozen=True)
 class TriangleStresses:
-    """Stresses on the triangles of a planar body."""
-
     points: Floats  # (p, 2) nodes, length
     triangles: Ints  # (t, 3) nodes of each triangle, counter-clockwise
     stress: Floats  # (t, 3) mean σx, σy, τxy in each triangle, tension positive
@@ -485,7 +483,6 @@ def _planar(
         return _ready(refine(outline, voussoirs=count, rings=rings, snap=_SNAP).scene, arcs)
 
     def irregular(size: float) -> Scene:
-        """Cut into Voronoi cells."""
         return _ready(refine(outline, (size * cell,), kind="voronoi", seed=options.seed, snap=_SNAP).scene, arcs)
 
     @cache

@@ -163,7 +163,6 @@ class Combination:
     heavier: tuple[str, ...] = ()
 
     def factors(self, partial: scene_design.PartialFactors) -> dict[str, float]:
-        """Return the factor of each permanent action by its name."""
         names = ("self_weight", "dead", "prestressing")
         return {name: getattr(partial, name)[getattr(self, name) == "unfavourable"] for name in names}
 
@@ -285,7 +284,6 @@ def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int]
 
 
 def loaded_cases(structure: Assembly, labels: Bits, combination: Combination) -> list[Loaded]:
-    """Return the load cases of a structure under the design loads of a combination."""
     return [
         Loaded(number, alone.with_strengths(alone.strengths(ROUTE)), labels, float(required), combination)
         for number, (alone, required) in enumerate(zip(structure.by_case, structure.required, strict=True))
@@ -497,8 +495,6 @@ Solution = LimitAnalysisResult | models_by_fields.FieldResult  # solution of a s
 
 @dataclass(frozen=True)
 class CaseCheck:
-    """Utilisation of one load case under one combination."""
-
     name: str  # name of the load case; "" for a single load
     required: float  # required factor of the case, 1 if the scene states none
     combination: Combination
@@ -553,8 +549,6 @@ class CaseCheck:
 
 @dataclass(frozen=True)
 class DesignCheck:
-    """Design check of one layout."""
-
     scene: Scene  # scene with characteristic values
     assembly: Assembly  # structure at characteristic values
     labels: Bits  # (m,) labels of the structure that is solved, True = dry

@@ -270,8 +270,6 @@ class Table:
 
 @dataclass(frozen=True)
 class Content:
-    """Content of the page of a design check in one language."""
-
     title: str
     result: list[str]
     tables: list[Table]
@@ -418,7 +416,6 @@ def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the reactions: a row for each support, a column for each component."""
     by_place: dict[str, dict[str, str]] = {}
     largest = max(abs(end) for one in check.reactions for end in (*one.interval, 0.0) if end is not None)
     for one in check.reactions:
@@ -437,7 +434,6 @@ def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the dry joints nearest to their limit."""
     length, force = check.assembly.units
     found = joints_of(check)
     share = "–" if check.reserve is None else f"{100.0 * check.reserve.bracket[1]:.1f} %"
@@ -465,7 +461,6 @@ def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _blocks(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the blocks nearest to cracking."""
     found = blocks_near_cracking(check)
     rows = [[one["block"], "–".join(one["face"]), _percent(one["share"])] for one in found[:LISTED]]
     head = [words["block"], words["face"], words["share"]]

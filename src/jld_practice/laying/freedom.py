@@ -79,7 +79,6 @@ class Solids:
         return any(_meets(planes, face, 1e-3 * depth) for face in faces[~clear])
 
     def _skin(self, element: int) -> Floats:
-        """Return the triangles (t, 3, 3) of the surface of an element."""
         if element not in self._skins:
             corners = self.elements.shape[element]
             faces = [corners[list(loop)] for loop in self.elements.faces[element]]
@@ -125,7 +124,6 @@ def _meets(planes: Floats, polygon: Floats, near: float) -> bool:
 
 
 def _volumes(elements: Elements) -> Floats:
-    """Compute the volumes (n,) of polyhedra from their faces."""
     # Volumes given by a scene are ignored.
     found = []
     for corners, faces in zip(elements.shape, elements.faces, strict=True):
@@ -407,7 +405,6 @@ class Blocks:
         return np.flatnonzero(self.of == block)
 
     def name(self, block: int) -> str:
-        """Return the id of the first element of a block."""
         return self.assembly.elements.ids[int(self.elements(block)[0])]
 
     def contacts_of(self, block: int) -> tuple[Ints, Floats]:
@@ -583,7 +580,6 @@ class Freedom:
         return False
 
     def _separable(self, group: Ints) -> bool:
-        """Return whether the blocks of a group can be separated by translations."""
         if len(group) < 2:
             return True
         key = group.tobytes()

@@ -104,17 +104,7 @@ _SAME: Final = 1e-6  # difference of prop forces, relative to the weight, below 
 
 @dataclass(frozen=True)
 class Step:
-    """Step of an order of laying: blocks that are laid together.
-
-    Attributes
-    ----------
-    blocks : tuple of int
-        Blocks.
-    direction : (d,) or (3,) array
-        Unit vector along which they could be removed; (3,) for out of the plane.
-    stage : Stage
-        Stability of the structure after the step.
-    """
+    """Blocks laid together, and the direction, (d,) or (3,) out of the plane, in which they could be removed."""
 
     blocks: tuple[int, ...]
     direction: Floats

@@ -118,7 +118,6 @@ class Parts:
         return [self._part(here & (support | (name == one)), labels) for one in np.unique(name[free])]
 
     def _part(self, here: Bools, labels: Bits) -> _Part:
-        """Return the part of elements `here` (n,) from the store, or solve it."""
         faces = self.assembly.interfaces
         key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
         if key not in self._known:

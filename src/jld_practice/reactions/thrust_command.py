@@ -104,7 +104,6 @@ def _resultants(
 
 
 def _words(found: ThrustRanges) -> str:
-    """Describe all ranges of one load case."""
     load = f"{found.load_factor:g} × the live load" if found.load_factor else "the dead load alone"
     if found.stands is False:
         return f"{found.assembly.name}: falls under {load}, proven"
@@ -168,7 +167,6 @@ def settlement(
 
 
 def _settlement_words(found: Settled) -> str:
-    """Describe the reactions under one settlement."""
     if found.stands is False:
         return f"{found.settlement.name}: it falls under its dead load alone"
     force = found.assembly.units[1]

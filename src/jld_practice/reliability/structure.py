@@ -169,7 +169,6 @@ class RandomStructure:
         return found
 
     def at(self, values: Floats, case: int) -> Assembly:
-        """Return the assembly of a load case at values (v,) of the variables."""
         dead, live = self.loads(values[None], case)
         stress = self.cases[case].members.self_stress
         return replace(
@@ -368,7 +367,6 @@ class _Measurement:
 
     @staticmethod
     def _grow_pairs(growths: list[Growth], weights: list[int], body: int, dead: Floats, live: Floats) -> None:
-        """Add loads that grow with a body load and each of the weights of one value."""
         if not (dead.any() or live.any()):
             return
         if len(weights) == 1:
@@ -387,7 +385,6 @@ def _rate(after: Floats, before: Floats, change: float, digits: float = 1.0) -> 
 
 
 def _only(load: Floats, element: int) -> Floats:
-    """Return loads (n, q) of one element alone."""
     found = np.zeros_like(load)
     found[element] = load[element]
     return found
@@ -457,7 +454,6 @@ class SampleBounds:
 
     @one_thread()
     def of(self, values: Floats, required: float | None = None) -> GoverningBounds:
-        """Compute bounds for samples (k, v)."""
         if not self.batched:
             return self.proven(values)
         size, cases = batch_solver.SAMPLES_OF_A_CALL, range(len(self.analyses))
@@ -494,7 +490,6 @@ class SampleBounds:
         return low, high
 
     def solved(self, values: Floats, case: int) -> tuple[LimitAnalysis, Proof]:
-        """Solve a load case at values (v,) of the variables; return analysis and proof."""
         analysis = limit_analysis(
             self.structure.at(values, case), _OPTIONS, reference=self.labels, single_labelling=True
         )

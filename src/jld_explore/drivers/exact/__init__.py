@@ -8,26 +8,22 @@ The next formula is made for a lower λ, down to the best λ known.
 
 **The invariant.** Every labelling is refuted by a conflict in the store, has an evaluation, or is still open
 (`proof_state`). Bounds rest on limit analyses with their brackets, on mechanisms whose work balance is computed here,
-and on a satisfiability solver. No tolerance of an optimiser enters the proof, and threads and processes only add
-conflicts and hand over labellings.
+and on a satisfiability solver, never on the tolerance of an optimiser.
 
-**The data flow**, and the modules in this order:
+**The modules**, in the order of the data:
 
-1. `context`: data that stay fixed: space, possible blocks, free faces, relaxation; when to aim at which λ, and when
-   annealing seeks better labellings beside the proof.
+1. `context`: data that stay fixed; when to aim at which λ, and when annealing seeks better labellings.
 2. `driver`: `ProvingDriver` holds state, check and contradictions of every proof, by fields too (`field_exact`);
    `ConflictDriver` asks, checks and goes on; `Exact` proves the largest λ, or a front, and `minimum_count` the best
-   count that carries a required λ. `targets` holds what is to be proven.
-3. `cube_workers` gets conflicts: from `conflict_generation` in this process or in its threads, or from other
-   processes, which refute cubes of the space. `conflict_generation` draws labellings from the `formula`, refutes them
-   and minimises their conflicts.
+   count that carries a required λ. `Targets` hold what is to be proven.
+3. `cube_workers` gets conflicts in this process, its threads or others; `conflict_generation` draws labellings from the
+   `formula`, refutes them and minimises their conflicts.
 4. `proof_state` stores conflicts and labellings handed over, once for all threads, and on record.
-5. `block_tree` takes the place of conflicts of faces where blocks are small: a branch and bound over blocks with
-   bounds from `block_bounds`. Its refuted nodes are conflicts as well, so the formula still decides whether a
-   labelling is left. In any other long proof `block_bounds` bounds all labellings once.
+5. `block_tree` takes the place of conflicts of faces where blocks are small: a branch and bound with bounds from
+   `block_bounds`. Its refuted nodes are conflicts as well. In any other long proof `block_bounds` bounds all labellings
+   once.
 6. `proof_check` derives the claims of the finished proof again, by another satisfiability solver and from the
-   mechanisms alone. Without it nothing is called proven. `certifying` writes the proof as a file, with the lemmas it
-   needs.
+   mechanisms alone; `certifying` writes the proof as a file.
 """
 
 from __future__ import annotations

@@ -65,8 +65,6 @@ UnsolvedChild = tuple[tuple[int, bool], Node]
 
 @dataclass(frozen=True)
 class Branching:
-    """Arguments of branching at one node."""
-
     node: Node
     allowed: Bools  # (p,) blocks left at the node
     threshold: float  # scaled λ to reach
@@ -76,8 +74,6 @@ class Branching:
 
 @dataclass(frozen=True)
 class TreeStep:
-    """Result of `BlockTree.step`."""
-
     node: Node  # the node that was processed
     conflicts: tuple[Conflict, ...] = ()  # conflicts found
     # (m,) labelling of a node without undecided faces, which the caller must check; True = dry
@@ -132,7 +128,6 @@ class BlockTree:
 
     @property
     def finished(self) -> bool:
-        """True if no node is open."""
         return self._next is None and not self._open
 
     def step(self, threshold: float, possible: Possible, time_is_up: Callable[[], bool]) -> TreeStep:
@@ -285,7 +280,6 @@ class BlockTree:
         return [FaceChildren(children.get((face, False)), children.get((face, True))) for face in faces]
 
     def _score(self, node: Node, tried: FaceChildren) -> float:
-        """Return the product of the decreases of the bound from a node to its children."""
         return float(np.prod([max(node.choice.bound - one.choice.bound, _LEAST_DECREASE) for one in tried.left]))
 
     def _with_forced_labels(
@@ -338,8 +332,6 @@ _LABELLINGS_PER_PROGRAM: Final = 30
 
 @dataclass(frozen=True)
 class BlockStep:
-    """Result of one step of `BlockSearch`."""
-
     conflicts: tuple[Conflict, ...]  # conflicts found in the step
     complete: Bits | None = None  # (m,) labelling of a node without undecided faces, True = dry
     promising: Bits | None = None  # (m,) labelling that may exceed the best one known, True = dry
@@ -401,7 +393,6 @@ class BlockSearch:
         self._jobs = jobs
 
     def abandon(self) -> None:
-        """Drop the tree and stop its workers."""
         self._tree = None
         self.close()
 

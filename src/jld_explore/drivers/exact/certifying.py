@@ -156,7 +156,6 @@ class Certifier:
     # --- what is ruled out ------------------------------------------------------------------------------
 
     def _add(self, clause: Sequence[int], reason: Reason | None) -> int:
-        """Append a clause with its reason (None: none yet), and return its position."""
         self._clauses.append(list(clause))
         self._reasons.append(reason)
         return len(self._clauses) - 1
@@ -418,7 +417,6 @@ class _Units:
 
 
 def _whole(values: Iterable[float], digits: int) -> tuple[int, ...]:
-    """Round values times 2**digits to integers."""
     return tuple(round(Fraction(float(value)) * (1 << digits)) for value in values)
 
 

@@ -124,7 +124,6 @@ def conflict_of(
 
 
 def _conflict(labels: Bits, decided: Bools, bound: float, found: DualBound) -> Conflict:
-    """Return the conflict of the decided faces (m,) with the mechanism of a dual bound."""
     faces = np.flatnonzero(decided)
     return Conflict(faces, labels[faces], bound, mechanism=Mechanism(found.case, found.velocity))
 
@@ -154,8 +153,6 @@ _DRY_PROBABILITY: Final = 0.3  # probability that a drawn labelling prefers a fa
 
 @dataclass
 class ConflictBatch:
-    """Result of one step of `ConflictGenerator`."""
-
     conflicts: list[Conflict] = field(default_factory=list)  # conflicts found
     unrefuted: list[Bits] = field(default_factory=list)  # labellings that no mechanism refutes, True = dry
     exhausted: bool = False  # whether no labelling is left, in the cube if one was given
@@ -184,7 +181,6 @@ class ConflictGenerator:
         return self._formula
 
     def begin(self, formula: Formula, take_in_others: Callable[[], None] | None = None) -> None:
-        """Continue with another formula."""
         self._formula, self._take_in_others = formula, take_in_others or _nothing
         self._conflict_keys = set()
         # Small blocks are refuted by cracks through the whole structure, so windows delay the proof: walls take 50 %
@@ -221,7 +217,6 @@ class ConflictGenerator:
         return np.array(drawn, dtype=bool).reshape(len(drawn), len(self._free))
 
     def _options(self) -> tuple[MinimizationOptions, int]:
-        """Return the options of minimisation, and a seed for the neighbours."""
         options = MinimizationOptions(
             neighbours=_NEIGHBOURS if len(self._conflict_keys) >= _BATCH_SIZE else 0, tries=_TRIES, inner=_INNER_FIRST
         )
@@ -281,7 +276,6 @@ class ConflictGenerator:
             self._add_conflict(found, batch)
 
     def _add_conflict(self, conflict: Conflict, batch: ConflictBatch) -> None:
-        """Add a conflict to the batch and to the formula unless it is known."""
         key = conflict.key
         if key not in self._conflict_keys:
             self._conflict_keys.add(key)

@@ -33,8 +33,6 @@ _GROWN: Final = 4  # sets, as a multiple of `MOST`, above which sets of one size
 
 @dataclass(frozen=True)
 class PossibleBlocks:
-    """List of p possible blocks."""
-
     members: tuple[tuple[int, ...], ...]  # elements of each block, ascending
     inside: tuple[tuple[int, ...], ...]  # faces with both sides in the block, ascending
 
@@ -256,7 +254,6 @@ class ProofContext:
     def of(
         cls, space: SearchSpace, seed: int, counted: Count | None = None, *, list_blocks: bool = True
     ) -> ProofContext | None:
-        """Make the context of a space, None without a formula or a relaxation."""
         analyses = tuple(LimitAnalysis(case) for case in space.assembly.by_case)
         blocks = listed_blocks(space) if list_blocks else None
         if without_formula(space, blocks, counted) is not None:
@@ -273,7 +270,6 @@ class ProofContext:
         return np.asarray(self.space.fixed | (self.space.candidates & ~self.free))
 
     def packed(self, seed: int) -> bytes:
-        """Return the context with another seed, pickled for a worker."""
         # cloudpickle, because limits hold lambdas; the worker makes a relaxation of its own
         content: bytes = cloudpickle.dumps((self.space, self.blocks, self.free, seed))
         return content
@@ -291,7 +287,6 @@ class ProofContext:
 
     @property
     def key(self) -> str:
-        """Hash of all data that conflicts depend on."""
         # Recorded conflicts hold for an equal key only. The hash covers the numbers of the programs, the free faces,
         # the symmetry group and the possible blocks.
         space = self.space
@@ -452,8 +447,6 @@ _LABELLINGS_IN_LONG_PROOF: Final = 0.06
 
 
 class AnnealingSchedule:
-    """Schedule for interleaving annealing with the proof."""
-
     def __init__(self, *, batched: bool, disabled: bool) -> None:
         self._share = _LABELLINGS_PER_RELAXATION[not batched]
         self._interval = math.inf if disabled else _FIRST_INTERVAL

@@ -1,13 +1,9 @@
 """Cube-and-conquer proof: split the search space into cubes and refute them in workers.
 
-This process keeps the formula, the bound and the records. Each worker receives a cube for a short time and
-returns conflicts and labellings that no mechanism refutes. Conflicts hold for the whole
-space and are sent to all other workers. A cube without any labelling left is **closed**. A cube that lasts is split
-in two by the most promising face as soon as there are too few cubes for all workers. A worker that
-dies loses only its current task; another worker receives the cube.
-
-The proof does not depend on the workers. Every conflict is proven by the same code wherever it is found. A closed
-cube is the answer of a satisfiability solver to a formula of such conflicts.
+Each worker receives a cube for a short time and returns conflicts, which hold for the whole space and go to all others,
+and labellings that no mechanism refutes. A cube without any labelling left is **closed**, by a satisfiability solver. A
+cube that lasts is split by the most promising face once there are too few for all workers. A worker that dies loses
+only its current task.
 """
 
 from __future__ import annotations
@@ -55,8 +51,6 @@ class Task:
 
 @dataclass
 class TaskResult:
-    """Result of a task."""
-
     conflicts: list[Conflict] = field(default_factory=list)  # conflicts found
     unrefuted: list[Bits] = field(default_factory=list)  # labellings that no mechanism refutes
     closed: bool = False  # whether no labelling of the cube is left
@@ -190,7 +184,6 @@ class CubeWorkers:
 
     @property
     def has_workers(self) -> bool:
-        """True if there are workers, including those that are starting."""
         return len(self._pool) > 0
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
@@ -358,16 +351,12 @@ def delay_point(place: str) -> None:
 
 @dataclass
 class _Target:
-    """Current target of refutation."""
-
     count: int | Range | None  # count as in `Formula.aim`
     threshold: float  # scaled λ to refute
     exhausted: bool = False  # whether no labelling is left above the threshold
 
 
 class _GeneratorThread:
-    """State of one thread: its conflict generator and its formula."""
-
     def __init__(self, generator: ConflictGenerator, state: ProofState) -> None:
         self._generator, self._state = generator, state
         self._target: _Target | None = None
@@ -525,7 +514,6 @@ class ConflictSources:
         return self._formula
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
-        """Continue with another formula."""
         self._formula, self._count = formula, count
         self._generator.begin(formula)
         if self._threads is not None:

@@ -80,7 +80,6 @@ class ProvingDriver(Driver):
 
     @property
     def conflicts(self) -> int:
-        """Number of conflicts found."""
         return len(self._state.conflicts)
 
     @property
@@ -90,7 +89,6 @@ class ProvingDriver(Driver):
 
     @property
     def proof_check(self) -> ProofCheck | None:
-        """Result of checking the finished proof; None before the check."""
         return self._proof_check
 
     @property
@@ -129,7 +127,6 @@ class ProvingDriver(Driver):
 
     @property
     def _time_is_up(self) -> bool:
-        """True if the deadline has passed."""
         return self._deadline.passed()
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
@@ -142,7 +139,6 @@ class ProvingDriver(Driver):
 
     @property
     def _no_labellings(self) -> Bits:
-        """Empty array of labellings (0, m)."""
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
 
@@ -180,7 +176,6 @@ class ConflictDriver(ProvingDriver):
         return self._enumeration is not None
 
     def _new_sources(self) -> ConflictSources | None:
-        """Return new conflict sources, or None for an enumerated space."""
         if self._context is None:
             return None
         return ConflictSources(self._context, self._state, self._solo_relaxations)
@@ -208,7 +203,6 @@ class ConflictDriver(ProvingDriver):
 
     @property
     def relaxations(self) -> int:
-        """Number of relaxations solved in all threads and processes."""
         here = 0 if self._context is None else self._context.relaxation.solves
         return here + (0 if self._sources is None else self._sources.solves)
 
@@ -315,7 +309,6 @@ class ConflictDriver(ProvingDriver):
         """Take in the result of a check; the search begins anew where the proof goes on."""
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m)."""
         if self._enumeration is not None:
             self._enumeration.tell(labellings, evaluations)
             return
@@ -335,7 +328,6 @@ class ConflictDriver(ProvingDriver):
         return self._state.take_waiting()
 
     def _hand_over(self, labels: Bits) -> None:
-        """Hand over a labelling (m,) that no mechanism refuted."""
         self._state.hand_over([labels])
 
     def _exclude_handed_over(self) -> None:
@@ -368,7 +360,6 @@ class ConflictDriver(ProvingDriver):
         self._state.add_conflicts([one])
 
     def _add_conflicts(self, conflicts: Sequence[Conflict]) -> None:
-        """Add conflicts to the state of the proof and to the formula."""
         self._state.add_conflicts(conflicts)
         for one in conflicts:
             self.formula.forbid(one.faces, one.labels, one.bound)
@@ -503,7 +494,6 @@ class Exact(ConflictDriver):
             self._heuristics.begin_with(starter, labellings)
 
     def _checked(self) -> ProofCheck:
-        """Check the claims on all targets."""
         claims, problem = claims_of(self.found.values(), self._incumbents, self._scale, self._load_scale)
         return self._check_proof(claims, problem, self._incumbents.strongest(_STRONGEST_COMPARED))
 
@@ -648,7 +638,6 @@ class Exact(ConflictDriver):
         self._targets.lower_bound(target, bound, self._state.handed_over)
 
     def _settle(self, target: int | None) -> None:
-        """Close a target, its formula and its block tree."""
         self._targets.settle(target)
         if self._block_search is not None:
             self._block_search.abandon()

@@ -56,8 +56,6 @@ class Claim:
 
 @dataclass(frozen=True)
 class ProofCheck:
-    """Result of checking a proof."""
-
     problem: str  # problem in one line, "" if the proof passed
     seconds: float  # time of the check, s
     conflicts: int = 0  # number of conflicts that the claims rest on
@@ -70,7 +68,6 @@ class ProofCheck:
 
     @property
     def passed(self) -> bool:
-        """True if the check found no problem."""
         return not self.problem
 
     def to_dict(self) -> dict[str, Any]:
@@ -206,6 +203,7 @@ def _find_contradiction(conflicts: Sequence[Conflict], space: SearchSpace, label
         if not weaker.size:
             continue
         images = labels[space.group].astype(np.float32)
+        # number of faces on which an image differs from a conflict, by matrix products
         differing = dry[weaker] @ (1.0 - images.T) + inner[weaker] @ images.T
         matching = np.flatnonzero((differing == 0.0).any(axis=1))
         if matching.size:
@@ -249,8 +247,6 @@ _LOGGING = "cadical195"  # satisfiability solver that logs its proof
 
 @dataclass(frozen=True)
 class Refutation:
-    """Proof that clauses contradict each other."""
-
     needed: tuple[int, ...]  # positions of the clauses that are used, ascending
     # literals of each lemma, and its reasons: positions of clauses, or number of clauses + position of a lemma
     lemmas: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
@@ -312,7 +308,6 @@ class _Propagation:
         self._conflict: int | None = None
 
     def add(self, literals: Sequence[int]) -> None:
-        """Add a clause and propagate it."""
         clause = list(dict.fromkeys(literals))
         name = len(self._clauses)
         self._clauses.append(clause)
@@ -520,6 +515,7 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
             sure = complete and not group["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)]).any()
             best, bound = float(ranked["load_factor"].max()), float(ranked["bracket_hi"].max())
             low, others = float(ranked["bracket_lo"].max()), ranked["bracket_hi"].drop(ranked["bracket_lo"].idxmax())
+            # proven only if no other layout may exceed the best lower bound
             sure = sure and not others.max() - low > tolerances.PROVEN * abs(bound)
             number = value if isinstance(value, float) else int(str(value))
             rows.append({"count": number, "load_factor": best, "bound": bound if sure else None, "proven": sure})
@@ -543,7 +539,6 @@ _INCREASE: Final = 0.5 * tolerances.PROVEN
 
 
 def front_count(space: SearchSpace) -> Count | None:
-    """Return the count of an exact front; None where no formula expresses the front."""
     asked = space.search.front
     count = count_named(asked.count)
     return None if asked.counts or count.terms is None else count
@@ -560,7 +555,6 @@ class Targets:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all bounds and return to the first target."""
         self.found = {None: self._target_with_bound(None, math.inf)}
         self.left = [None]
         self._listed = False

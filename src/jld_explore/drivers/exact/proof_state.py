@@ -28,8 +28,6 @@ class Evidence(IntEnum):
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Mechanism that proves a conflict."""
-
     case: int  # index of the load case
     velocity: Floats  # (q · free,) scaled velocities of the free elements
 
@@ -166,7 +164,6 @@ class Conflicts:
         self.save()
 
     def clear(self) -> None:
-        """Forget all conflicts, in memory and on record."""
         with self._lock:
             self._known, self._bounds = [], LeastBounds()
             self._saved = self._mechanisms = 0

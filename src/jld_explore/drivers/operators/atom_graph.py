@@ -34,25 +34,20 @@ class BufferedRandom:
         self._drawn: list[float] = []
 
     def real(self) -> float:
-        """Return a random number in [0, 1)."""
         if not self._drawn:
             self._drawn = self.generator.random(_BLOCK).tolist()
         return self._drawn.pop()
 
     def reals(self, count: int) -> list[float]:
-        """Return `count` random numbers in [0, 1)."""
         return [self.real() for _ in range(count)]
 
     def below(self, count: int) -> int:
-        """Return a random integer in 0 … count − 1."""
         return int(self.real() * count)
 
     def pick(self, items: list[Item]) -> Item:
-        """Return a random item of a list that is not empty."""
         return items[int(self.real() * len(items))]
 
     def shuffled(self, items: list[Item]) -> list[Item]:
-        """Return the items in random order."""
         return [items[i] for _, i in sorted((self.real(), i) for i in range(len(items)))]
 
 
@@ -76,8 +71,6 @@ class Sink:
 
 @dataclass(frozen=True)
 class PartLimits:
-    """Limits of a search as operators handle them."""
-
     # limits on each part with a free element, by key of the measure. Limits that are proportional to the number of
     # cells are converted to limits on cells.
     sizes: dict[str, Range]
@@ -122,7 +115,6 @@ class AtomGraph:
 
 
 def atom_graph(space: SearchSpace) -> AtomGraph:
-    """Make the graph of the atoms of a search space, on which operators work."""
     # If slits are allowed, faces fixed dry separate no atoms.
     assembly = space.assembly
     faces = assembly.interfaces
@@ -220,7 +212,6 @@ def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
 
 
 def limits_of(space: SearchSpace, graph: AtomGraph) -> PartLimits:
-    """Return the limits of a search in the form that operators check."""
     # Limits that are proportional to the number of cells are converted to limits on cells, which are faster to check.
     parts, seams = (-inf, inf), []
     for terms, bounds in space.limits.on_terms:

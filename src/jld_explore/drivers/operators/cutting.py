@@ -435,7 +435,6 @@ class Groups:
         return list(found)
 
     def count(self) -> int:
-        """Return the number of parts with a free element."""
         cells = self.graph.cells
         return sum(1 for members in self._members.values() if any(cells[a] for a in members))
 

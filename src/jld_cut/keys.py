@@ -1,0 +1,232 @@
+"""Joints on which the parts of the strongest layout slide, as tongues, steps and keys where these raise λ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from jld_core import DeadlinePassed, Floats, InputError, Ints
+from jld_core.limit import face_jumps
+from jld_cut.cells import BENT, Cutting, basis, joints_of, sections, sides_of, unique_planes
+from jld_cut.meshes import as_written, doubled_edges, manifold3d, pieces_of, surface_of
+from jld_cut.partitions import Bounds
+from jld_cut.parts import Part
+from jld_cut.scene import Setting, scene_of
+from jld_cut.search import Bracket, Family, Truth, low_of, weaker
+
+KINDS: Final = ("tongue", "step", "key")  # a rib across the joint, half of the joint, a block in its middle
+_GAIN: Final = 1.05  # of λ, from which a key stays: more faces alone bear some more torsion
+_ROUNDS: Final = 3  # mechanisms whose joints are keyed, one after the other
+_WIDTH: Final = 1 / 3  # of a tongue or a key by the length of its joint along the slip
+_DEPTH: Final = 1 / 6  # of a key, by the same
+_BEHIND: Final = 0.3  # most of what lies behind the joint that a key goes into
+_LEAST: Final = 0.02  # slip of a joint that is keyed by the largest
+_OPENS: Final = 1.05  # most opening of a joint that slides, by that of its friction or by its slip
+_SLIDES: Final = 0.5  # share of the area of a joint that slides
+
+
+@dataclass(frozen=True)
+class Key:
+    """Key of one part that goes into another one."""
+
+    kind: str
+    on: int  # number of the part that bears it
+    into: int
+    at: Floats  # (3,) in its joint
+    along: Floats  # (3,) way on which `into` slid over `on`
+
+    def told(self) -> str:
+        """Say whose key goes into which part."""
+        return f"{self.kind} of part {self.on} into {self.into}"
+
+
+@dataclass(frozen=True)
+class Slide:
+    """Joint of two parts that slides: `above` moves along a direction over `below`."""
+
+    below: int
+    above: int
+    plane: Floats  # (4,) normal from `below` to `above`, offset
+    region: Any  # in the frame of the plane
+    along: Floats  # (3,) area × slip
+
+
+def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
+    """Return the joints between parts (n,) that slide in the mechanism on convex cells, the largest slip first."""
+    truth, cutting = family.truth, family.cutting
+    found = truth.result(block)
+    if found.mechanism is None:
+        return []
+    faces, jumps = found.assembly.interfaces, face_jumps(found.assembly, found.mechanism)
+    slip = faces.e1 * jumps[:, 1, None] + faces.e2 * jumps[:, 2, None]
+    # a joint that slides opens by its friction, one that turns about an edge by more
+    rubs = jumps[:, 0] <= _OPENS * max(1.0, friction) * np.linalg.norm(slip, axis=1)
+    # cells of supports belong to no part
+    part = np.append(block[truth.of], np.full(len(found.assembly.elements) - len(truth.of), -1))
+    first, second, at = part[faces.a], part[faces.b], np.asarray(faces.origin)
+    made = []
+    for plane in unique_planes(cutting.planes, cutting.size):
+        here = (np.abs(at @ plane[:3] - plane[3]) < 1e-6 * cutting.size) & (np.abs(faces.normal @ plane[:3]) > 1 - 1e-6)
+        regions: dict[tuple[int, int], list[Any]] = {}
+        for a, b, region in sections(cutting.cells, plane, cutting.size):
+            regions.setdefault((int(block[a]), int(block[b])), []).append(region)
+        for (below, above), pieces in regions.items():
+            own = here & (((first == below) & (second == above)) | ((first == above) & (second == below)))
+            slid = own & rubs
+            if below == above or faces.area[slid].sum() <= _SLIDES * faces.area[own].sum():
+                continue
+            sign = np.where(first[slid] == below, 1.0, -1.0)
+            along = (sign * faces.area[slid]) @ slip[slid]
+            made.append(Slide(below, above, plane, shapely.union_all(pieces), along))
+    largest = max((float(np.linalg.norm(one.along)) for one in made), default=0.0)
+    made = [one for one in made if np.linalg.norm(one.along) > max(_LEAST * largest, 1e-300)]
+    return sorted(made, key=lambda one: -float(np.linalg.norm(one.along)))
+
+
+def _tool(slide: Slide, kind: str, up: bool, cells: list[Any], size: float) -> tuple[Any, list[Floats]]:
+    """Return the body within which the cells of one part become a key of the other, and the planes of its sides."""
+    normal = slide.plane[:3] if up else -slide.plane[:3]
+    offset = slide.plane[3] if up else -slide.plane[3]
+    along = slide.along / np.linalg.norm(slide.along)
+    across = np.cross(normal, along)
+    plan = shapely.get_coordinates(slide.region) @ basis(slide.plane[:3]) @ np.column_stack([along, across])
+    low, high = plan.min(axis=0), plan.max(axis=0)
+    behind = max(float((surface_of(cell)[0] @ normal).max()) for cell in cells) - offset
+    length, middle, reach = high - low, (low + high) / 2, 0.1 * size
+    depth = min(_DEPTH * length[0], _BEHIND * behind)
+    start, end = middle - _WIDTH * length / 2, middle + _WIDTH * length / 2
+    if kind != "key":
+        start[1], end[1] = low[1] - reach, high[1] + reach
+    if kind == "step":
+        # the part that moves pushes before it what the other one keeps
+        start[0], end[0] = (low[0] - reach, middle[0]) if not up else (middle[0], high[0] + reach)
+    sides = (*(end - start), depth)
+    body = manifold3d().Manifold.cube(tuple(sides)).translate((*start, offset))
+    planes = [np.array([*way, one[k]]) for k, way in enumerate((along, across)) for one in (start, end)]
+    frame = np.column_stack([along, across, normal, np.zeros(3)])
+    return body.transform(frame), [*planes, np.array([*normal, offset + depth])]
+
+
+def _keyed_cells(
+    cells: list[Any], block: Ints, slide: Slide, kind: str, up: bool, size: float
+) -> tuple[list[Any], Ints, list[Floats]] | None:
+    """Give what lies within a key from one part to the other; None where the joint has no room for it."""
+    on, into = (slide.below, slide.above) if up else (slide.above, slide.below)
+    tool, planes = _tool(slide, kind, up, [c for c, name in zip(cells, block, strict=True) if name == into], size)
+    made: list[Any] = []
+    names: list[int] = []
+    moved = 0
+    for cell, name in zip(cells, block.tolist(), strict=True):
+        taken = []
+        for piece in pieces_of(cell ^ tool) if name == into else []:
+            base = shapely.union_all(sides_of(piece, slide.plane, size))
+            if piece.volume() < 1e-9 * size**3 or base.area < 1e-9 * size**2:
+                continue
+            if base.difference(slide.region.buffer(1e-7 * size)).area > 1e-9 * size**2:
+                return None
+            taken.append(piece)
+        left = cell
+        for piece in taken:
+            left = left - piece
+        rest = [one for one in pieces_of(left) if one.volume() > 1e-12 * size**3] if taken else [cell]
+        made += [*rest, *taken]
+        names += [name] * len(rest) + [on] * len(taken)
+        moved += len(taken)
+    whole = sum(cell.volume() for cell in cells)
+    if not moved or abs(sum(one.volume() for one in made) - whole) > 1e-9 * whole:
+        return None
+    return made, np.array(names, dtype=np.int64), planes
+
+
+def _family_of(family: Family, cells: list[Any], planes: list[Floats], setting: Setting) -> Family:
+    """Return a family of other cells of its solid, with their truth."""
+    cutting = Cutting(family.cutting.solid, cells, [*family.cutting.planes, *planes])
+    joints = joints_of(cells, cutting.planes, cutting.size)
+    document = scene_of(family.document["name"], cutting, joints, setting, BENT, cutting.planes)
+    made = replace(family, cutting=cutting, joints=joints, document=document)
+    made.truth = Truth(made, setting)
+    return made
+
+
+@dataclass(frozen=True)
+class Keyed:
+    """Layout with keys in the joints on which it slid."""
+
+    family: Family
+    block: Ints
+    coarse: float
+    bracket: Bracket
+    keys: tuple[Key, ...]
+
+
+def variants(family: Family, block: Ints, found: list[Slide], setting: Setting) -> Iterator[Keyed]:
+    """Yield the layouts with keys of one kind, on one side, in all joints that slide and have the room."""
+    number = {name: k + 1 for k, name in enumerate(sorted(set(block.tolist())))}
+    for kind, up in product(KINDS, (True, False)):
+        cells, names, planes, keys = family.cutting.cells, block, list[Floats](), list[Key]()
+        for slide in found:
+            made = _keyed_cells(cells, names, slide, kind, up, family.cutting.size)
+            if made is None:
+                continue
+            on, into = (slide.below, slide.above) if up else (slide.above, slide.below)
+            middle = np.array(slide.region.centroid.coords[0]) @ basis(slide.plane[:3])
+            sign = 1.0 if up else -1.0
+            keys.append(
+                Key(kind, number[on], number[into], middle + slide.plane[3] * slide.plane[:3], sign * slide.along)
+            )
+            cells, names, planes = made[0], made[1], [*planes, *made[2]]
+        if not keys:
+            continue
+        try:
+            keyed = _family_of(family, cells, planes, setting)
+            coarse = float(Bounds(keyed.document)(names[None])[0][0])
+        except InputError:  # splinters may leave joints that no face bears out
+            continue
+        if keyed.truth.coarse and not family.truth.coarse:
+            continue
+        yield Keyed(keyed, names, coarse, weaker(keyed.truth.solve(names), coarse), tuple(keys))
+
+
+def keyed(
+    family: Family,
+    block: Ints,
+    low: float,
+    setting: Setting,
+    sound: Callable[[Keyed], bool],
+) -> Keyed | None:
+    """Return the layout with the keys that raise λ most of those that are sound, round by round; None for no gain.
+
+    What was found stays where a deadline ends the search.
+    """
+    best: Keyed | None = None
+    friction = float(np.tan(np.radians(setting.matter.friction_angle)))
+    try:
+        for _ in range(_ROUNDS):
+            tried = [
+                one
+                for one in variants(family, block, slides(family, block, friction), setting)
+                if low_of(one.bracket) >= _GAIN * low
+            ]
+            tried.sort(key=lambda one: -low_of(one.bracket))
+            better = next((one for one in tried if sound(one)), None)
+            if better is None:
+                break
+            best = replace(better, keys=(*(best.keys if best else ()), *better.keys))
+            family, block, low = best.family, best.block, low_of(best.bracket)
+    except DeadlinePassed:
+        pass
+    return best
+
+
+def are_sound(parts: list[Part], unit: float) -> bool:
+    """Return whether parts are one closed piece each, in their files too, and overlap nowhere."""
+    for part in parts:
+        if len(pieces_of(part.exact)) > 1 or doubled_edges(*as_written(part.solid, unit)):
+            return False
+    least = 1e-9 * min(part.exact.volume() for part in parts)
+    return all((one.solid ^ other.solid).volume() <= least for one, other in combinations(parts, 2))
