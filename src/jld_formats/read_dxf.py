@@ -51,8 +51,8 @@ _TEXT_BOX: Final = 8  # flag of a boundary of a hatch that keeps a text free
 # Gaps of a boundary of a hatch, relative to its size: up to which its ends are one, and beyond which it is open
 _JOINED, _OPEN = 1e-6, 0.02
 
+# Prefix of numbered custom properties in drawings written by jld: scene keys that a drawing does not show.
 FACTS: Final = "jld"
-"""Prefix of numbered custom properties in drawings written by jld: scene keys that a drawing does not show."""
 
 
 def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
@@ -100,8 +100,6 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
 
 
 class _Reader:
-    """State of one pass over a model space."""
-
     def __init__(self, document: Any, options: ImportOptions, notes: Notes) -> None:
         self.document, self.options, self.notes = document, options, notes
         self.paths: list[Path] = []
@@ -360,7 +358,6 @@ class _Reader:
         return True
 
     def _mtext(self, entity: Any, layer: str) -> bool:
-        """Read a multi-line text as a mark."""
         at = entity.dxf.insert
         self.marks.append(Mark((at.x, at.y), layer, str(entity.plain_text())))
         return True

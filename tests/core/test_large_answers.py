@@ -23,8 +23,7 @@ from jld_core import (
     solvers,
 )
 from jld_core.limit import State
-from jld_core.linalg import projection
-from jld_core.linalg.projection import ConsistentProjector
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
@@ -52,7 +51,7 @@ def test_projection_by_sparse_factors_equals_the_pseudo_inverse(monkeypatch: pyt
     right = equations @ rng.normal(size=201)
     start = rng.normal(size=201)
     dense = ConsistentProjector(equations).project(start, right)
-    monkeypatch.setattr(projection, "_FEW", 0)
+    monkeypatch.setattr("jld_core.linalg.factors._FEW", 0)
     found = ConsistentProjector(equations).project(start, right)
     np.testing.assert_allclose(found, dense, atol=1e-11, rtol=0.0)
     assert np.abs(equations @ found - right).max() < 1e-13

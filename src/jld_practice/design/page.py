@@ -254,7 +254,6 @@ def _loads(work: Design) -> str:
 
 
 def _tried(work: Design) -> list[dict[str, str]]:
-    """Return one table row per tessellation, by column."""
     rows = []
     for one in work.tessellations:
         own = [trial for trial in work.trials if trial.tessellation == one.name]
