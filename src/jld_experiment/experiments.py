@@ -29,6 +29,9 @@ FILE: Final = "experiments.csv"  # table of experiments in a results folder
 COLUMNS: Final = ("labelling", "load_factor", "experiment", "status", "stands", "rate_error", "first_crack", "seconds")
 DEFAULT: Final = 500  # default number of experiments of a search by experiment
 
+# layouts in a row, none with λ above the strongest experiment, after which a search by experiment ends
+_MOST_IDLE: Final = 500
+
 # assumption of `none_better` where some layouts were not tested, or ended uncertified
 ASSUMPTION: Final = "no layout without a certified experiment carries more than its λ"
 
@@ -123,11 +126,7 @@ def search_by_experiment(
     experiments: Experiments, done: Exploration, space: SearchSpace, model: SolveOptions, budget: int, seed: int
 ) -> None:
     """Search by experiment with the genetic driver, starting from the best layouts by λ."""
-    # λ bounds every quasi-static experiment from above unless an inner face bears more bending than its kern, as
-    # default sub-contacts can
-    # The initial layouts use a third of `budget`, which limits the number of all experiments. A new layout is tested
-    # only if its λ exceeds the largest load carried so far: `ASSUMPTION`. The driver receives half of λ for a layout
-    # that is not tested.
+    # the initial layouts use a third of `budget`, which limits the number of all experiments
     seeds = best_by_load_factor(done, max(2, budget // 3))
     experiments.run(seeds)
     driver = make_driver("genetic", space, seed, aim="best")
@@ -136,13 +135,16 @@ def search_by_experiment(
     if known:
         driver.tell(np.array([from_string(name) for name in known]), [_worth(experiments, name) for name in known])
     idle = 0
-    while len(experiments.rows) < budget and not experiments.late and idle < DEFAULT:
+    while len(experiments.rows) < budget and not experiments.late and idle < _MOST_IDLE:
         labellings = driver.ask(PORTION)
         if not len(labellings):
             return
         evaluations = evaluator.evaluate_all(labellings)
         names = [to_string(labels) for labels in labellings]
         before = len(experiments.rows)
+        # A new layout is tested only if its λ exceeds the largest load carried so far: `ASSUMPTION`. λ bounds every
+        # quasi-static experiment from above unless an inner face bears more bending than its kern, as default
+        # sub-contacts can.
         stronger = [
             (name, e.load_factor)
             for name, e in zip(names, evaluations, strict=True)

@@ -366,7 +366,7 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False, 
         raise ParameterError("cells", f"{kind} draws blocks and the faces inside them", " or ".join(solids))
     if not form.members:  # an analysis starts from the file
         layout.assembly.members.refuse(f"a file of the format {kind}")
-    layout = layout.without_members()
+    layout = layout.without_members()  # members have no form in any file
     if unit is not None:
         if form.unit != "any":
             problem = f"{kind} has " + ("metres" if form.unit == "metres" else "the units of the scene")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import time
 from collections.abc import Iterable, Mapping
@@ -80,31 +78,13 @@ def _line(node: Node) -> dict[str, Any]:
 
 def read(path: Path) -> tuple[BoxClaim, list[Node]]:
     """Read a certificate without checking scene and tree; InputError if it is damaged."""
-    try:
-        text = path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), getattr(error, "strerror", None) or "it cannot be read", _EXPECTED) from None
-    try:
-        lines = [
-            json.loads(line, object_pairs_hook=certificate.json_object, parse_constant=certificate.no_number)
-            for line in text.splitlines()
-        ]
-        head, last = lines[0], lines[-1]
-        version, digest = head.pop(KEY), last.pop("sha256")
-        if last or len(lines) < 2 or type(version) is not int:
-            raise ValueError
-        known = version == VERSION and head.keys() == BoxClaim.__dataclass_fields__.keys()
-        claim, nodes = (_claim(head), [_node(line) for line in lines[1:-1]]) if known else (None, [])
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
-        raise InputError(str(path), "it is no certificate of a box, or not whole", _EXPECTED) from None
-    if version != VERSION:
-        raise InputError(str(path), f"it is of version {version}", f"version {VERSION}")
-    if claim is None:
-        raise InputError(str(path), "the keys of its first line are not those of a certificate", _EXPECTED)
-    body = text[: text.rstrip(b"\n").rfind(b"\n") + 1]
-    if hashlib.sha256(body).hexdigest() != digest:
-        raise InputError(str(path), "its digest is not that of its lines", "a certificate as it was written")
-    return claim, nodes
+
+    def parse(head: dict[str, Any], lines: list[Any]) -> tuple[BoxClaim, list[Node]]:
+        if head.keys() != BoxClaim.__dataclass_fields__.keys():
+            raise InputError(str(path), "the keys of its first line are not those of a certificate", _EXPECTED)
+        return _claim(head), [_node(line) for line in lines]
+
+    return certificate.read_lines(path, KEY.removeprefix("jld "), _EXPECTED, VERSION, parse)
 
 
 def _claim(head: dict[str, Any]) -> BoxClaim:
@@ -209,8 +189,6 @@ _MOST: Final = 4  # largest number of parameters
 
 @dataclass(frozen=True)
 class Joint:
-    """Dry face between two elements."""
-
     # a, b: elements; -1 for a support
     a: int
     b: int
@@ -406,6 +384,10 @@ _ROUTE: Final = Route("certificates of boxes")
 
 Velocity = tuple[Fraction, Fraction, Fraction]  # exact velocity (ux, uy, ω) about the origin of coordinates
 
+# Degrees in one parameter: of jumps times the length of a joint, and of powers, as weights act at first moments
+_JUMP_DEGREE: Final = 2
+_POWER_DEGREE: Final = 3
+
 _STILL: Velocity = (Fraction(0), Fraction(0), Fraction(0))  # velocity of elements that do not move
 
 
@@ -517,14 +499,18 @@ class _Checker:
             problem = "in its mechanism a joint closes, or slides without opening, somewhere in the box"
             raise InputError(f"node {number}", problem, "a mechanism that holds in the whole box")
         dead, live, required = structure.cases[leaf.case]
-        spent, work = self._power(dead, moves, low, high), self._power(live, moves, low, high)
-        count = structure.parameters
-        balance = dict(spent)
-        add(balance, work, self._bound * required)
-        below = is_at_least_zero(work, count, 3, strictly=True) and is_at_least_zero(balance, count, 3)
-        falls = is_at_least_zero(spent, count, 3, strictly=True) and is_at_least_zero(work, count, 3)
+        dead_power, live_power = self._power(dead, moves, low, high), self._power(live, moves, low, high)
+        balance = dict(dead_power)
+        add(balance, live_power, self._bound * required)
+        # no joint dissipates, so λ ≤ bound · required where dead_power + bound · required · live_power ≥ 0
+        below = self._is_positive(live_power, strictly=True) and self._is_positive(balance)
+        # or it falls under its own weight
+        falls = self._is_positive(dead_power, strictly=True) and self._is_positive(live_power)
         if not (below or falls):
             raise InputError(f"node {number}", "its mechanism lets positions carry more than the bound", "a proof")
+
+    def _is_positive(self, power: Polynomial, *, strictly: bool = False) -> bool:
+        return is_at_least_zero(power, self._structure.parameters, _POWER_DEGREE, strictly=strictly)
 
     def _opens(self, moves: dict[int, Velocity], low: list[Fraction], high: list[Fraction]) -> bool:
         """Return whether no joint resists a mechanism, at any position in the box."""
@@ -550,7 +536,7 @@ class _Checker:
                 for sign in (-1, 1):
                     total = dict(normal)
                     add(total, slide, sign * joint.friction)
-                    if not is_at_least_zero(total, structure.parameters, 2):
+                    if not is_at_least_zero(total, structure.parameters, _JUMP_DEGREE):
                         return False
         return True
 

@@ -35,8 +35,7 @@ from jld_explore.report import csv_of
 from jld_geometry.box_bound import ProvenBox, check_proof, prove_box, write_box_certificate
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.joint_shapes import Incline, Key, Shape, ShapedJoints, Sine, shape_joints
-from jld_geometry.optimise import MovedJoints, move_joints
-from jld_geometry.search import GeometrySearch, Point
+from jld_geometry.search import GeometrySearch, MovedJoints, Point, move_joints
 
 
 def write_move(
@@ -412,7 +411,8 @@ def _finish(
     if assembly.has_low_values and done.after is not None:
         nominal = solve_rigid(done.after.assembly.at_nominal, labels).load_factor
         facts["load_factor_nominal"] = number(nominal)
-    check = _bounded if by_fields else _check_by_fields
+    # a move by fields has its value proven here; one by faces only gets a second opinion
+    check = _replace_by_field_bounds if by_fields else _check_by_fields
     checked = check(facts, assembly, done, labels, until)
     facts["fields"], facts["warnings"] = checked, [*done.warnings, *_doubts(checked)]
     table = [vars(point) | {"bracket_lo": point.bracket[0], "bracket_hi": point.bracket[1]} for point in done.points]
@@ -469,7 +469,7 @@ def _check_by_fields(
     return found
 
 
-def _bounded(
+def _replace_by_field_bounds(
     facts: dict[str, Any], assembly: Assembly, done: MovedJoints, labels: Bits, until: Deadline
 ) -> dict[str, Any]:
     """Put bounds by fields into the facts of a move; return the lower ones before and after."""

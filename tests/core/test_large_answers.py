@@ -11,13 +11,21 @@ import scipy.sparse as sp
 from benchmarks.large import document
 
 from cases import box
-from jld_core import Assembly, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
-from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import State, repair
-from jld_core.linalg import projection
-from jld_core.linalg.projection import ConsistentProjector
+from jld_core import (
+    Assembly,
+    Deadline,
+    DeadlinePassed,
+    LimitAnalysis,
+    SolveOptions,
+    Status,
+    build_assembly,
+    parse_scene,
+    solvers,
+)
+from jld_core.limit import State
+from jld_core.linalg import factors as projection
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
-from jld_core.solvers import LARGE
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
 from jld_practice.reactions.thrust import least_share, shrunk
@@ -44,7 +52,7 @@ def test_projection_by_sparse_factors_equals_the_pseudo_inverse(monkeypatch: pyt
     right = equations @ rng.normal(size=201)
     start = rng.normal(size=201)
     dense = ConsistentProjector(equations).project(start, right)
-    monkeypatch.setattr(projection, "_FEW", 0)
+    monkeypatch.setattr("jld_core.linalg.factors._FEW", 0)
     found = ConsistentProjector(equations).project(start, right)
     np.testing.assert_allclose(found, dense, atol=1e-11, rtol=0.0)
     assert np.abs(equations @ found - right).max() < 1e-13
@@ -78,7 +86,7 @@ def test_rays_of_large_programs_are_settled_by_repairs(
     content = document("planar", 8) | {"loads": {"live": [{"element": "c0r0", "force": [0, -1]}]}}
     content["materials"]["gravity"] = gravity
     built = build_assembly(parse_scene(content))
-    monkeypatch.setitem(LARGE, False, 1)
+    monkeypatch.setitem(solvers.LARGE, False, 1)
     options = SolveOptions()
     proof = solve_labelling(limit_analysis(built, options), labels, options)
     assert proof.status is status
@@ -90,7 +98,7 @@ def test_rays_of_walls_that_a_dead_load_pushes_sideways_need_no_simplex(monkeypa
     def refused(*_: object) -> None:
         raise AssertionError("simplex on a large program")
 
-    monkeypatch.setattr(repair, "polygonal_support", refused)
+    monkeypatch.setattr("jld_core.limit.facial_reduction.polygonal_support", refused)
     content = document("planar", 16) | {"loads": {"live": [{"body": [0, -1]}]}}
     content["materials"]["gravity"] = [30.0, -9.81]
     scene = parse_scene(content)

@@ -33,7 +33,7 @@ from jld_practice.design import (
 )
 from jld_practice.design import trials as checks
 from jld_practice.design.page import words_of
-from jld_practice.design.trials import at_low_friction, labelled, one_case
+from jld_practice.design.trials import labelled, low_friction, one_case, with_friction
 from jld_practice.laying.command import start_of_design
 from jld_samples import box
 
@@ -214,8 +214,26 @@ def test_a_layout_becomes_the_labels_of_its_scene(wall: Path) -> None:
     assert result.load_factor == pytest.approx(expected.load_factor, rel=1e-9)
     case = list(expected.cases.values())[1]
     assert solve(one_case(again, 1)).load_factor == pytest.approx(case.load_factor, rel=1e-9)
-    friction = build_assembly(at_low_friction(again, 0.25)).strengths(ROUTE).friction
+    friction = build_assembly(with_friction(again, 0.25)).strengths(ROUTE).friction
     assert friction[labels] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    ("dry", "low"),
+    [
+        ({"friction_coefficient": 0.6}, 0.8 * 0.6),
+        ({"friction_coefficient": {"nominal": 0.6, "low": 0.5}}, 0.5),
+        ({"friction_coefficient": {"mean": 0.6, "cov": 0.1, "kind": "normal"}}, 0.8 * 0.6),
+        ({"friction_angle": 30}, 0.8 * np.tan(np.radians(30.0))),
+        ({"friction_angle": {"nominal": 30, "low": 25}}, np.tan(np.radians(25.0))),
+        ({"friction_angle": {"mean": 30, "cov": 0.1, "kind": "lognormal"}}, 0.8 * np.tan(np.radians(30.0))),
+    ],
+)
+def test_every_form_of_friction_has_a_low_value(dry: dict[str, Any], low: float) -> None:
+    """The low value where one is stated, else 0.8 of the nominal one or of the mean; angles by their tangents."""
+    document = samples.arch(voussoirs=5).model_dump(mode="json", exclude_defaults=True)
+    scene = parse_scene(document | {"materials": document["materials"] | {"dry": dry}})
+    assert low_friction(scene) == pytest.approx(low, rel=1e-12)
 
 
 def test_bounds_by_fields_hold_the_closed_form_of_a_sliding_wall(wall: Path) -> None:
@@ -247,8 +265,8 @@ def test_a_gain_by_faces_that_fields_refute_is_not_claimed(wall: Path) -> None:
     refuted = tried("stones", (933.0, 933.0), (-np.inf, 5.4))
     work = design_of(wall, refuted, tried("bond", (7.0, 7.0)), tried("voronoi", (3.0, 3.0), (1.5, 3.0)))
     denied = work.trials[0]
-    assert (denied.proven, denied.most, denied.stands) == (-np.inf, 5.4, True)
-    assert [one.tessellation for one in work.allowed] == ["voronoi", "bond", "stones"]
+    assert (denied.proven, denied.upper_estimate, denied.stands) == (-np.inf, 5.4, True)
+    assert [one.tessellation for one in work.ranked] == ["voronoi", "bond", "stones"]
     work.trials = [denied]
     assert "carries at most 5.4" in words_of(work)
     assert facts_of(work)["best"] is None
@@ -297,7 +315,7 @@ def test_a_design_begins_with_its_verdict(
     ],
 )
 def test_only_finished_searches_are_called_proven(wall: Path, searched: str, claimed: bool) -> None:
-    write_design(design_of(wall, searched={"bond": searched}), pictures=False)
+    write_design(design_of(wall, search_words={"bond": searched}), pictures=False)
     assert ("Proven: of the cells of bond" in (wall.parent / "report.html").read_text("utf-8")) == claimed
 
 
@@ -400,7 +418,7 @@ def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wa
         raise Interrupted
 
     monkeypatch.setattr(checks, "_laid", lambda *_: checks.Check("laying", "laid"))
-    monkeypatch.setattr(checks, "_begin_experiment", lambda *_: (experiment, "", ""))
+    monkeypatch.setattr(checks, "_begin_experiment", lambda *_: checks.Experiment(experiment, "", ""))
     monkeypatch.setattr(checks, "_by_fields", fail)
     work = design_of(wall)
     with pytest.raises(Interrupted):
@@ -529,7 +547,7 @@ def test_without_time_for_a_search_the_usual_bond_is_the_best(
 ) -> None:
     """Where the limits allow it, the stated bond is what is left, with its proven λ; else the design says why not."""
     monkeypatch.setattr(run, "_search_all", lambda *_: None)
-    monkeypatch.setattr(run, "_screen", lambda *_: None)
+    monkeypatch.setattr(run, "_screen_tessellation", lambda *_: None)
     done = run.design_outline(wall, tmp_path / "out", DesignOptions(push=0.1, thickness=0.3, seconds=40.0, jobs=1))
     assert done.winner is done.usual
     assert done.winner.proven > 0.0
@@ -630,7 +648,7 @@ def test_a_short_time_is_spent_on_the_most_promising_tessellations(
         work.tessellations = [Tessellation(name, name, work.outline.scene) for name in "abcde"]
         values = zip("abcd", (-np.inf, 3.0, 1.0, 2.0), strict=True)
         work.screened = {name: Screening(assembly, None, value, 48, 5.0) for name, value in values}
-        work.searched = {"e": "its limits cannot be met"}
+        work.search_words = {"e": "its limits cannot be met"}
         searched: list[str] = []
 
         def note(_: Design, one: Tessellation, until: Deadline, found: list[str] = searched) -> None:
@@ -638,7 +656,7 @@ def test_a_short_time_is_spent_on_the_most_promising_tessellations(
             found.append(one.name)
 
         monkeypatch.setattr(run, "_search", note)
-        work.searched |= dict.fromkeys("abcd", "48 layouts, not proven")
+        work.search_words |= dict.fromkeys("abcd", "48 layouts, not proven")
         run._search_all(work, Deadline(left), lambda _: None)
         assert searched == expected
 

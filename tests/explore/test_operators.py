@@ -17,7 +17,6 @@ from jld_core import InputError, Scene, blocks_of, build_assembly, parse_scene
 from jld_core.scene import cracks
 from jld_explore import ExploreSettings, SearchSpace, explore, read_folder, search_space
 from jld_explore.drivers import BufferedRandom, Register, make_driver, operators
-from jld_explore.drivers.operators.segmentations import Segmentations
 from jld_explore.report import words
 from jld_explore.report.tables import on_front
 from jld_explore.space import feasible, keys
@@ -136,7 +135,7 @@ def names(space: SearchSpace, labels: np.ndarray) -> list[int]:
 
 def test_effects_of_each_operator() -> None:
     space = space_of(["aaaa", "aaaa", "####"])
-    tools, chance = Segmentations(space), rng()
+    tools, chance = operators(space), rng()
     free = len(space.assembly.elements.free)
     labels = np.where(space.candidates, False, space.fixed)
     whole = tools.parts(labels[None])[0]

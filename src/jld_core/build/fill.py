@@ -17,15 +17,14 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
-from jld_core.assembly import Elements
+from jld_core.assembly import Elements, Members
 from jld_core.errors import InputError
 from jld_core.loads import Traction, edge_traction
-from jld_core.members import Members
 from jld_core.scene import FillLoad
 from jld_core.scene.materials import Fill
 
+# Force at a point: element, place, vector, stated width or None, and whether the place is the centroid.
 PointEntry = tuple[int, Floats, Floats, float | None, bool]
-"""Force at a point: element, place, vector, stated width or None, and whether the place is the centroid."""
 
 _DRAWN: Final = 0.025  # length of the line that stands for a horizontal pressure in pictures, in sizes of the structure
 

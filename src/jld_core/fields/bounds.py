@@ -19,7 +19,7 @@ from jld_core.errors import InputError
 from jld_core.fields.forms import Material, tensors
 from jld_core.fields.loads import FieldLoads, Segment, loaded_mesh
 from jld_core.fields.lower import LowerBound, StressField, tractions
-from jld_core.fields.mesh import Mesh, bisect, fanned, refine, split_at_centroids, subdivide
+from jld_core.fields.mesh import Mesh, bisect, corner_angles, fanned, refine, split_at_centroids, subdivide
 from jld_core.fields.problem import Problem, Units, material_of, problem_of, require_refinement, units_of
 from jld_core.fields.transfer import (
     REPAIRED,
@@ -73,9 +73,7 @@ def finer_in_plane(
     share = _SHARE if steps and velocity is not None else _SHARE_WITHOUT
     # Stresses jump at ends of loads and at corners of blocks; only a fan of triangles about such a node can follow. A
     # corner counts if it holds most of `stress.rate` of its triangle and its angle is wide.
-    corners = problem.mesh.corners
-    one, two = np.roll(corners, -1, axis=1) - corners, np.roll(corners, -2, axis=1) - corners
-    angle = np.arctan2(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0], (one * two).sum(axis=2))
+    angle = corner_angles(problem.mesh.corners)
     rate, every = np.maximum(stress.rate, 0.0), np.arange(len(mesh))
     top = rate.argmax(axis=1)
     singular = (rate[every, top] > _SINGULAR * rate.sum(axis=1)) & (angle[every, top] > _FAN)
@@ -100,7 +98,8 @@ def finer_in_space(
     most: int,
 ) -> Mesh:
     """Bisect the tetrahedra with most dissipation less stress power, and most multipliers, up to `most`."""
-    own, volume = problem.mesh, problem.mesh.volume
+    unsplit, volume = problem.mesh, problem.mesh.volume
+    # of the four parts of each tetrahedron at their four corners; corner k of part k is the centroid
     rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
     middle = np.diagonal(rate, axis1=1, axis2=2)
     # multipliers of yield, summed to the corners of the unsplit tetrahedra
@@ -114,33 +113,42 @@ def finer_in_space(
         error = error + np.maximum(velocity.dissipation - power.reshape(-1, 4).sum(axis=1), 0.0)
         corner = corner + _joint_corners(fine, stress, moved, np.flatnonzero(fine.is_dry(labels)))
     error = error + _EVERYWHERE[3] * error.sum() * volume / volume.sum()
-    finer = replace(own, root=np.arange(len(own)))
-    fits = True
-    while fits and len(finer) < _STEP_GROWTH * len(own):
-        # half of a tetrahedron keeps a quarter of its share: strips along hinges lose in proportion to their width
-        left = error[finer.root] * (finer.volume / volume[finer.root]) ** 2
-        away = finer.corners[:, :, None] - own.corners[finer.root][:, None]
-        share = 1.0 + np.einsum("tcki,tki->tck", away, own.gradient[finer.root])
-        weight = np.maximum(np.einsum("tck,tk->tc", share, corner[finer.root]), 0.0)
-        weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
-        marks = _leading(left, _SHARE_WITHOUT, _MOST_MARKED[3])
-        larger = bisect(finer, marks, weight)
-        fits = len(larger) <= most
-        while len(larger) > most and marks.any():
-            marks &= left > np.median(left[marks])
-            larger = bisect(finer, marks, weight)
-        finer = larger
+    finer = _bisected_by(unsplit, error, corner, most)
     units = problem.units
     return replace(finer, points=finer.points * units.length + units.origin, root=mesh.root[finer.root])
 
 
-def _leading(error: Floats, wanted: float, most: float) -> Bools:
+def _bisected_by(unsplit: Mesh, error: Floats, corner: Floats, most: int) -> Mesh:
+    """Halve the tetrahedra of greatest error (t,) until the mesh has grown by `_STEP_GROWTH`, or reaches `most`.
+
+    corner: (t, 4) share of the error at each corner. The roots are tetrahedra of `unsplit`.
+    """
+    finer = replace(unsplit, root=np.arange(len(unsplit)))
+    fits = True
+    while fits and len(finer) < _STEP_GROWTH * len(unsplit):
+        # half of a tetrahedron keeps a quarter of its share: strips along hinges lose in proportion to their width
+        remaining = error[finer.root] * (finer.volume / unsplit.volume[finer.root]) ** 2
+        away = finer.corners[:, :, None] - unsplit.corners[finer.root][:, None]
+        share = 1.0 + np.einsum("tcki,tki->tck", away, unsplit.gradient[finer.root])
+        weight = np.maximum(np.einsum("tck,tk->tc", share, corner[finer.root]), 0.0)
+        weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
+        marks = _leading(remaining, _SHARE_WITHOUT, _MOST_MARKED[3])
+        larger = bisect(finer, marks, weight)
+        fits = len(larger) <= most
+        while len(larger) > most and marks.any():
+            marks &= remaining > np.median(remaining[marks])
+            larger = bisect(finer, marks, weight)
+        finer = larger
+    return finer
+
+
+def _leading(error: Floats, error_share: float, most_marked: float) -> Bools:
     """Mark the simplices (t,) of largest error that hold a share of its sum, at most a share of all."""
     order = np.argsort(-error, kind="stable")
-    share = np.cumsum(error[order])
-    enough = int(np.searchsorted(share, wanted * share[-1])) + 1
+    total = np.cumsum(error[order])
+    enough = int(np.searchsorted(total, error_share * total[-1])) + 1
     marks = np.zeros(len(error), dtype=bool)
-    marks[order[: min(enough, max(1, int(most * len(error))))]] = True
+    marks[order[: min(enough, max(1, int(most_marked * len(error))))]] = True
     return marks
 
 
@@ -587,9 +595,9 @@ class FieldRefinement:
         most = self._most
         if self._dimension == 3:
             if self._seconds is not None:
-                count, took = self._times[True]
-                left = max(self._seconds - spent, 0.0)
-                most = min(most, int(count * (left / took) ** (1.0 / _GROWTH[3])))
+                simplices, took = self._times[True]
+                seconds_left = max(self._seconds - spent, 0.0)
+                most = min(most, int(simplices * (seconds_left / took) ** (1.0 / _GROWTH[3])))
             layered = self._layered(fields) if self._adaptive and len(self._best.history) == 1 else None
             if layered is not None and len(layered.coarse) <= most:
                 self._before, self._setting = (fields, self._setting), layered
@@ -608,19 +616,19 @@ class FieldRefinement:
             return None
         shares = np.bincount(fields.mesh.cell, np.maximum(fields.velocity.dissipation, 0.0))
         mesh = fields.mesh
-        both = np.hstack([self._setting.loads.dead, self._setting.loads.live])
+        loads = np.hstack([self._setting.loads.dead, self._setting.loads.live])
         cut = []
         for cell in np.flatnonzero(shares > _DEFORMS * shares.sum()).tolist():
             # only a cell of uniform body forces may be filled with other tetrahedra without a change of its loads
-            own = both[np.unique(mesh.root[mesh.cell == cell])]
-            if (np.ptp(own, axis=0) <= tolerances.ROUNDING * abs(own).max(initial=0.0)).all():
+            of_cell = loads[np.unique(mesh.root[mesh.cell == cell])]
+            if (np.ptp(of_cell, axis=0) <= tolerances.ROUNDING * abs(of_cell).max(initial=0.0)).all():
                 cut.append(cell)
         try:
-            found = FieldSetting.of(self._setting.assembly, self._patch, self._labels, tuple(cut)) if cut else None
+            layered = FieldSetting.of(self._setting.assembly, self._patch, self._labels, tuple(cut)) if cut else None
         except InputError:
             # the scene itself was accepted before: only its layers do not fit, and the bounds hold without them
             return None
-        return found if found is not None and len(found.coarse) > len(mesh) else None
+        return layered if layered is not None and len(layered.coarse) > len(mesh) else None
 
 
 def governing_bounds(
@@ -653,19 +661,19 @@ def governing_bounds(
     deadline = Deadline(seconds)
     required = assembly.required.tolist()
     cases = [FieldRefinement(case, labels, gap=gap, lower_first=lower_first) for case in assembly.by_case]
-    found = [case.step() for case in cases]
+    bounds = [case.step() for case in cases]
     while True:
-        low = np.array([one.lower / factor for one, factor in zip(found, required, strict=True)])
-        high = np.array([one.upper / factor for one, factor in zip(found, required, strict=True)])
+        low = np.array([one.lower / factor for one, factor in zip(bounds, required, strict=True)])
+        high = np.array([one.upper / factor for one, factor in zip(bounds, required, strict=True)])
         # the upper bound of any case bounds the governing factor
         worst = int(np.lexsort((high, low))[0])
-        case, left = cases[worst], deadline.remaining()
+        case, seconds_left = cases[worst], deadline.remaining()
         if case.ended or high.min() < 0.0 or relative_gap(float(low.min()), float(high.min())) <= gap:
             break
-        upper = case.upper_due and case.expected - case.spent <= left
-        if case.expected_with(upper) - case.spent > left:
+        upper = case.upper_due and case.expected - case.spent <= seconds_left
+        if case.expected_with(upper) - case.spent > seconds_left:
             break
-        found[worst] = case.step(upper)
+        bounds[worst] = case.step(upper)
     return float(low.min()), float(high.min())
 
 
@@ -711,20 +719,15 @@ class PartialUpperBound:
         velocity = answer.point[: 6 * len(p.mesh)].reshape(-1, 3, 2)
         if ray:
             return self._along(velocity, labels, undecided)
-        wanted = (
-            (1.0 + _OPENING_COST) * answer.objective
-            if answer.objective > 0.0
-            else (1.0 - _OPENING_COST) * answer.objective
-        )
-        found = self._least(velocity, labels, undecided, wanted * p.units.load)
-        if found is not None and found.bound <= wanted * p.units.load:
-            return found
+        enough = (answer.objective + _OPENING_COST * abs(answer.objective)) * p.units.load
+        field = self._least(velocity, labels, undecided, enough)
+        if field is not None and field.bound <= enough:
+            return field
         if self._settling is None:
             self._settling = Settling(p)
-        own = np.where(undecided, self._as_dry, labels)
-        near = self._settling.settled(velocity, p.is_dry(own))
-        both = [found, self._least(near, labels, undecided, wanted * p.units.load)]
-        return min((one for one in both if one is not None), key=lambda one: one.bound, default=None)
+        near = self._settling.settled(velocity, p.is_dry(np.where(undecided, self._as_dry, labels)))
+        fields = [field, self._least(near, labels, undecided, enough)]
+        return min((one for one in fields if one is not None), key=lambda one: one.bound, default=None)
 
     def weigh(self, velocity: Floats) -> FieldMechanism | None:
         """Compute the bounds that velocities (t, 3, 2) prove, without a solver; None where they prove nothing."""

@@ -132,11 +132,12 @@ def _pieces(
     assembly: Assembly, faces: list[_FreeFace], loads: Loads, patch: float | None
 ) -> tuple[dict[int, list[_Piece]], Floats]:
     """Return the tractions on free faces, by the index of the face, and the rest (n, 3) of the loads."""
-    found: dict[int, list[_Piece]] = {}
+    pieces: dict[int, list[_Piece]] = {}
     for traction in loads.tractions:
         index, piece = _pressed(assembly, faces, traction)
-        found.setdefault(index, []).append(piece)
-    points, plain = loads.points, dict[int, list[_Force]]()
+        pieces.setdefault(index, []).append(piece)
+    # forces without a width by their face, and points of loads on no free face: these stay body forces
+    points, without_width = loads.points, dict[int, list[_Force]]()
     inside = np.ones(len(points), dtype=bool)
     for k, (cell, place, vector) in enumerate(zip(points.element, points.at, points.force, strict=True)):
         width = None if np.isnan(points.width[k]) else float(points.width[k])
@@ -153,13 +154,13 @@ def _pieces(
         face = faces[at_face]
         force = _Force(float((place - face.start) @ face.along), vector, patch if width is None else width)
         if force.width is None:
-            plain.setdefault(at_face, []).append(force)
+            without_width.setdefault(at_face, []).append(force)
         else:
-            found.setdefault(at_face, []).append(_stated(assembly, face, force, force.width))
-    for index, forces in plain.items():
-        found.setdefault(index, []).append(_spread(assembly, faces[index], forces))
-    left = replace(points, **{name: values[inside] for name, values in vars(points).items()})
-    return found, resultants(replace(loads, points=left, tractions=()), assembly.elements)
+            pieces.setdefault(at_face, []).append(_stated(assembly, face, force, force.width))
+    for index, forces in without_width.items():
+        pieces.setdefault(index, []).append(_spread(assembly, faces[index], forces))
+    rest = replace(points, **{name: values[inside] for name, values in vars(points).items()})
+    return pieces, resultants(replace(loads, points=rest, tractions=()), assembly.elements)
 
 
 def _pressed(assembly: Assembly, faces: list[_FreeFace], traction: Traction) -> tuple[int, _Piece]:
@@ -216,6 +217,7 @@ def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
     step = np.roll(places, -1, axis=0) - places
     along = step / np.hypot(*step.T)[:, None]
     count = len(ring)
+    # True where a free edge continues the one before it
     joined = [
         tags[k] == FREE and tags[k - 1] == FREE and along[k] @ along[k - 1] > 1.0 - tolerances.CONTACT
         for k in range(count)
@@ -241,27 +243,27 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], cell: int, place: Float
     reach = tolerances.ON_OUTLINE * assembly.size
     if shapely.Polygon(assembly.elements.shape[cell]).exterior.distance(shapely.Point(*place)) > reach:
         return None
-    found: list[tuple[float, int]] = []
+    pushes: list[tuple[float, int]] = []
     for index, face in enumerate(faces):
         away = place - face.start
         off, at = abs(away[0] * face.along[1] - away[1] * face.along[0]), float(away @ face.along)
         if face.cell == cell and off <= reach and -reach <= at <= face.length + reach:
-            found.append((float(abs(vector[0] * face.along[1] - vector[1] * face.along[0])), index))
-    if not found:
+            pushes.append((float(abs(vector[0] * face.along[1] - vector[1] * face.along[0])), index))
+    if not pushes:
         raise InputError(
             f"element {assembly.elements.ids[cell]!r}",
             f"a force acts on its outline at ({place[0]:g}, {place[1]:g}), where it has no free face",
             "a force on a free face or inside the element",
         )
-    return steepest(found, assembly.elements.ids[cell], place)
+    return steepest(pushes, assembly.elements.ids[cell], place)
 
 
-def steepest(found: list[tuple[float, int]], element: str, place: Floats) -> int:
+def steepest(pushes: list[tuple[float, int]], element: str, place: Floats) -> int:
     """Return the number of the largest push among (push, number).
 
     InputError for two alike, so that no order decides.
     """
-    (push, number), *others = sorted(found, reverse=True)
+    (push, number), *others = sorted(pushes, reverse=True)
     if others and others[0][0] >= push * (1.0 - tolerances.CONTACT):
         spot = ", ".join(f"{value:g}" for value in place)
         raise InputError(
@@ -282,10 +284,10 @@ def _segments(assembly: Assembly, face: _FreeFace, dead: Sequence[_Piece], live:
     segments = []
     for low, high in pairwise(cuts):
         middle = 0.5 * (low + high)
-        dead_here, live_here = ([one for one in some if one.low <= middle <= one.high] for some in (dead, live))
-        if dead_here or live_here:
+        over = [[piece for piece in pieces if piece.low <= middle <= piece.high] for pieces in (dead, live)]
+        if any(over):
             ends = np.array([face.start + low * face.along, face.start + high * face.along])
-            segments.append(Segment(face.cell, ends, _sum(dead_here, low, high), _sum(live_here, low, high)))
+            segments.append(Segment(face.cell, ends, *(_sum(pieces, low, high) for pieces in over)))
     return segments
 
 
@@ -341,6 +343,9 @@ def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
     )
 
 
+_ON_SEGMENT = 1e-6  # distance, relative to the length of a loaded segment, within which an edge lies on it
+
+
 def _tagged(mesh: Mesh, segments: list[Segment]) -> Mesh:
     """Tag the free outline edges of a mesh that lie on loaded segments."""
     unique, number = mesh.side_nodes
@@ -352,7 +357,7 @@ def _tagged(mesh: Mesh, segments: list[Segment]) -> Mesh:
             edge = unique[number[t, k]]
             middle = mesh.points[edge].mean(axis=0) - segment.ends[0]
             off = abs(middle[0] * along[1] - middle[1] * along[0]) / length
-            if off <= 1e-6 * length and 0.0 < middle @ along < length * length:
+            if off <= _ON_SEGMENT * length and 0.0 < middle @ along < length * length:
                 pairs.append(edge[None])
                 tags.append(np.array([patch_tag(index)]))
     return replace(mesh, tagged=np.concatenate(pairs), tag=np.concatenate(tags).astype(np.int64))
@@ -367,12 +372,13 @@ def body_forces(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
     for cell in np.unique(mesh.cell).tolist():
         if not loads[cell].any():
             continue
-        own = np.flatnonzero(mesh.cell == cell)
-        volume = mesh.volume[own]
-        centroid = volume @ middle[own] / volume.sum()
-        force, away = loads[cell, :d], middle[own] - centroid
+        of_cell = np.flatnonzero(mesh.cell == cell)
+        volume = mesh.volume[of_cell]
+        centroid = volume @ middle[of_cell] / volume.sum()
+        force, away = loads[cell, :d], middle[of_cell] - centroid
         arm = assembly.elements.centroid[cell] - centroid
-        body[own] = force / (volume.sum() * thickness)
+        body[of_cell] = force / (volume.sum() * thickness)
+        # the moment is carried by forces as of a rotation, which have no resultant
         if d == 2:
             size, moment = np.sqrt(volume.sum()), loads[cell, 2:] + arm[0] * force[1] - arm[1] * force[0]
             spin = moment / (thickness * float(volume @ (away**2).sum(axis=1)))
@@ -383,5 +389,5 @@ def body_forces(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
             inertia = np.einsum("t,ti,ti->", volume, away, away) * np.eye(3) - square
             turned = np.cross(np.linalg.solve(inertia, moment), away)
         if np.linalg.norm(moment) > tolerances.ROUNDING * size * np.linalg.norm(force):
-            body[own] += turned
+            body[of_cell] += turned
     return body

@@ -94,17 +94,21 @@ class LowerBound:
             inner = self.propose(labels, margin)
             if not inner.usable:
                 continue
-            rooms = []
-            for answer in (proposed, inner):
-                field, rest = self._project(*self._parts(answer), labels)
-                rooms.append(self.room(field.reshape(self._shape), labels) - 2.0 * rest)
-            if rooms[1] > 0.0:
-                share = min(1.0, 1.01 * max(-rooms[0], 0.0) / (rooms[1] - min(rooms[0], 0.0)))
+            room_of_proposed, room_of_inner = (self._room_of(answer, labels) for answer in (proposed, inner))
+            if room_of_inner > 0.0:
+                # a little more than the mean needs
+                lack = max(-room_of_proposed, 0.0)
+                share = min(1.0, 1.01 * lack / (room_of_inner + lack))
                 point = (1.0 - share) * proposed.point + share * inner.point
                 found = self.certify(point[: self._size], float(point[-1]), labels)
                 if found is not None:
                     return found
         return None
+
+    def _room_of(self, answer: Answer, labels: Bits) -> float:
+        """Return the room of an answer once it is projected, less twice the error of that."""
+        field, rest = self._project(*self._parts(answer), labels)
+        return self.room(field.reshape(self._shape), labels) - 2.0 * rest
 
     def propose(self, labels: Bits, margin: float) -> Answer:
         """Solve for the stress field of largest λ with slack `margin` in yield; uncertified.
@@ -146,8 +150,8 @@ class LowerBound:
     def room(self, stress: Floats, labels: Bits) -> float:
         """Return the least distance of stresses to yield in blocks and on dry joints; equilibrium is not checked."""
         rows = np.flatnonzero(self.problem.is_dry(labels))
-        least = float(slack(self.problem.material, stress).min())
-        return min(least, float(self.joint_room(stress, rows).min())) if rows.size else least
+        in_blocks = float(slack(self.problem.material, stress).min())
+        return min(in_blocks, float(self.joint_room(stress, rows).min())) if rows.size else in_blocks
 
     def joint_room(self, stress: Floats, rows: Ints) -> Floats:
         """Return the distances (k, d) of tractions at corners of sides (k,) to yield as dry joints, scaled."""
@@ -178,15 +182,15 @@ class LowerBound:
         for axis in range(d):
             entries = [(base, slope[:, :, axis].reshape(count, -1)), (np.full(count, last), size * p.live[:, axis])]
             rows.add(entries, -size * p.dead[:, axis], count)
-        two, one = p.joined, p.outer
-        maps = [normal_map(s.normal[some]) for some in (two, one)]
+        joined, outer = p.joined, p.outer
+        joined_map, outer_map = normal_map(s.normal[joined]), normal_map(s.normal[outer])
         for corner in range(d):
-            first, second = self._columns(two, corner), self._columns(two, corner, other=True)
-            outer = self._columns(one, corner)
+            in_a, in_b = self._columns(joined, corner), self._columns(joined, corner, other=True)
+            in_outer = self._columns(outer, corner)
             for axis in range(d):
-                rows.add([(first, maps[0][:, axis]), (second, -maps[0][:, axis])], 0.0, len(two))
-                pull = (np.full(len(one), last), -p.pull[one, corner, axis])
-                rows.add([(outer, maps[1][:, axis]), pull], p.dead_pull[one, corner, axis], len(one))
+                rows.add([(in_a, joined_map[:, axis]), (in_b, -joined_map[:, axis])], 0.0, len(joined))
+                pull = (np.full(len(outer), last), -p.pull[outer, corner, axis])
+                rows.add([(in_outer, outer_map[:, axis]), pull], p.dead_pull[outer, corner, axis], len(outer))
         return rows.matrix(last + 1), rows.right
 
     def _columns(self, rows: Ints, corner: int, other: bool = False) -> Ints:
@@ -233,13 +237,13 @@ class LowerBound:
         whole, rhs = self.equilibrium
         rhs = rhs - factor * whole[:, [-1]].toarray().ravel()
         rhs = np.concatenate([rhs, np.zeros(matrix.shape[0] - len(rhs))])
-        last, size = np.inf, np.inf
+        previous, size = np.inf, np.inf
         for _ in range(_STEPS):
             step = matrix.T @ solver.solve(rhs - matrix @ stress)  # type: ignore[attr-defined]
             size = float(abs(step).max())
-            if size >= 0.25 * last:
+            if size >= 0.25 * previous:
                 break
-            stress, last = stress + step, size
+            stress, previous = stress + step, size
         residual = float(abs(rhs - matrix @ stress).max())
         terms = float((abs(matrix) @ abs(stress) + abs(rhs)).max())
         # corrections contract from step to step, so that all further ones together change less than twice this one
@@ -255,29 +259,29 @@ class LowerBound:
         # of dry joints at the corners of sides, and the cones of radii or of tensors.
         p, corners, parts = self.problem, self._shape[0] * self._shape[1], self._shape[2]
         matrix, rhs = self.equilibrium
-        every, extra = np.arange(corners), 1 if self._dimension == 2 else 2
-        width = self._size + extra * corners + 1
+        every, planar = np.arange(corners), self._dimension == 2
+        bounds = corners if planar else 2 * corners  # number of columns that bound the stresses
+        width = self._size + bounds + 1
         linear, threes, tensors = Rows(), Rows(), Rows()
-        one = self._size + every
+        radius = largest = self._size + every  # columns of radii in the plane, of α in space
+        smallest = largest + corners  # columns of β
         for a, b in p.material.lines:
-            held = [(one, 1.0), (parts * every, -b)]
-            if extra == 2:
-                held = [(one, 0.5 - 0.5 * b), (one + corners, -0.5 - 0.5 * b)]
-            linear.add(held, a - margin, corners)
+            in_space = [(largest, 0.5 - 0.5 * b), (smallest, -0.5 - 0.5 * b)]
+            linear.add([(radius, 1.0), (parts * every, -b)] if planar else in_space, a - margin, corners)
         owner = [np.full(linear.count, -1, dtype=np.int64), *self._joint_rows(rows, linear, threes, margin)]
-        if extra == 1:
-            radii = np.stack([one, parts * every + 1, parts * every + 2], axis=1).reshape(-1)
-            threes.add([(radii, -1.0)], 0.0, 3 * corners)
+        if planar:
+            circles = np.stack([radius, parts * every + 1, parts * every + 2], axis=1).reshape(-1)
+            threes.add([(circles, -1.0)], 0.0, 3 * corners)
         else:
-            for sign, bound in ((1.0, one), (-1.0, one + corners)):
+            for sign, bound in ((1.0, largest), (-1.0, smallest)):
                 columns, values = np.zeros((corners, 6, 2), dtype=np.int64), np.zeros((corners, 6, 2))
                 columns[..., 0], values[..., 0] = 6 * every[:, None] + np.arange(6), sign
                 columns[..., 1] = bound[:, None]
                 values[:, DIAGONAL, 1] = -sign
                 tensors.add([(columns.reshape(-1, 2), values.reshape(-1, 2))], 0.0, 6 * corners)
-        wide = sp.hstack([matrix[:, :-1], sp.csr_array((matrix.shape[0], extra * corners)), matrix[:, -1:]])
+        equilibrium = sp.hstack([matrix[:, :-1], sp.csr_array((matrix.shape[0], bounds)), matrix[:, -1:]])
         smooth = np.zeros(0, dtype=np.int64) if labels is None else self._smooth(labels)
-        blocks = [wide, self._no_shear(smooth, width)] if smooth.size else [wide]
+        blocks = [equilibrium, self._no_shear(smooth, width)] if smooth.size else [equilibrium]
         self._equations = sum(block.shape[0] for block in blocks)
         cones = [part for part in (linear, threes, tensors) if part.count]
         whole = sp.csr_array(sp.vstack([*blocks, *(part.matrix(width) for part in cones)]))
@@ -286,7 +290,7 @@ class LowerBound:
         objective[-1] = -1.0
         owners = np.full(len(right), -1, dtype=np.int64)
         owners[self._equations : self._equations + linear.count] = np.concatenate(owner)
-        sizes = ConeSizes(self._equations, linear.count, threes.count // 3, 0, tensors.count // 6)
+        sizes = ConeSizes(self._equations, linear.count, threes.count // 3, tensors=tensors.count // 6)
         return (objective, whole, right, sizes), owners
 
     def _joint_rows(self, rows: Ints, linear: Rows, threes: Rows, margin: float) -> list[Ints]:
@@ -307,11 +311,11 @@ class LowerBound:
                     value = (mu[:, None] * pressed + sign * slid[0]) / size[:, None]
                     linear.add([(columns, value)], np.where(smooth, 0.0, c - margin) / size, len(rows))
             else:
-                wide = np.stack([mu[:, None] * pressed, *slid], axis=1)[~smooth]
-                right = np.zeros((len(wide), 3))
+                cone = np.stack([mu[:, None] * pressed, *slid], axis=1)[~smooth]  # head μ σ, then the shear tractions
+                right = np.zeros((len(cone), 3))
                 right[:, 0] = c[~smooth] - margin
-                entries = [(np.repeat(columns[~smooth], 3, axis=0), wide.reshape(-1, 6))]
-                threes.add(entries, right.ravel(), 3 * len(wide))
+                entries = [(np.repeat(columns[~smooth], 3, axis=0), cone.reshape(-1, 6))]
+                threes.add(entries, right.ravel(), 3 * len(cone))
             linear.add([(columns[some], -pressed[some])], crush - margin, len(some))
             owner += [*[rows] * (3 if len(slid) == 1 else 1), rows[some]]
         return owner

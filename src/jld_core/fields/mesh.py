@@ -200,9 +200,9 @@ class Mesh:
     @cached_property
     def side_nodes(self) -> tuple[Ints, Ints]:
         """Nodes (u, d) of the distinct sides, in ascending order, and the sides (t, d + 1) of each simplex."""
-        own = np.sort(self.simplices[:, _SIDES[self.dimension]].reshape(-1, self.dimension), axis=1)
-        _, first, number = np.unique(self._keys(own), return_index=True, return_inverse=True)
-        return own[first], np.asarray(number.reshape(len(self), -1))
+        of_simplices = np.sort(self.simplices[:, _SIDES[self.dimension]].reshape(-1, self.dimension), axis=1)
+        _, first, number = np.unique(self._keys(of_simplices), return_index=True, return_inverse=True)
+        return of_simplices[first], np.asarray(number.reshape(len(self), -1))
 
     def _keys(self, nodes: Ints) -> Ints:
         """Return one number (k,) for each row of nodes (k, d), in lexicographic order."""
@@ -227,6 +227,7 @@ class Mesh:
         flat, each = number.ravel(), number.shape[1]
         order = np.argsort(flat, kind="stable")
         place, start, count = np.unique(flat[order], return_index=True, return_counts=True)
+        # the first and the second use of each side, as simplex · each + side of it; −1 without a second
         first = order[start]
         second = np.where(count == 2, order[np.minimum(start + 1, len(order) - 1)], -1)
         tags = self.side_tags[place]
@@ -292,9 +293,9 @@ def _centre(ring: Floats) -> Floats | None:
     corners = ring[turn > _STRAIGHT * size]
     if len(corners) != 4:
         return np.asarray(corners.mean(axis=0))
-    one, two, gap = corners[2] - corners[0], corners[3] - corners[1], corners[1] - corners[0]
-    share = (gap[0] * two[1] - gap[1] * two[0]) / (one[0] * two[1] - one[1] * two[0])
-    return np.asarray(corners[0] + share * one)
+    diagonal, other, gap = corners[2] - corners[0], corners[3] - corners[1], corners[1] - corners[0]
+    share = (gap[0] * other[1] - gap[1] * other[0]) / (diagonal[0] * other[1] - diagonal[1] * other[0])
+    return np.asarray(corners[0] + share * diagonal)
 
 
 def _chains(points: Floats, ring: Ints) -> dict[int, list[int]]:
@@ -318,11 +319,11 @@ def _turns(ring: Floats) -> tuple[Floats, Floats]:
 
 def _delaunay(points: Floats, nodes: list[int]) -> list[tuple[int, int, int]]:
     """Return constrained Delaunay triangles of a simple polygon, counter-clockwise nodes."""
-    number = {tuple(points[node].tolist()): node for node in nodes}
-    found = shapely.constrained_delaunay_triangles(shapely.Polygon(points[nodes]))
+    node_at = {tuple(points[node].tolist()): node for node in nodes}
+    parts = shapely.constrained_delaunay_triangles(shapely.Polygon(points[nodes]))
     triangles = []
-    for triangle in shapely.get_parts(found):
-        a, b, c = (number[tuple(place)] for place in shapely.get_coordinates(triangle)[:3].tolist())
+    for triangle in shapely.get_parts(parts):
+        a, b, c = (node_at[tuple(place)] for place in shapely.get_coordinates(triangle)[:3].tolist())
         one, two = points[b] - points[a], points[c] - points[a]
         triangles.append((a, b, c) if one[0] * two[1] - one[1] * two[0] > 0.0 else (a, c, b))
     return triangles
@@ -332,46 +333,50 @@ def subdivide(mesh: Mesh, parts: int) -> Mesh:
     """Split every triangle into parts² similar ones; tags and roots are inherited."""
     if parts == 1:
         return mesh
-    unique, number = mesh.side_nodes
-    number = np.roll(number, 1, axis=1)  # column k is the edge from corner k to k + 1
+    # new nodes: those on edges, edge by edge from its lower node on, then those inside triangles
+    unique, _ = mesh.side_nodes
     steps = np.arange(1, parts) / parts
     ends = mesh.points[unique]
     on_sides = ends[:, :1] * (1.0 - steps[:, None]) + ends[:, 1:] * steps[:, None]
-    base = len(mesh.points)
-    inner = base + len(unique) * (parts - 1)
+    node = _grid_nodes(mesh, parts)
     grid = [(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]
-    inside = [(i, j) for i, j in grid if i > 0 and j > 0 and i + j < parts]
-    # node (i, j) of a triangle lies at corner 0 + i/parts towards corner 1 + j/parts towards corner 2
+    weights = np.array([[parts - i - j, i, j] for i, j in grid if i > 0 and j > 0 and i + j < parts]) / parts
+    inside = np.einsum("gk,tkd->tgd", weights.reshape(-1, 3), mesh.corners)
+    small = [(node[:, i, j], node[:, i + 1, j], node[:, i, j + 1]) for i, j in grid if i + j < parts]
+    small += [(node[:, i + 1, j], node[:, i + 1, j + 1], node[:, i, j + 1]) for i, j in grid if i + j < parts - 1]
+    triangles = np.stack([np.stack(corners, axis=-1) for corners in small], axis=1).reshape(-1, 3)
+    tagged = np.flatnonzero(mesh.side_tags != FREE)
+    new_nodes = len(mesh.points) + tagged[:, None] * (parts - 1) + np.arange(parts - 1)
+    chain = np.column_stack([unique[tagged, 0], new_nodes, unique[tagged, 1]])
+    return Mesh(
+        points=np.concatenate([mesh.points, on_sides.reshape(-1, 2), inside.reshape(-1, 2)]),
+        simplices=triangles,
+        cell=np.repeat(mesh.cell, parts * parts),
+        root=np.repeat(mesh.root, parts * parts),
+        tagged=np.sort(np.stack([chain[:, :-1], chain[:, 1:]], axis=-1).reshape(-1, 2), axis=1),
+        tag=np.repeat(mesh.side_tags[tagged], parts),
+    )
+
+
+def _grid_nodes(mesh: Mesh, parts: int) -> Ints:
+    """Return the nodes (t, parts + 1, parts + 1) of triangles that `subdivide` splits; i + j > parts is unused.
+
+    Node (i, j) lies at corner 0 + i/parts towards corner 1 + j/parts towards corner 2.
+    """
+    unique, number = mesh.side_nodes
+    number = np.roll(number, 1, axis=1)  # column k is the edge from corner k to k + 1
     node = np.empty((len(mesh), parts + 1, parts + 1), dtype=np.int64)
     node[:, 0, 0], node[:, parts, 0], node[:, 0, parts] = mesh.simplices.T
     for step in range(1, parts):
         for side, (i, j) in enumerate(((step, 0), (parts - step, step), (0, parts - step))):
-            start = mesh.simplices[:, side]
-            forward = unique[number[:, side], 0] == start
-            node[:, i, j] = base + number[:, side] * (parts - 1) + np.where(forward, step, parts - step) - 1
-    places = []
-    for rank, (i, j) in enumerate(inside):
-        node[:, i, j] = inner + np.arange(len(mesh)) * len(inside) + rank
-        weights = np.array([parts - i - j, i, j]) / parts
-        places.append(np.einsum("k,tkd->td", weights, mesh.corners))
-    extra = np.stack(places, axis=1).reshape(-1, 2) if places else np.zeros((0, 2))
-    small = [(node[:, i, j], node[:, i + 1, j], node[:, i, j + 1]) for i, j in grid if i + j < parts]
-    small += [(node[:, i + 1, j], node[:, i + 1, j + 1], node[:, i, j + 1]) for i, j in grid if i + j < parts - 1]
-    triangles = np.stack([np.stack(three, axis=-1) for three in small], axis=1).reshape(-1, 3)
-    times = parts * parts
-    tagged = np.flatnonzero(mesh.side_tags != FREE)
-    chain = np.column_stack(
-        [unique[tagged, 0], *(base + tagged * (parts - 1) + k for k in range(parts - 1)), unique[tagged, 1]]
-    )
-    pairs = np.stack([chain[:, :-1], chain[:, 1:]], axis=-1).reshape(-1, 2)
-    return Mesh(
-        points=np.concatenate([mesh.points, on_sides.reshape(-1, 2), extra]),
-        simplices=triangles,
-        cell=np.repeat(mesh.cell, times),
-        root=np.repeat(mesh.root, times),
-        tagged=np.sort(pairs, axis=1),
-        tag=np.repeat(mesh.side_tags[tagged], parts),
-    )
+            forward = unique[number[:, side], 0] == mesh.simplices[:, side]
+            rank = np.where(forward, step, parts - step) - 1
+            node[:, i, j] = len(mesh.points) + number[:, side] * (parts - 1) + rank
+    inside = [(i, j) for i in range(1, parts) for j in range(1, parts - i)]
+    first = len(mesh.points) + len(unique) * (parts - 1)
+    for place, (i, j) in enumerate(inside):
+        node[:, i, j] = first + np.arange(len(mesh)) * len(inside) + place
+    return node
 
 
 def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
@@ -392,6 +397,7 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
         longest = np.where(marked & (singular >= 0), (singular + 1) % 3, longest)
     split = np.zeros(len(unique), dtype=bool)
     split[number[marked]] = True
+    # a triangle with any split edge is split at its longest one too
     while True:
         lead = number[np.arange(len(mesh)), longest]
         more = split[number].any(axis=1) & ~split[lead]
@@ -419,9 +425,10 @@ def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, in
     """Split triangles at middles (t, 3), −1 for none, edge `first` first; also the old triangle of each."""
     triangles: list[tuple[int, int, int]] = []
     parent: list[int] = []
-    for t, (nodes, own, k) in enumerate(zip(mesh.simplices.tolist(), middle.tolist(), first.tolist(), strict=True)):
+    rows = zip(mesh.simplices.tolist(), middle.tolist(), first.tolist(), strict=True)
+    for t, (nodes, middles, k) in enumerate(rows):
         a, b, c = nodes[k], nodes[(k + 1) % 3], nodes[(k + 2) % 3]
-        ab, bc, ca = own[k], own[(k + 1) % 3], own[(k + 2) % 3]
+        ab, bc, ca = middles[k], middles[(k + 1) % 3], middles[(k + 2) % 3]
         if ab < 0:
             new = [(a, b, c)]
         else:
@@ -430,6 +437,13 @@ def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, in
         triangles += new
         parent += [t] * len(new)
     return triangles, parent
+
+
+def corner_angles(corners: Floats) -> Floats:
+    """Return the angles (t, 3) of triangles with corners (t, 3, 2)."""
+    one, two = np.roll(corners, -1, axis=1) - corners, np.roll(corners, -2, axis=1) - corners
+    cross = one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0]
+    return np.asarray(np.arctan2(cross, (one * two).sum(axis=2)))
 
 
 def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
@@ -442,10 +456,10 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     near = _STRAIGHT * float(np.ptp(mesh.points, axis=0).max())
     nodes = np.flatnonzero((abs(mesh.points[:, None] - np.array(ends)).max(axis=2) <= near).any(axis=1))
     corners = mesh.corners
-    one, two = np.roll(corners, -1, axis=1) - corners, np.roll(corners, -2, axis=1) - corners
-    angle = np.arctan2(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0], (one * two).sum(axis=2))
+    angle = corner_angles(corners)
     around = np.bincount(mesh.simplices.ravel(), angle.ravel(), minlength=len(mesh.points))
     count = np.bincount(mesh.simplices.ravel(), minlength=len(mesh.points))
+    # nodes on straight outlines with fewer than three triangles
     few = np.zeros(len(mesh.points), dtype=bool)
     few[nodes] = (abs(around[nodes] - np.pi) <= _STRAIGHT) & (count[nodes] < 3)
     at = few[mesh.simplices]
@@ -480,6 +494,7 @@ def bisect(mesh: Mesh, marked: Bools, weight: Floats | None = None) -> Mesh:
     number = number.reshape(-1, 6)
     length = np.linalg.norm(mesh.points[unique[:, 1]] - mesh.points[unique[:, 0]], axis=1)
     rank = np.empty(len(unique), dtype=np.int64)
+    # of equal lengths the smaller number is the longest, alike for all tetrahedra of an edge
     order = np.lexsort((-np.arange(len(unique)), np.round(length / length.max(), _DIGITS)))
     rank[order] = np.arange(len(unique))
     split = np.zeros(len(unique), dtype=bool)
@@ -517,44 +532,58 @@ def halve_edges(mesh: Mesh, edges: Ints) -> Mesh:
     """Halve edges (k, 2) one after another, each in all tetrahedra and tagged triangles around it."""
     solids = [tuple(nodes) for nodes in mesh.simplices.tolist()]
     parent = list(range(len(solids)))
-    around: dict[int, set[int]] = {}
+    solids_at: dict[int, set[int]] = {}  # tetrahedra at each node
     for index, nodes in enumerate(solids):
         for node in nodes:
-            around.setdefault(node, set()).add(index)
-    tags = {tuple(nodes): tag for nodes, tag in zip(mesh.tagged.tolist(), mesh.tag.tolist(), strict=True)}
-    touching: dict[int, set[tuple[int, ...]]] = {}
-    for key in tags:
-        for node in key:
-            touching.setdefault(node, set()).add(key)
+            solids_at.setdefault(node, set()).add(index)
+    tagged = _TaggedTriangles(mesh)
     points = mesh.points.tolist()
     for i, j in edges.tolist():
         middle = len(points)
         points.append([0.5 * (p + q) for p, q in zip(points[i], points[j], strict=True)])
-        around[middle] = set()
-        for index in sorted(around[i] & around[j]):
+        solids_at[middle] = set()
+        for index in sorted(solids_at[i] & solids_at[j]):
+            # the half at i keeps the number, the half at j has a new one
             nodes = solids[index]
             solids[index] = tuple(middle if node == j else node for node in nodes)
             other = tuple(middle if node == i else node for node in nodes)
-            around[j].discard(index)
+            solids_at[j].discard(index)
             for node in other:
-                around[node].add(len(solids))
-            around[middle].add(index)
+                solids_at[node].add(len(solids))
+            solids_at[middle].add(index)
             solids.append(other)
             parent.append(parent[index])
-        for key in sorted(touching.get(i, set()) & touching.get(j, set())):
-            tag = tags.pop(key)
-            for node in key:
-                touching[node].discard(key)
-            for gone in (i, j):
-                half = tuple(sorted(middle if node == gone else node for node in key))
-                tags[half] = tag
-                for node in half:
-                    touching.setdefault(node, set()).add(half)
+        tagged.halve(i, j, middle)
     return Mesh(
         points=np.array(points),
         simplices=np.array(solids, dtype=np.int64),
         cell=mesh.cell[parent],
         root=mesh.root[parent],
-        tagged=np.array(list(tags), dtype=np.int64).reshape(-1, mesh.dimension),
-        tag=np.array(list(tags.values()), dtype=np.int64),
+        tagged=np.array(list(tagged.tags), dtype=np.int64).reshape(-1, mesh.dimension),
+        tag=np.array(list(tagged.tags.values()), dtype=np.int64),
     )
+
+
+class _TaggedTriangles:
+    """Tags of triangles by their sorted nodes, while edges are halved."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.tags = {tuple(nodes): tag for nodes, tag in zip(mesh.tagged.tolist(), mesh.tag.tolist(), strict=True)}
+        self._at: dict[int, set[tuple[int, ...]]] = {}  # triangles at each node
+        for triangle in self.tags:
+            self._register(triangle)
+
+    def _register(self, triangle: tuple[int, ...]) -> None:
+        for node in triangle:
+            self._at.setdefault(node, set()).add(triangle)
+
+    def halve(self, i: int, j: int, middle: int) -> None:
+        """Split the triangles at edge (i, j) at its new node."""
+        for triangle in sorted(self._at.get(i, set()) & self._at.get(j, set())):
+            tag = self.tags.pop(triangle)
+            for node in triangle:
+                self._at[node].discard(triangle)
+            for replaced in (i, j):
+                half = tuple(sorted(middle if node == replaced else node for node in triangle))
+                self.tags[half] = tag
+                self._register(half)

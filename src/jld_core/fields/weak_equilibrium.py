@@ -69,11 +69,22 @@ class WeakEquilibrium:
         return found
 
     def rows(self) -> ConeRows:
+        count = len(self.problem.mesh)
+        (matrix, right), linear = self._balance(), self._yield()
+        cones, panels = Rows(), np.arange(self._panels)
+        radius_then_deviator = np.stack([3 * self._panels + panels, 3 * panels + 1, 3 * panels + 2], axis=1)
+        cones.add([(radius_then_deviator.reshape(-1), -1.0)], 0.0, 3 * self._panels)
+        whole = sp.csr_array(sp.vstack([matrix, linear.matrix(self.width), cones.matrix(self.width)]))
+        sizes = ConeSizes(6 * count, linear.count, self._panels)
+        return ConeRows(whole, np.concatenate([right, linear.right, cones.right]), sizes)
+
+    def _balance(self) -> tuple[sp.csr_array, Floats]:
+        """Return the equations (6t, width) of nodal forces, row 6·triangle + 2·corner + axis, and their right side."""
         p, mesh = self.problem, self.problem.mesh
-        count, last = len(mesh), self.width - 1
+        count, load_column = len(mesh), self.width - 1
         live, dead = self._loads
-        balance = Rows()
-        balance.add([(np.full(6 * count, last), -live.ravel())], dead.ravel(), 6 * count)
+        loads = Rows()
+        loads.add([(np.full(6 * count, load_column), -live.ravel())], dead.ravel(), 6 * count)
         entries = _Entries()
         row, base = 6 * np.arange(count), 3 * np.arange(count)
         for k in range(3):
@@ -83,32 +94,24 @@ class WeakEquilibrium:
                 for j, value in enumerate(parts):
                     entries.add(row + 2 * k + axis, base + j, value)
         e = p.sides
-        for own, end, first, shear in self._pairs():
-            half = 0.5 * e.area[own]
-            nx, ny = e.normal[own].T
-            normals = [first, first + 1] if own is self._material else [first]
+        for edges, end, first, shear in self._pairs():
+            half = 0.5 * e.area[edges]
+            nx, ny = e.normal[edges].T
+            normals = [first, first + 1] if edges is self._material else [first]
             for axis, (n, t) in enumerate(((nx, -ny), (ny, nx))):
-                for place, sign, some in self._corners(own, end, axis):
+                for place, sign, some in self._corners(edges, end, axis):
                     for column in normals:
                         entries.add(place, column[some], sign * (half * n)[some])
                     entries.add(place, shear[some], sign * (half * t)[some])
-        matrix = sp.csr_array(balance.matrix(self.width) + entries.matrix((6 * count, self.width)))
-        linear = self._yield()
-        cones, panels = Rows(), np.arange(self._panels)
-        stacked = np.stack([3 * self._panels + panels, 3 * panels + 1, 3 * panels + 2], axis=1).reshape(-1)
-        cones.add([(stacked, -1.0)], 0.0, 3 * self._panels)
-        whole = sp.csr_array(sp.vstack([matrix, linear.matrix(self.width), cones.matrix(self.width)]))
-        right = np.concatenate([balance.right, linear.right, cones.right])
-        return ConeRows(whole, right, ConeSizes(6 * count, linear.count, self._panels))
+        return sp.csr_array(loads.matrix(self.width) + entries.matrix((6 * count, self.width))), loads.right
 
-    def _corners(self, own: Ints, end: int, axis: int) -> list[tuple[Ints, float, Ints]]:
-        """Return rows, signs and edges of the triangles on both sides of edges at one end."""
+    def _corners(self, edges: Ints, end: int, axis: int) -> list[tuple[Ints, float, Ints]]:
+        """Return rows, signs and places in `edges` (k,) of the triangles on both sides of edges at one end."""
         e = self.problem.sides
-        some = np.flatnonzero(e.b[own] >= 0)
-        every = np.arange(len(own))
-        first = 6 * e.a[own] + 2 * e.corner_a[own, end] + axis
-        second = 6 * e.b[own[some]] + 2 * e.corner_b[own[some], end] + axis
-        return [(first, -1.0, every), (second, 1.0, some)]
+        two_sided = np.flatnonzero(e.b[edges] >= 0)
+        first = 6 * e.a[edges] + 2 * e.corner_a[edges, end] + axis
+        second = 6 * e.b[edges[two_sided]] + 2 * e.corner_b[edges[two_sided], end] + axis
+        return [(first, -1.0, np.arange(len(edges))), (second, 1.0, two_sided)]
 
     def _yield(self) -> Rows:
         p, linear, panels = self.problem, Rows(), np.arange(self._panels)
@@ -118,12 +121,12 @@ class WeakEquilibrium:
         mu, c, crush = p.joints.friction[face], p.joints.shear[face], p.joints.crushing[face]
         size = np.maximum(1.0, mu)
         some = np.flatnonzero(np.isfinite(crush))
-        for own, _, normal, shear in self._pairs():
-            if own is not self._dry:
+        for edges, _, normal, shear in self._pairs():
+            if edges is not self._dry:
                 continue
-            linear.add([(normal, 1.0)], 0.0, len(own))
+            linear.add([(normal, 1.0)], 0.0, len(edges))
             for sign in (1.0, -1.0):
-                linear.add([(normal, mu / size), (shear, sign / size)], c / size, len(own))
+                linear.add([(normal, mu / size), (shear, sign / size)], c / size, len(edges))
             linear.add([(normal[some], -1.0)], crush[some], len(some))
         return linear
 
@@ -142,15 +145,15 @@ class WeakEquilibrium:
         p = self.problem
         if not p.loaded:
             return True
-        found = WeakEquilibrium(p.under_dead_load(), self._labels).solve()
+        solved = WeakEquilibrium(p.under_dead_load(), self._labels).solve()
         # a program without a largest multiple has no answer, and stands
-        return found is None or found[1] >= 1.0
+        return solved is None or solved[1] >= 1.0
 
     def rates(self, point: Floats) -> sp.csr_array:
         """Return the derivatives (6t, 2p) of A x − b by the positions of p nodes, at a point (width,)."""
         # Stresses and λ, loads per volume and nodal forces of tractions are held constant; column 2·node + axis.
         p, mesh = self.problem, self.problem.mesh
-        count, found = len(mesh), _Entries()
+        count, entries = len(mesh), _Entries()
         m, d, s = point[: 3 * count].reshape(-1, 3).T
         row, nodes = 6 * np.arange(count), mesh.simplices
         load = p.dead + float(point[-1]) * p.live
@@ -158,23 +161,23 @@ class WeakEquilibrium:
             for k in range(3):
                 place = row + 2 * k + axis
                 # area times the gradient at corner k is half the opposite edge, turned
-                found.add_vector(place, nodes[:, (k + 2) % 3], 0.5 * np.column_stack([sy, -sx]))
-                found.add_vector(place, nodes[:, (k + 1) % 3], -0.5 * np.column_stack([sy, -sx]))
+                entries.add_vector(place, nodes[:, (k + 2) % 3], 0.5 * np.column_stack([sy, -sx]))
+                entries.add_vector(place, nodes[:, (k + 1) % 3], -0.5 * np.column_stack([sy, -sx]))
                 for j in range(3):
                     grown = mesh.volume[:, None] * mesh.gradient[:, j] * (-load[:, axis] / 3.0)[:, None]
-                    found.add_vector(place, nodes[:, j], grown)
+                    entries.add_vector(place, nodes[:, j], grown)
         e = p.sides
         ends = nodes[e.a[:, None], e.corner_a]
-        for own, end, first, shear in self._pairs():
-            normal = point[first] + (point[first + 1] if own is self._material else 0.0)
+        for edges, end, first, shear in self._pairs():
+            normal = point[first] + (point[first + 1] if edges is self._material else 0.0)
             slide = point[shear]
             for axis, vector in enumerate(((slide, normal), (-normal, slide))):
                 # half a length times the traction is half of the edge times (S, N), (−N, S)
                 half = 0.5 * np.column_stack(vector)
-                for place, sign, some in self._corners(own, end, axis):
-                    found.add_vector(place, ends[own[some], 1], sign * half[some])
-                    found.add_vector(place, ends[own[some], 0], -sign * half[some])
-        return found.matrix((6 * count, 2 * len(mesh.points)))
+                for place, sign, some in self._corners(edges, end, axis):
+                    entries.add_vector(place, ends[edges[some], 1], sign * half[some])
+                    entries.add_vector(place, ends[edges[some], 0], -sign * half[some])
+        return entries.matrix((6 * count, 2 * len(mesh.points)))
 
 
 class _Entries:

@@ -21,7 +21,7 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import outlines as measures
-from jld_core.geometry.clean_regions import area_of
+from jld_core.geometry.outlines import area_of
 from jld_core.geometry.vectors import area_vector
 from jld_core.linalg import components
 
@@ -101,36 +101,26 @@ def solids(
     ----------
     ids : list of str
         Names of the n elements, for error messages.
-    vertices : list of (k, 3) arrays
-        Vertices of each element, scene units.
-    faces : list of Faces
-        Loops of vertex indices of each element, in any sense of rotation.
+    vertices, faces : list of (k, 3) arrays, list of Faces
+        Vertices of each element, and its loops of indices in any sense of rotation.
 
     Returns
     -------
-    vertices : list of (k, 3) arrays
-        Vertices of each element.
-    faces : list of Faces
-        Loops with outward orientation. Coinciding vertices are merged only where the surface would be open otherwise.
-    volume : (n,) array
-        Volumes, scene units.
-    centroid : (n, 3) array
-        Centroids, scene units.
+    vertices, faces : list of (k, 3) arrays, list of Faces
+        Loops outward; they name coinciding vertices as one where the surface would be open otherwise.
+    volume, centroid : (n,) and (n, 3) array
+        By the divergence theorem on triangles about the mean corner of each face, which need not be plane.
 
     Raises
     ------
     InputError
         The surface of an element is not closed, or encloses no volume.
-
-    Notes
-    -----
-    Volumes follow from the divergence theorem on fans of triangles; faces need not be plane.
     """
     vertices, faces = list(vertices), list(faces)
     surface = lay_out(vertices, faces)
     torn = np.flatnonzero(~_closed(surface, len(ids)))
     for index in torn:
-        vertices[index], faces[index] = _mend(ids[index], vertices[index], faces[index])
+        faces[index] = _close_surface(ids[index], vertices[index], faces[index])
     if torn.size:
         surface = lay_out(vertices, faces)
     volume, centroid = _divergence(surface, vertices)
@@ -156,43 +146,58 @@ def _closed(surface: Surface, count: int) -> Bools:
     return good
 
 
-def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Merge coinciding vertices of an element, and orient its faces alike; InputError if its surface is open."""
+_SAME: Final = 1e-2  # share of `tolerances.FACE` of the size of an element up to which its vertices coincide
+
+
+def _close_surface(name: str, vertices: Floats, faces: Faces) -> Faces:
+    """Return the faces of an element with coinciding vertices as one, oriented alike; InputError if they are open."""
+    loops = _welded(vertices, faces)
+    refusal = InputError(f"element {name!r}", "its faces do not close", "faces that meet in pairs along every edge")
+    oriented = _oriented_alike(loops)
+    if oriented is None or not _closed(lay_out([vertices], [oriented]), 1)[0]:
+        raise refusal
+    return oriented
+
+
+def _welded(vertices: Floats, faces: Faces) -> list[tuple[int, ...]]:
+    """Return the loops of faces with the first of each group of coinciding vertices in the place of all."""
     from scipy.spatial import cKDTree  # local imports here and below: slow to import, and used by spatial scenes only
 
     tree = cKDTree(vertices)
-    near = tree.query_pairs(1e-2 * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray")
+    near = tree.query_pairs(_SAME * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray")
     group = components(len(vertices), near[:, 0], near[:, 1])
     first = np.full(len(vertices), len(vertices), dtype=np.int64)
     np.minimum.at(first, group, np.arange(len(vertices)))
-    welded = []
+    loops = []
     for loop in faces:
-        named = [int(first[group[index]]) for index in loop]
-        kept = tuple(index for position, index in enumerate(named) if index != named[position - 1])
+        firsts = [int(first[group[index]]) for index in loop]
+        kept = tuple(index for position, index in enumerate(firsts) if index != firsts[position - 1])
         if len(kept) > 2:
-            welded.append(kept)
-    users: dict[tuple[int, int], list[tuple[int, bool]]] = {}
-    for position, loop in enumerate(welded):
+            loops.append(kept)
+    return loops
+
+
+def _oriented_alike(loops: list[tuple[int, ...]]) -> Faces | None:
+    """Turn loops until neighbours agree; None if they do not meet in pairs along every edge."""
+    users: dict[tuple[int, int], list[tuple[int, bool]]] = {}  # position of each loop, and whether it runs upwards
+    for position, loop in enumerate(loops):
         for u, v in zip(loop, loop[1:] + loop[:1], strict=True):
             users.setdefault((min(u, v), max(u, v)), []).append((position, u < v))
-    refusal = InputError(f"element {name!r}", "its faces do not close", "faces that meet in pairs along every edge")
-    if not welded or any(len(pair) != 2 for pair in users.values()):
-        raise refusal
+    if not loops or any(len(pair) != 2 for pair in users.values()):
+        return None
     pairs = np.array([[one[0], other[0]] for one, other in users.values()])
+    # two faces agree if they run along their edge in opposite senses
     agree = {(one[0], other[0]): one[1] != other[1] for one, other in users.values()}
-    graph = csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(welded), len(welded)))
+    graph = csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(loops), len(loops)))
     _, shell = connected_components(graph, directed=False)
-    turned = np.zeros(len(welded), dtype=bool)
+    turned = np.zeros(len(loops), dtype=bool)
     for root in np.unique(shell, return_index=True)[1]:
         order, parent = breadth_first_order(graph, int(root), directed=False)
         for child in order[1:]:
             above = int(parent[child])
             same = agree.get((above, int(child)), agree.get((int(child), above)))
             turned[child] = turned[above] if same else not turned[above]
-    oriented = tuple(loop[::-1] if turn else loop for loop, turn in zip(welded, turned, strict=True))
-    if not _closed(lay_out([vertices], [oriented]), 1)[0]:
-        raise refusal
-    return vertices, oriented
+    return tuple(loop[::-1] if turn else loop for loop, turn in zip(loops, turned, strict=True))
 
 
 def _divergence(surface: Surface, vertices: list[Floats]) -> tuple[Floats, Floats]:
@@ -200,7 +205,9 @@ def _divergence(surface: Surface, vertices: list[Floats]) -> tuple[Floats, Float
     base = np.array([v[0] for v in vertices])
     owner = surface.element[surface.face]
     about = base[owner]
-    first = surface.points[surface.vertex[surface.start[surface.face]]] - about
+    # the mean of its corners, so that a warped face bounds both its elements alike, wherever its loops begin
+    middle = np.add.reduceat(surface.points[surface.vertex], surface.start) / surface.count[:, None]
+    first = middle[surface.face] - about
     one, two = surface.points[surface.vertex] - about, surface.points[surface.after] - about
     share = np.einsum("ij,ij->i", first, np.cross(one, two)) / 6.0
     count = len(vertices)

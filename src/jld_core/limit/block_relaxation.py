@@ -91,20 +91,23 @@ class BatchBlockProgram:
     def solve(
         self, allowed: Bools, thresholds: Floats, most: Floats, pool: ThreadPoolExecutor | None = None
     ) -> list[BlockMultipliers]:
-        """Solve the programs of k sets of allowed blocks (k, p); `pool` supplies one more thread."""
+        """Solve k programs with allowed blocks (k, p) for scaled λ `thresholds` (k,) to reach, and `most` (k,).
+
+        most: scaled λ that is not exceeded; `pool` supplies one more thread.
+        """
         # Full registers are shared by two threads; a single one is not split, as a partly filled register takes as
         # long.
-        width = self._batch.width
-        registers = -(-len(allowed) // width)
-        here = width * (registers if pool is None else -(-registers // 2))
-        portions = [part for part in (np.arange(here)[: len(allowed)], np.arange(here, len(allowed))) if len(part)]
+        count, width = len(allowed), self._batch.width
+        registers = -(-count // width)
+        count_here = width * (registers if pool is None else -(-registers // 2))
+        portions = [part for part in (np.arange(count_here)[:count], np.arange(count_here, count)) if len(part)]
 
-        def run(k: Ints) -> BlockAnswers:
-            return self._batch.solve(allowed[k], thresholds[k], LEAST * thresholds[k], most[k])
+        def run(rows: Ints) -> BlockAnswers:
+            return self._batch.solve(allowed[rows], thresholds[rows], LEAST * thresholds[rows], most[rows])
 
-        others = [] if pool is None else [pool.submit(run, k) for k in portions[1:]]
-        found = [run(portions[0]), *(other.result() for other in others)]
-        return [self._multipliers(answers, k) for answers in found for k in range(len(answers.state))]
+        others = [] if pool is None else [pool.submit(run, rows) for rows in portions[1:]]
+        portions_solved = [run(portions[0]), *(other.result() for other in others)]
+        return [self._multipliers(answers, k) for answers in portions_solved for k in range(len(answers.state))]
 
     def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
         shared = answers.shared[k]

@@ -36,7 +36,7 @@ from jld_core.limit.bounds import (
     reduced_by,
     usable,
 )
-from jld_core.linalg.projection import ConsistentProjector
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawStatus
 
@@ -45,6 +45,7 @@ _REDUCTION_ROUNDS: Final = 8  # Largest number of successive self-stresses.
 _ROUNDED: Final = 1e-9  # Allowed rounding of jumps per unit of live work, relative to the largest live load.
 # Slip, relative to the largest velocity, above which the direction of a ray is taken from the motion.
 _SLIDES: Final = 1e-4
+_SAME_WAY: Final = 0.5  # Cosine between a slip and a self-stress above which the slip gives the ray.
 _ALONG: Final = 1e-4  # Component of a unit vector below which it is set to zero.
 _KEPT: Final = 2e-8  # Slack kept in the half-spaces of cones, scaled, to make up for (3.12a).
 _LEANS: Final = (1e5, 1e7, 1e8)  # Factors by which a self-stress is added, scaled.
@@ -323,10 +324,10 @@ def _tangent(rows: Floats, direction: Floats, jump: Floats, place: int, speed: f
         slip = np.array([jump[at[0] - place] / row[at[0]] for at, row in zip(where, tail, strict=True)])
         size = float(np.linalg.norm(slip))
         if size > _SLIDES * speed:
-            own = slip / size
-            if own @ direction > 0.5:
-                across = np.array([-own[1], own[0]])
-                return [rows[0] - own @ tail, across @ tail]
+            along = slip / size
+            if along @ direction > _SAME_WAY:
+                across = np.array([-along[1], along[0]])
+                return [rows[0] - along @ tail, across @ tail]
     return [rows[0] - direction @ tail]
 
 
@@ -337,8 +338,28 @@ _LEFT: Final = 2e-9  # Slack of a state in all rows that are left, scaled.
 _ACCURACIES: Final = ((1e-9, 2e-8), (1e-12, 4e-9))  # Residual to reach, and slack to keep while solving, in turn.
 _TIMES: Final = np.logspace(0.0, 14.0, 57)  # Factors of a self-stress, scaled, tried in turn.
 _LAST_DIGITS: Final = 4.0 * float(np.finfo(float).eps)
-# Bounds on the forces, scaled, and slacks below which a row counts as tight, in the order tried; 0: by simplex
-_RAYS: Final = ((0.0, 1e-5), (0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4))
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """How a ray R with A R = target is sought."""
+
+    force_limit: float  # bound on its forces, scaled; 0: by simplex, without a bound
+    tight_slack: float  # slack, scaled, below which a row counts as tight; 0: the point is not projected onto such rows
+
+    def support(self, program: ConicProgram, columns: int, target: Floats) -> LargestSupport | None:
+        if self.force_limit:
+            return largest_support(program, columns, target, self.force_limit)
+        return polygonal_support(program, columns, target)
+
+    def point(self, program: ConicProgram, support: LargestSupport, target: Floats) -> Floats:
+        """Return a candidate (columns,) for the ray."""
+        return (
+            project_onto_faces(program, support, target, _SNAP, self.tight_slack) if self.tight_slack else support.point
+        )
+
+
+_ATTEMPTS: Final = (Attempt(0.0, 1e-5), Attempt(0.0, 0.0), Attempt(1e3, 1e-5), Attempt(1e2, 1e-4))  # in the order tried
 
 
 @dataclass(frozen=True)
@@ -378,31 +399,26 @@ class SelfStress:
         self.stages = list(self._reduced())[::-1] if small else []
 
     def ray(self) -> State | None:
-        """Find R₁ with A R₁ + b_λ = 0 admissible beside faster growing self-stresses; None where no proof is found.
+        """Find a ray R₁, A R₁ + b_λ = 0, that is admissible in the rows which large self-stresses leave (3.14a).
 
-        With a state that has slack in all yield sets it proves that every larger λ is admissible.
+        With a state that has slack in all yield sets it proves that every larger λ is admissible; None without proof.
         """
-        for stage in self.stages:
+        target = -self.template.live
+        for stage, attempt in itertools.product(self.stages, _ATTEMPTS):
             left = program_of_rows(self.program, stage.left)
-            for largest, least in _RAYS:
-                target = -self.template.live
-                found = (
-                    largest_support(left, self.columns, target, largest)
-                    if largest
-                    else polygonal_support(left, self.columns, target)
-                )
-                if found is None:
-                    continue
-                ray = _without_last_digits(
-                    project_onto_faces(left, found, target, _SNAP, least) if least else found.point
-                )
-                size = min(1.0, float(abs(ray).max()) or 1.0)
-                forces = ray[: self.template.matrix.shape[1]]
-                slack = min(0.0, _row_position(left, ray).least) / size
-                state = State(self._table(forces), 1.0, slack, self.prover.imbalance(forces, self.template.live))
-                if self.prover.is_ray(state):
-                    return state
+            support = attempt.support(left, self.columns, target)
+            if support is None:
+                continue
+            ray = self._as_ray(_without_last_digits(attempt.point(left, support, target)), left)
+            if self.prover.is_ray(ray):
+                return ray
         return None
+
+    def _as_ray(self, point: Floats, left: ConicProgram) -> State:
+        """Return a candidate (columns,) for a ray with its slack in the rows left, relative to forces below one."""
+        forces = point[: self.template.matrix.shape[1]]  # columns after the resultants are auxiliary
+        slack = min(0.0, _row_position(left, point).least) / min(1.0, float(abs(point).max()) or 1.0)
+        return State(self._table(forces), 1.0, slack, self.prover.imbalance(forces, self.template.live))
 
     def states(self, inside: Floats) -> Iterator[State]:
         """Find states of large λ, from a point `inside` (columns + 1,) with slack in every yield set.

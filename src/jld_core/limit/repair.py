@@ -16,15 +16,13 @@ from jld_core.limit.auxiliary_programs import (
     largest_slack_program,
     largest_support,
     maximise_slacks,
-    polygonal_support,
-    project_onto_faces,
     restrict_columns,
     slack_rows,
     without_small_components,
 )
 from jld_core.limit.bounds import Motion, Prover, State, usable
-from jld_core.limit.facial_reduction import FacialReduction, SelfStress
-from jld_core.linalg.projection import ConsistentProjector
+from jld_core.limit.facial_reduction import Attempt, FacialReduction, SelfStress
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.program import Template
 from jld_core.program.template import Structure
 from jld_core.solvers import RawSolution, is_large, solve_auxiliary
@@ -124,11 +122,11 @@ class OpeningMotions:
 
 _SIMPLEX = 800  # Number of columns up to which rays are sought by simplex first; its time grows by their cube.
 _LEAST_SLACK = 1e-5  # Slack, scaled, that every row can have at once if it can have any.
-# Bounds on the force of a ray, and slacks below which a row counts as tight, both scaled, in the order tried; large
-# programs take the first two last. Force 0:
-# solve by simplex; slack 0: take the vertex without projection.
-_RAYS = ((0.0, 0.0), (0.0, 1e-5), (1e3, 1e-5), (1e2, 1e-4), (1e1, 1e-6))
+# In the order tried; large programs take those by simplex last
+_BY_SIMPLEX = Attempt(0.0, 0.0), Attempt(0.0, 1e-5)
+_BY_BOUND = Attempt(1e3, 1e-5), Attempt(1e2, 1e-4), Attempt(1e1, 1e-6)
 _SNAP = 1e-4  # Component of a direction on the boundary of a cone below which it is set to zero.
+_ON_BOUNDARY = 0.5  # Tail over head of a tight cone from which its tail has a direction, else all rows are zero.
 _NO_FORCE = 1e-3  # Head of a cone, scaled, below which a point counts as the tip of the cone.
 
 
@@ -232,23 +230,26 @@ class Repair:
         return None
 
     def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
-        """Return matrices (k, rows) whose products with slacks vanish where rows are tight."""
+        """Return matrices (k, rows) whose products with slacks vanish where rows are tight.
+
+        tight: linear rows but that of λ, then cones; values: (rows,) slacks.
+        """
         # A tight linear row gives one equation. On the boundary of a cone away from its tip, the tail is a fixed
         # direction times the head. At the tip all rows of the cone are zero.
-        tips, linear = slack_rows(s), s.linear - 1
-        first = tips[:linear][tight[:linear]]
-        found = [sp.csr_array((np.ones(len(first)), (np.arange(len(first)), first)), shape=(len(first), s.shape[0]))]
-        for start, size, at in zip(s.heads, s.cones, tight[linear:], strict=True):
-            if not at:
+        first_rows, linear = slack_rows(s), s.linear - 1
+        picked = first_rows[:linear][tight[:linear]]
+        equations = [sp.csr_array((np.ones(len(picked)), (np.arange(len(picked)), picked)), (len(picked), s.shape[0]))]
+        for start, size, is_tight in zip(s.heads, s.cones, tight[linear:], strict=True):
+            if not is_tight:
                 continue
             head, tail = values[start], values[start + 1 : start + size]
             rows = sp.lil_array((size, s.shape[0]))
             rows[np.arange(size), start + np.arange(size)] = 1.0
-            if head > _NO_FORCE and float(np.linalg.norm(tail)) > 0.5 * head:
+            if head > _NO_FORCE and float(np.linalg.norm(tail)) > _ON_BOUNDARY * head:
                 rows = rows[1:]
                 rows[:, start] = -without_small_components(tail / np.linalg.norm(tail), _SNAP)[:, None]
-            found.append(rows.tocsr())
-        return found
+            equations.append(rows.tocsr())
+        return equations
 
     def _state_on_boundary(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
         """Return the state of a point, with rounding accepted on faces `edge` (m,); None if inadmissible."""
@@ -294,13 +295,12 @@ class Repair:
         columns = program.structure.shape[1] - 1
         # Rows that no ray leaves slack are equations, which a solver satisfies only to a residual. The size of that
         # residual depends on the bound on the ray.
-        for largest, least in _RAYS if columns <= _SIMPLEX else (*_RAYS[2:], *_RAYS[:2]):
-            found = polygonal_support(program, columns, target) if not largest else None
-            found = found or largest_support(program, columns, target, largest or np.inf)
-            point = project_onto_faces(program, found, target, _SNAP, least) if least else found.point
-            whole = np.zeros(len(active))
-            whole[active] = point[: int(active.sum())]
-            ray = self.prover.ray(np.append(whole, 1.0), labels)
+        for attempt in (*_BY_SIMPLEX, *_BY_BOUND) if columns <= _SIMPLEX else (*_BY_BOUND, *_BY_SIMPLEX):
+            support = attempt.support(program, columns, target) or largest_support(program, columns, target, np.inf)
+            resultants = np.zeros(len(active))
+            # columns after the resultants are auxiliary
+            resultants[active] = attempt.point(program, support, target)[: int(active.sum())]
+            ray = self.prover.ray(np.append(resultants, 1.0), labels)
             if self.prover.is_ray(ray):
                 return ray
         return None

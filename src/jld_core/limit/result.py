@@ -11,9 +11,8 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.geometry import spun
-from jld_core.limit.bounds import load_scale, relative_width
+from jld_core.limit.bounds import Proof, load_scale, relative_width
 from jld_core.limit.options import CaseBounds, EffectiveAreas, SolveOptions, Status, ZeroDilation, governing, reason_of
-from jld_core.limit.proof import Proof
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.program import Template
 from jld_core.scene.cracks import cracks_in_short, cracks_to_json
@@ -456,22 +455,20 @@ def result_of(
     Parameters
     ----------
     template : Template
-        Template of the proof; supplies the assembly and the scaling.
+        Supplies the assembly and the scaling.
     labels : (m,) bool array
-        Labels, True = dry.
+        True = dry.
     options : SolveOptions
-        Options to record in the result.
+        Options to record.
     proof : Proof
         Bounds and status, scaled.
-    assemble : float
-        Seconds spent on building the analysis.
-    elapsed : float
-        Seconds since then.
+    assemble, elapsed : float
+        Seconds spent on building the analysis, and since then.
 
     Returns
     -------
     LimitAnalysisResult
-        The result, scene units.
+        The result.
     """
     scaling, (low, high), status = template.scaling, proof.bracket, proof.status
     scale = load_scale(template.assembly) / scaling.load

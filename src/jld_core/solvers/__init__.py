@@ -16,7 +16,7 @@ from jld_core.program.template import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver
-from jld_core.solvers.schur.system import SchurSolver
+from jld_core.solvers.schur import SchurSolver
 
 if TYPE_CHECKING:
     from jld_core.solvers.highs import highs_ends, highs_of
@@ -24,10 +24,9 @@ if TYPE_CHECKING:
 SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 """Names that `make_solver` takes."""
 
+# Number of equations from which `schur` is faster and more accurate than Clarabel, without cones (False) and with
+# cones (True). Source: measured in benchmarks/large.py.
 LARGE: Final = {False: 2000, True: 600}
-"""Number of equations from which `schur` is faster and more accurate than Clarabel, without cones (False) and with
-cones (True). Source: measured in benchmarks/large.py.
-"""
 
 
 def make_solver(
@@ -166,7 +165,5 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "highs": ["highs_of", "highs_ends"],
-    },
+    {"highs": ["highs_of", "highs_ends"]},
 )

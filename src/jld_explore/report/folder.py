@@ -125,7 +125,7 @@ def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = N
     found["proven"] &= tables.is_ahead(results, found["bound"], max(GAP, model.gap), load_scale(study.assembly))
     sure = complete and bool(found["proven"])
     finished = study.driver.finished and not found.get("open_layouts")
-    asked = tables.facts(results, study.scene.search, complete=complete, finished=finished)
+    asked = tables.requirement_entries(results, study.scene.search, complete=complete, finished=finished)
     # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
     every = front_rows(front, known, axes, complete=sure, aimed=study.driver.settings.get("aim") == "front")

@@ -117,10 +117,10 @@ class Summary:
         return dict(self.facts)
 
 
-COLUMN: Final = "meets"  # column of layouts that reach the required load factor
+MEETS: Final = "meets"  # column of layouts that reach the required load factor
 
 
-def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str, Any]:
+def requirement_column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str, Any]:
     """Return the column of rows (k,) that reach the required load factor, as locked ones do.
 
     Empty if none is required.
@@ -129,27 +129,30 @@ def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str
         return {}
     with np.errstate(invalid="ignore"):
         carries = (status == str(Status.COLLAPSE)) & (low >= search.require.threshold)
-    return {COLUMN: carries | (status == str(Status.LOCKED))}
+    return {MEETS: carries | (status == str(Status.LOCKED))}
 
 
-def order(table: pd.DataFrame, search: Search) -> list[Floats]:
+def requirement_sort_keys(table: pd.DataFrame, search: Search) -> list[Floats]:
     """Return sort keys (k,) for `numpy.lexsort` that put layouts with the required λ, by count, first."""
     if search.require is None:
         return []
-    met = table[COLUMN].to_numpy(bool)
+    met = table[MEETS].to_numpy(bool)
     return [np.where(met, _signed(table, search), 0.0), np.where(met, 0.0, 1.0)]
 
 
-def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
-    """Return the entries of summary.json on the required load factor; empty if none is required."""
-    # a layout that collapses may reach the factor although its lower bound does not
+def requirement_entries(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
+    """Return the entries of summary.json on the required load factor; empty if none is required.
+
+    complete: every class was evaluated; finished: the driver proved its aim without that.
+    """
     if search.require is None:
         return {}
-    met, (count, sense) = table[table[COLUMN]], search.front.axes[0]
+    met, (count, sense) = table[table[MEETS]], search.front.axes[0]
     sign = _signed(met, search)
     best = None if met.empty else met.iloc[int(np.argmin(sign))]
+    # a layout that collapses may reach the factor although its lower bound does not
     open_status = [Status.UNCERTIFIED, Status.FAILED, Status.COLLAPSE]
-    open_rows = table[~table[COLUMN] & table["status"].isin([str(status) for status in open_status])]
+    open_rows = table[~table[MEETS] & table["status"].isin([str(status) for status in open_status])]
     high = open_rows["bracket_hi"].to_numpy(float)
     # Undecided layouts matter only if their count is better.
     may = ~(high < search.require.threshold) & (open_rows["settled"] != BOUND).to_numpy(bool)
@@ -168,7 +171,7 @@ def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool
     return {"require": found, "proven": proven}
 
 
-def words(require: dict[str, Any]) -> str:
+def requirement_words(require: dict[str, Any]) -> str:
     """Describe the entry `require` of a summary in one line."""
     least = f"λ ≥ {require['load_factor']:g}"
     if require["best"] is None:
@@ -383,7 +386,7 @@ def results_table(
         "load_factor_zero_dilation": zero,
         **({} if not assembly.has_low_values else {"load_factor_nominal": rows["cases"][:, -1]}),
         **_of_cases(rows, assembly),
-        **column(rows["low"], np.where(falls, str(Status.UNSTABLE), statuses(rows)), space.search),
+        **requirement_column(rows["low"], np.where(falls, str(Status.UNSTABLE), statuses(rows)), space.search),
         "seconds": rows["seconds"],
     }
     table = pd.DataFrame(columns)
@@ -394,7 +397,7 @@ def results_table(
     level = np.where(lower > 0, lower + level.max(initial=0), level)
     # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
-    wanted = order(table, space.search)
+    wanted = requirement_sort_keys(table, space.search)
     places = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, level, group, *wanted, falls, place))
     table = table.iloc[places].reset_index(drop=True)
     packed = packed[places]
@@ -559,9 +562,12 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         certain = False
     if certain and not ranked.empty and not unbounded:
         bound = float(ranked["bracket_hi"].max())
-    if stands is False and bound is None and driver.finished:
+    if stands is False and (bound is not None or driver.finished):
         # a driver that proves that no layout stands has evaluated all that carry the live load nevertheless
-        bound = float(ranked["bracket_hi"].max())
+        known = -math.inf if bound is None or driver.finished else bound
+        bound = max(float(ranked["bracket_hi"].max()), known)
+    if unbounded:  # a driver may have a bound on all others
+        bound = None
     gap = None
     if best is not None and bound is not None:
         width = relative_width(float(ranked["bracket_lo"].max()), bound, load_scale(study.assembly))

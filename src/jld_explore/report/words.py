@@ -113,7 +113,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         **({"pruned": f"{facts['pruned']} by a bound, without a solve of their own"} if facts["pruned"] else {}),
         "stopped": f"{ended} after {facts['seconds']:.1f} s{speed(facts['rate'])}",
         **(
-            {"required": tables.words(facts["require"])}
+            {"required": tables.requirement_words(facts["require"])}
             if facts.get("require")
             else {f"best {ranked_by(done.results)}": f"{best} ({proof})"}
         ),

@@ -73,44 +73,50 @@ def refuse_contradictions(
 def _numbers_of_blocks(limits: Limits, least: Ints, most: Ints) -> _Numbers:
     """Return the numbers of blocks that limits on single blocks leave; InputError for none."""
     assembly = limits.assembly
+    # sizes by the first element of each block, of the most blocks that there can be and of the fewest
     small, large = block_sizes(assembly, least[None]), block_sizes(assembly, most[None])
-    holds, whole = np.flatnonzero(small[CELLS.key][0]), np.flatnonzero(large[CELLS.key][0])
-    found = _Numbers(len(whole), len(holds))
+    smallest_blocks, largest_blocks = np.flatnonzero(small[CELLS.key][0]), np.flatnonzero(large[CELLS.key][0])
+    numbers = _Numbers(len(largest_blocks), len(smallest_blocks))
     for measure in MEASURES if not limits.excepted.any() else ():
         # exempt blocks may contain anything that is too large or too small
         bounds = limits.bounds(measure)
-        smallest = small[measure.key][0, holds]
-        _refuse_sizes(limits, measure, bounds, (holds, smallest), (whole, large[measure.key][0, whole]))
+        smallest = small[measure.key][0, smallest_blocks]
+        largest = large[measure.key][0, largest_blocks]
+        _refuse_sizes(limits, measure, bounds, smallest_blocks, smallest, largest_blocks, largest)
         if measure.of:
-            total, low, high = float(smallest.sum()), found.least, found.most
+            total, low, high = float(smallest.sum()), numbers.least, numbers.most
             fewest = ceil(total / bounds.most * (1.0 - _TOTAL)) if bounds.high else 0
-            number = floor(total / bounds.least * (1.0 + _TOTAL)) if bounds.low else high
-            found = _Numbers(
+            greatest = floor(total / bounds.least * (1.0 + _TOTAL)) if bounds.low else high
+            numbers = _Numbers(
                 max(low, fewest),
-                min(high, number),
-                measure.key if fewest > low else found.least_key,
-                measure.key if number < high else found.most_key,
+                min(high, greatest),
+                measure.key if fewest > low else numbers.least_key,
+                measure.key if greatest < high else numbers.most_key,
             )
-    return found
+    return numbers
 
 
 def _refuse_sizes(
-    limits: Limits, measure: Measure, bounds: Range, small: tuple[Ints, Floats], large: tuple[Ints, Floats]
+    limits: Limits,
+    measure: Measure,
+    bounds: Range,
+    smallest_blocks: Ints,
+    smallest_sizes: Floats,
+    largest_blocks: Ints,
+    largest_sizes: Floats,
 ) -> None:
-    """Raise InputError if a smallest block is too large, or a largest one too small."""
+    """Raise InputError if a smallest block is too large, or a largest one too small; blocks by an element of each."""
     where, ids = f"search.{measure.key}", limits.assembly.elements.ids
-    (holds, smallest), (whole, largest) = small, large
-    if (heavy := bounds.above(smallest)).any():
-        worst = int(np.argmax(np.where(heavy, smallest, -np.inf)))
-        found = f"the block of {ids[holds[worst]]!r} has {smallest[worst]:g} {measure.words}"
-        problem = f"the most is {bounds.high:g}, but {found}"
-        raise InputError(where, problem, f"a largest value of at least {smallest[worst]:g}")
-    if (light := bounds.below(largest)).any():
-        worst = int(np.argmin(np.where(light, largest, np.inf)))
-        reached = f"the block of {ids[whole[worst]]!r} has {largest[worst]:g} {measure.words} at most"
-        raise InputError(
-            where, f"the least is {bounds.low:g}, but {reached}", f"a least value of at most {largest[worst]:g}"
-        )
+    if (too_large := bounds.above(smallest_sizes)).any():
+        worst = int(np.argmax(np.where(too_large, smallest_sizes, -np.inf)))
+        size = smallest_sizes[worst]
+        reached = f"the block of {ids[smallest_blocks[worst]]!r} has {size:g} {measure.words}"
+        raise InputError(where, f"the most is {bounds.high:g}, but {reached}", f"a largest value of at least {size:g}")
+    if (too_small := bounds.below(largest_sizes)).any():
+        worst = int(np.argmin(np.where(too_small, largest_sizes, np.inf)))
+        size = largest_sizes[worst]
+        reached = f"the block of {ids[largest_blocks[worst]]!r} has {size:g} {measure.words} at most"
+        raise InputError(where, f"the least is {bounds.low:g}, but {reached}", f"a least value of at most {size:g}")
 
 
 def _refuse_counts(limits: Limits, candidates: Bools, fixed: Bits, numbers: _Numbers) -> None:

@@ -12,7 +12,7 @@ from typing import Any, Final
 from jld_core import Layout, blocks_csv, build_assembly, files
 from jld_core.limit import number
 from jld_practice.design.tessellations import region_words
-from jld_practice.design.trials import NONE, Bounds, Design, Trial, built
+from jld_practice.design.trials import UNPROVEN, Bounds, Design, Trial, built
 
 # page, summary, scene of the best layout, its picture and its blocks
 FILES: Final = ("report.html", "summary.json", "best.json", "best.png", "blocks.csv")
@@ -64,7 +64,8 @@ def facts_of(work: Design) -> dict[str, Any]:
         "proven": False,
         "verdict": verdict(work),
         "rivals": [
-            {"tessellation": one.tessellation, "kind": one.kind, "at_most": number(one.most)} for one in rivals_of(work)
+            {"tessellation": one.tessellation, "kind": one.kind, "at_most": number(one.upper_estimate)}
+            for one in rivals_of(work)
         ],
         "fields": None if winner is None else _bounds(winner.fields),
         "load_factor": None if winner is None else number(winner.load_factor),
@@ -73,7 +74,7 @@ def facts_of(work: Design) -> dict[str, Any]:
         "usual": None if usual is None else {"load_factor": number(usual.load_factor), "fields": _bounds(usual.fields)},
         "gain": gain_of(work),
         "tessellations": [
-            {"name": one.name, "words": one.words, "problem": one.problem, "search": work.searched.get(one.name)}
+            {"name": one.name, "words": one.words, "problem": one.problem, "search": work.search_words.get(one.name)}
             for one in work.tessellations
         ],
         "layouts": [
@@ -108,9 +109,9 @@ def gain_of(work: Design) -> float | None:
     if winner is None or usual is None:
         return None
     # like with like: by faces a layout may seem far stronger
-    if NONE in (winner.fields, usual.fields) and winner.fields != usual.fields:
+    if UNPROVEN in (winner.fields, usual.fields) and winner.fields != usual.fields:
         return None
-    by_fields = winner.fields != NONE
+    by_fields = winner.fields != UNPROVEN
     ours, theirs = (winner.fields[0], usual.fields[1]) if by_fields else (winner.faces[0], usual.faces[1])
     return ours / theirs if math.isfinite(ours) and 0.0 < theirs < math.inf else None
 
@@ -121,7 +122,7 @@ def rivals_of(work: Design) -> list[Trial]:
     if winner is None:
         return []
     others = [one for one in work.trials if one is not winner and one.allowed and one.fields[1] >= 0.0]
-    return sorted((one for one in others if one.most > winner.proven), key=lambda one: -one.most)
+    return sorted((one for one in others if one.upper_estimate > winner.proven), key=lambda one: -one.upper_estimate)
 
 
 def verdict(work: Design) -> str:
@@ -132,7 +133,7 @@ def verdict(work: Design) -> str:
     stones = len(_blocks(winner))
     subject = f"{stones} stones carry" if stones != 1 else "1 stone carries"
     load = "your load" if not winner.scene.loads.has_cases else "what your load cases require"
-    anywhere = winner.fields != NONE
+    anywhere = winner.fields != UNPROVEN
     low, high = winner.fields if anywhere else winner.faces
     model = "wherever they crack" if anywhere else "by the faces drawn; cracks elsewhere are not bounded"
     drawn = (
@@ -150,7 +151,7 @@ def verdict(work: Design) -> str:
     told += drawn
     rivals = rivals_of(work)
     if rivals:
-        most = "without a bound" if math.isinf(rivals[0].most) else f"at most {rivals[0].most:.4g}"
+        most = "without a bound" if math.isinf(rivals[0].upper_estimate) else f"at most {rivals[0].upper_estimate:.4g}"
         count = "another layout" if len(rivals) == 1 else f"one of {len(rivals)} other layouts"
         told += f" Whether {count} carries more is not decided ({_name(rivals[0])}: {most})."
     return told
@@ -253,19 +254,18 @@ def _loads(work: Design) -> str:
 
 
 def _tried(work: Design) -> list[dict[str, str]]:
-    """Return one table row per tessellation, by column."""
     rows = []
     for one in work.tessellations:
         own = [trial for trial in work.trials if trial.tessellation == one.name]
-        row = {"tessellation": one.words, "search": work.searched.get(one.name, one.problem or "not begun")}
+        row = {"tessellation": one.words, "search": work.search_words.get(one.name, one.problem or "not begun")}
         for kind, words in (("stated", "as stated"), ("searched", "searched"), ("moved", "moved")):
             found = next((trial for trial in own if trial.kind == kind), None)
-            row[f"λ by fields, {words}"] = "–" if found is None else _span(found)
+            row[f"λ by fields, {words}"] = "–" if found is None else _words_of_bounds(found)
         rows.append(row)
     return rows
 
 
-def _span(trial: Trial) -> str:
+def _words_of_bounds(trial: Trial) -> str:
     """Return the text for the λ of a trial: its bounds by fields if known, else λ by faces."""
     # With an upper bound alone both are given; below 0 it is "does not stand".
     low, high = trial.fields
@@ -296,7 +296,7 @@ def _proven(work: Design) -> list[str]:
             f"Proven for cracks along the faces of the cells: λ from {winner.faces[0]:.4g} to {winner.faces[1]:.4g}. "
             "Blocks that crack elsewhere may carry less."
         )
-    for name, words in work.searched.items():
+    for name, words in work.search_words.items():
         if re.match(r"\d+ layouts?, proven", words):
             crushed = "" if work.outline.scene.dimension == 3 else ", where faces crush as blocks do,"
             found.append(f"Proven: of the cells of {name}{crushed} no other choice of joints is stronger by faces.")
@@ -340,7 +340,9 @@ def _draw(work: Design, winner: Trial) -> None:
     for ax, one, assembly in zip(axes, shown, assemblies, strict=True):
         figures.draw_assembly(ax, assembly, assembly.labels)
         title = "usual bond" if one.kind == "stated" else f"best: {_name(one)}"
-        ax.set_title(f"{title}\nλ by fields {_span(one)}" if math.isfinite(one.fields[0]) else title, fontsize=9)
+        ax.set_title(
+            f"{title}\nλ by fields {_words_of_bounds(one)}" if math.isfinite(one.fields[0]) else title, fontsize=9
+        )
         if one is winner:
             blocks = [block for block in Layout(one.scene, assembly, assembly.labels).blocks if block.cells]
             writing.write_numbers(ax, assembly, [one.elements for one in blocks], [one.centroid for one in blocks])

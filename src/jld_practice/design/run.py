@@ -22,7 +22,7 @@ from jld_practice.design.options import DesignOptions, read_outline
 from jld_practice.design.page import write_design
 from jld_practice.design.tessellations import Tessellation, tessellations, with_crushing, with_materials_of
 from jld_practice.design.trials import (
-    NONE,
+    UNPROVEN,
     Bounds,
     Design,
     Trial,
@@ -95,7 +95,7 @@ def _first_tasks(work: Design) -> list[Task]:
     """Return the layouts of the first round: best of each tessellation, second best, stated ones."""
     scenes = {one.name: one.scene for one in work.tessellations if one.scene is not None}
     found: list[Task] = []
-    ranked = sorted((one for one in work.allowed if one.kind == "searched"), key=lambda one: -one.most)
+    ranked = sorted((one for one in work.ranked if one.kind == "searched"), key=lambda one: -one.upper_estimate)
     for number in range(LAYOUTS):
         for trial in ranked:
             layouts = work.layouts.get(trial.tessellation, [])
@@ -110,9 +110,9 @@ def _first_tasks(work: Design) -> list[Task]:
 
 def _further_tasks(work: Design, until: Deadline, strength: float, number: int) -> list[Task]:
     """Search labels on the best moved cells; return the layouts of a further round."""
-    moved = [one for one in work.allowed if one.kind == "moved"]
+    moved = [one for one in work.ranked if one.kind == "moved"]
     bases = moved[:1]
-    bases += sorted((one for one in moved if one not in bases), key=lambda one: -one.most)[: _BASES - 1]
+    bases += sorted((one for one in moved if one not in bases), key=lambda one: -one.upper_estimate)[: _BASES - 1]
     found: list[Task] = []
     for k, base in enumerate(bases):
         own = build_assembly(base.scene).labels
@@ -260,7 +260,7 @@ def design_outline(
         shutil.rmtree(folder)
         if there:
             folder.mkdir()
-        reasons = "; ".join(f"{name}: {words}" for name, words in work.searched.items())
+        reasons = "; ".join(f"{name}: {words}" for name, words in work.search_words.items())
         wish = "weaker limits, a longer time, or a smaller load"
         raise InputError(str(file), f"no layout keeps the limits and stands ({reasons})", wish)
     # a picture takes seconds on a busy machine
@@ -283,25 +283,29 @@ def _cut(work: Design, deadline: Deadline, say: Say) -> None:
             say(untold.pop(0))
         if work.usual is None and one.name in _USUAL_BONDS:
             _solve_usual(work)
-        _screen(work, one, one.scene, seconds, deadline)
+        _screen_tessellation(work, one, one.scene, seconds, deadline)
 
     tessellations(work.outline.scene, work.options, deadline.within(_CUTTING * work.options.seconds), made)
     for words in untold:
         say(words)
 
 
-def _screen(work: Design, tessellation: Tessellation, scene: Scene, seconds: float, deadline: Deadline) -> None:
+def _screen_tessellation(
+    work: Design, tessellation: Tessellation, scene: Scene, seconds: float, deadline: Deadline
+) -> None:
     """Solve layouts of a tessellation for some seconds; the strongest of all so far becomes a trial."""
     name = tessellation.name
     try:
-        found = screen(scene, work.options.seed, seconds, deadline)
+        screening = screen(scene, work.options.seed, seconds, deadline)
     except InputError as error:
-        work.searched[name] = f"{error.where}: {error.problem}".lstrip(": ")
+        work.search_words[name] = f"{error.where}: {error.problem}".lstrip(": ")
         return
-    work.screened[name] = found
-    work.searched[name] = f"{found.count} layouts, not proven" + (": none of them stands" * (found.labels is None))
-    if found.labels is not None and found.load_factor > max((one.most for one in work.allowed), default=-math.inf):
-        _add(work, tessellation, labelled(scene, found.assembly, found.labels), NONE)
+    work.screened[name] = screening
+    outcome = ": none of them stands" if screening.labels is None else ""
+    work.search_words[name] = f"{screening.count} layouts, not proven{outcome}"
+    strongest = max((trial.upper_estimate for trial in work.ranked), default=-math.inf)
+    if screening.labels is not None and screening.load_factor > strongest:
+        _add(work, tessellation, labelled(scene, screening.assembly, screening.labels), UNPROVEN)
 
 
 def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds | None, seconds: float = 0.0) -> None:
@@ -310,7 +314,7 @@ def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds 
     found = solve_rigid(assembly)
     if fields is None:
         fields = field_bounds(assembly, assembly.labels, seconds)
-    name, words = tessellation.name, work.searched[tessellation.name]
+    name, words = tessellation.name, work.search_words[tessellation.name]
     trial = Trial(name, "searched", scene, found.load_factor, faces_of(found.bracket), fields, words)
     others = [one for one in work.trials if (one.tessellation, one.kind) == (name, "searched")]
     if not any(one.order() < trial.order() for one in others):
@@ -330,7 +334,9 @@ def _solve_usual(work: Design) -> None:
     except InputError:  # limits that nothing satisfies: the search says so
         allowed = False
     faces = (-math.inf, -math.inf) if found.status is Status.UNSTABLE else faces_of(found.bracket)
-    work.trials.append(Trial(first.name, "stated", first.scene, found.load_factor, faces, NONE, "no search", allowed))
+    work.trials.append(
+        Trial(first.name, "stated", first.scene, found.load_factor, faces, UNPROVEN, "no search", allowed)
+    )
 
 
 def _bound_usual(work: Design, until: Deadline) -> None:
@@ -362,13 +368,13 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
         try:
             _search(work, one, each)
         except InputError as error:
-            work.searched[one.name] = f"{error.where}: {error.problem}".lstrip(": ")
+            work.search_words[one.name] = f"{error.where}: {error.problem}".lstrip(": ")
         except Interrupted as stop:
             if isinstance(stop.done, Exploration):
                 _keep(work, one, stop.done, 0.0)
             raise
         best = [trial for trial in work.trials if trial.tessellation == one.name and trial.kind == "searched"]
-        say(f"{one.name:<12} " + (_said(best[-1]) if best else work.searched[one.name]))
+        say(f"{one.name:<12} " + (_said(best[-1]) if best else work.search_words[one.name]))
 
 
 def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
@@ -388,17 +394,17 @@ def _keep(work: Design, tessellation: Tessellation, done: Exploration, seconds: 
     """Add the first stable layout of a search to the trials, with bounds by fields."""
     facts = done.summary.facts
     number, proven = facts["evaluated"], "proven" if facts["proven"] else "not proven"
-    work.searched[tessellation.name] = f"{number} layout{'s' * (number != 1)}, {proven}"
+    work.search_words[tessellation.name] = f"{number} layout{'s' * (number != 1)}, {proven}"
     table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
     if not len(table):
-        work.searched[tessellation.name] += ": none of them stands"
+        work.search_words[tessellation.name] += ": none of them stands"
         return
     labels = from_string(str(table.iloc[0]["labelling"]))
     work.layouts[tessellation.name] = best_labels(done, LAYOUTS)
     # the search has faces crush, the scene of the tessellation may not
     stated = tessellation.scene if tessellation.scene is not None else done.scene
     scene = labelled(stated, done.assembly, labels)
-    _add(work, tessellation, scene, None if seconds > 0.0 else NONE, seconds)
+    _add(work, tessellation, scene, None if seconds > 0.0 else UNPROVEN, seconds)
 
 
 def _said(trial: Trial) -> str:
@@ -406,7 +412,7 @@ def _said(trial: Trial) -> str:
     low, high = trial.fields
     known = f"at most {high:.4g}" if math.isinf(low) else f"{low:.4g} to {high:.4g}"
     known = "it falls under its own weight" if high < 0.0 else known
-    by_fields = "" if trial.fields == NONE else f", by fields {known}"
+    by_fields = "" if trial.fields == UNPROVEN else f", by fields {known}"
     return f"{trial.by_faces}{by_fields}; {trial.words}"
 
 
@@ -432,9 +438,9 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
     with Pool(jobs) as pool:
         for wave in range(_WAVES):
             least = work.winner.proven if work.winner is not None else -math.inf
-            open_ones = [one for one in work.allowed if one.scene.dimension == 2 and one.fields[1] > least]
+            open_ones = [one for one in work.ranked if one.scene.dimension == 2 and one.fields[1] > least]
             # the winner, and what may carry most
-            promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.most)[: max(1, jobs) - 1]
+            promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.upper_estimate)[: max(1, jobs) - 1]
             seconds = deadline.remaining() / (_WAVES - wave)
             if seconds < 1.0 or not promising:
                 return

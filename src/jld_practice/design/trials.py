@@ -72,23 +72,25 @@ def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Scree
     assembly = build_assembly(searched_scene(scene))
     driver = Genetic(search_space(scene, assembly), seed)
     evaluator = evaluator_of(assembly, EvaluatorSettings())
-    best, most, count = None, -math.inf, 0
+    best, load_factor, count = None, -math.inf, 0
     until = deadline.within(seconds)
     with suppress(DeadlinePassed), deadline.enforced():
         while count == 0 or not until.passed():
             rows = driver.ask()
             if not len(rows):
                 break
-            found = evaluator.evaluate_all(rows)
-            driver.tell(rows, found)
-            count += len(found)
+            evaluations = evaluator.evaluate_all(rows)
+            driver.tell(rows, evaluations)
+            count += len(evaluations)
+            # layouts that do not stand, or have no proven λ, are below all others
             values = [
                 math.inf if one.status is Status.LOCKED else one.load_factor if one.status is Status.COLLAPSE else -1.0
-                for one in found
+                for one in evaluations
             ]
-            if (place := int(np.argmax(values))) >= 0 and values[place] >= 0.0 and values[place] > most:
-                best, most = rows[place], values[place]
-    return Screening(assembly, best, most, count, _search_seconds(assembly))
+            place = int(np.argmax(values))
+            if values[place] >= 0.0 and values[place] > load_factor:
+                best, load_factor = rows[place], values[place]
+    return Screening(assembly, best, load_factor, count, _search_seconds(assembly))
 
 
 def _search_seconds(assembly: Assembly) -> float:
@@ -103,7 +105,7 @@ def _search_seconds(assembly: Assembly) -> float:
 
 Bounds = tuple[float, float]  # proven bounds on λ, infinite where nothing is proven
 
-NONE: Bounds = (-math.inf, math.inf)
+UNPROVEN: Bounds = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ class Trial:
     @property
     def proven(self) -> float:
         """Lower bound on λ: by fields if any is known, else by faces; −inf where nothing is proven."""
-        return self.faces[0] if self.fields == NONE else self.fields[0]
+        return self.faces[0] if self.fields == UNPROVEN else self.fields[0]
 
     @property
     def by_faces(self) -> str:
@@ -143,14 +145,14 @@ class Trial:
         return self.fields[1] >= 0.0 and max(self.fields[0], self.faces[0]) >= 0.0
 
     @property
-    def most(self) -> float:
+    def upper_estimate(self) -> float:
         """Lowest known upper estimate of λ: upper bound by fields, or λ by faces if lower; inf if unknown."""
         return min(self.fields[1], self.faces[1] if math.isnan(self.load_factor) else self.load_factor)
 
     def order(self) -> tuple[bool, float]:
-        """Return a sort key: by lower bound by fields, then those without one by `most`."""
+        """Return a sort key: by lower bound by fields, then those without one by `upper_estimate`."""
         known = math.isfinite(self.fields[0])
-        return not known, -(self.fields[0] if known else self.most)
+        return not known, -(self.fields[0] if known else self.upper_estimate)
 
 
 @dataclass(frozen=True)
@@ -174,20 +176,20 @@ class Design:
     # labels of the best layouts of the search of each tessellation, the best first
     layouts: dict[str, list[Bits]] = field(default_factory=dict)
     # outcome of the search of each tessellation, in words, by its name
-    searched: dict[str, str] = field(default_factory=dict)
+    search_words: dict[str, str] = field(default_factory=dict)
     checks: list[Check] = field(default_factory=list)
     stop: str = "time limit"  # reason why the design ended
     seconds: float = 0.0  # time so far, s
 
     @property
-    def allowed(self) -> list[Trial]:
+    def ranked(self) -> list[Trial]:
         """Layouts that keep the limits and are proven to stand, ordered."""
         standing = (one for one in self.trials if one.allowed and one.stands)
         return sorted(standing, key=Trial.order)
 
     @property
     def winner(self) -> Trial | None:
-        return next(iter(self.allowed), None)
+        return next(iter(self.ranked), None)
 
     @property
     def usual(self) -> Trial | None:
@@ -227,14 +229,26 @@ def field_bounds(
 ) -> Bounds:
     """Compute bounds by fields on the governing factor, infinite where fields do not apply."""
     if why_no_fields(assembly):
-        return NONE
+        return UNPROVEN
     return governing_bounds(assembly, labels, seconds, gap=gap, lower_first=lower_first)
 
 
-def at_low_friction(scene: Scene, low: float) -> Scene:
+def low_friction(scene: Scene) -> float | None:
+    """Return the low coefficient of friction of dry joints, else a share of the nominal one; None if none is stated."""
+    dry = scene.model_dump(mode="json", exclude_defaults=True)["materials"].get("dry") or {}
+    key = "friction_coefficient" if "friction_coefficient" in dry else "friction_angle"
+    stated = dry.get(key)
+    if stated is None:
+        return None
+    forms: dict[str, Any] = stated if isinstance(stated, dict) else {"mean": stated}
+    value, share = (forms["low"], 1.0) if "low" in forms else (forms["mean"], LOW_FRICTION)
+    return share * (float(value) if key == "friction_coefficient" else math.tan(math.radians(value)))
+
+
+def with_friction(scene: Scene, coefficient: float) -> Scene:
     document = scene.model_dump(mode="json", exclude_defaults=True)
     document["materials"]["dry"].pop("friction_angle", None)
-    document["materials"]["dry"]["friction_coefficient"] = low
+    document["materials"]["dry"]["friction_coefficient"] = coefficient
     return parse_scene(document, scene.name)
 
 
@@ -243,9 +257,9 @@ def one_case(scene: Scene, number: int) -> Scene:
     document = scene.model_dump(mode="json", exclude_defaults=True)
     if scene.loads.has_cases:
         case = cases_of_scene(scene, build_assembly(scene).elements)[number].case
-        own = case.model_dump(mode="json", exclude_defaults=True)
-        dead = [*document["loads"].get("dead", []), *own.get("dead", [])]
-        document["loads"] = {"live": own["live"], "dead": dead}
+        loads_of_case = case.model_dump(mode="json", exclude_defaults=True)
+        dead = [*document["loads"].get("dead", []), *loads_of_case.get("dead", [])]
+        document["loads"] = {"live": loads_of_case["live"], "dead": dead}
     return parse_scene(document, scene.name)
 
 
@@ -258,26 +272,29 @@ _SHARES: Final = {"laying": 0.2, "by fields": 0.6, "low friction": 0.8, "without
 
 _LEAST: Final = 0.3  # shortest time in which a check is begun, s
 
+_TOLD: Final = (0, 4)  # exit codes of an experiment that prints its result: done, and uncertified
+
 _LEAST_EXPERIMENT: Final = 4.0  # shortest time in which a virtual experiment may end, s: its program starts anew
 
 
 def check_winner(work: Design, until: Deadline, say: Callable[[str], None]) -> list[Check]:
-    found = [_timed(work, "laying", _laid, until.within(_SHARES["laying"] * until.remaining()))]
-    say(f"check        {found[0].words}")
+    checks = [_timed(work, "laying", _laid, until.within(_SHARES["laying"] * until.remaining()))]
+    say(f"check        {checks[0].words}")
     # the experiment has a process of its own, beside which bounds by fields are refined
     experiment = _begin_experiment(work, until)
     try:
-        later = (("by fields", _by_fields), ("low friction", _at_low_friction), ("without cuts", _without_cuts))
+        later = (("by fields", _by_fields), ("low friction", _check_low_friction), ("without cuts", _without_cuts))
         for name, make in later:
-            found.append(_timed(work, name, make, until.within(_SHARES[name] * until.remaining())))
-            say(f"check        {found[-1].words}")
-        found.insert(1, experiment if isinstance(experiment, Check) else _end_experiment(*experiment, until))
-        say(f"check        {found[1].words}")
+            checks.append(_timed(work, name, make, until.within(_SHARES[name] * until.remaining())))
+            say(f"check        {checks[-1].words}")
+        checks.insert(1, experiment if isinstance(experiment, Check) else _end_experiment(experiment, until))
+        say(f"check        {checks[1].words}")
     finally:
         if not isinstance(experiment, Check):
-            with experiment[0] as process:  # its pipes are closed, even of a process that ended while nobody read them
+            # its pipes are closed, even of a process that ended while nobody read them
+            with experiment.process as process:
                 process.kill()
-    return found
+    return checks
 
 
 def _timed(work: Design, name: str, make: Callable[[Design, Deadline], Check], until: Deadline) -> Check:
@@ -314,20 +331,13 @@ def _by_fields(work: Design, until: Deadline) -> Check:
     return Check("by fields", f"blocks that crack anywhere: {_span(best)}", values)
 
 
-def _at_low_friction(work: Design, until: Deadline) -> Check:
+def _check_low_friction(work: Design, until: Deadline) -> Check:
     """Bound λ of the winner at the low value of friction, by fields or else by faces."""
-    # Without a stated friction of dry joints the check says so.
     winner = _winner(work)
-    dry = winner.scene.model_dump(mode="json", exclude_defaults=True)["materials"].get("dry") or {}
-    value = dry.get("friction_coefficient")
-    if value is None and "friction_angle" in dry and isinstance(dry["friction_angle"], float | int):
-        low = LOW_FRICTION * float(np.tan(np.radians(dry["friction_angle"])))
-    elif isinstance(value, dict):
-        low = float(value["low"])
-    else:
+    low = low_friction(winner.scene)
+    if low is None:
         return Check("low friction", "low friction: not checked, the scene states no friction to lower")
-    scene = at_low_friction(winner.scene, low)
-    assembly = build_assembly(scene)
+    assembly = build_assembly(with_friction(winner.scene, low))
     if why_no_fields(assembly):
         result = solve_rigid(assembly)
         words = f"friction of {low:.3g}: by faces λ = {result.load_factor:.4g} ({result.status})"
@@ -349,9 +359,17 @@ def _without_cuts(work: Design, until: Deadline) -> Check:
     return Check("without cuts", f"without cuts: by faces at most {high:.4g}; the cuts are not proven to gain anything")
 
 
-def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[str], str, str] | Check:
-    """Load the winner in a virtual experiment, in a process; return it, a description and a command."""
-    # a check is returned where no time is left
+@dataclass(frozen=True)
+class Experiment:
+    """Virtual experiment that runs in a process of its own."""
+
+    process: subprocess.Popen[str]
+    title: str  # what is tried, in words
+    command: str  # command that repeats it
+
+
+def _begin_experiment(work: Design, until: Deadline) -> Experiment | Check:
+    """Load the winner in a virtual experiment, in a process; or return a check without time."""
     winner = _winner(work)
     assembly = built(winner)
     result, names = solve_rigid(assembly), [case.name for case in assembly.cases]
@@ -359,21 +377,23 @@ def _begin_experiment(work: Design, until: Deadline) -> tuple[subprocess.Popen[s
     place = work.folder / "experiment.json"
     scene = one_case(winner.scene, number)
     files.write_text(place, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
-    told = f"virtual experiment{f' of {names[number]!r}' if names else ''}"
+    title = f"virtual experiment{f' of {names[number]!r}' if names else ''}"
     again = f"jld experiment {place}"
     if until.remaining() < _LEAST_EXPERIMENT:
-        return Check("experiment", f"{told}: no time was left; {again}")
+        return Check("experiment", f"{title}: no time was left; {again}")
     command = [sys.executable, "-m", "jld_explore", "experiment", str(place), "--json"]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True), told, again
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return Experiment(process, title, again)
 
 
-def _end_experiment(process: subprocess.Popen[str], told: str, again: str, until: Deadline) -> Check:
+def _end_experiment(experiment: Experiment, until: Deadline) -> Check:
     """Wait for a virtual experiment, and return its result; a failure is reported in the check."""
+    process, told = experiment.process, experiment.title
     try:
         out, errors = process.communicate(timeout=until.remaining())
     except subprocess.TimeoutExpired:
-        return Check("experiment", f"{told}: it did not end in time; {again}")
-    if process.returncode not in (0, 4):
+        return Check("experiment", f"{told}: it did not end in time; {experiment.command}")
+    if process.returncode not in _TOLD:
         return Check("experiment", f"{told}: not run, {errors.strip() or 'it was stopped'}")
     facts: dict[str, Any] = json.loads(out)
     values = {name: facts.get(name) for name in ("collapse_load", "load_factor", "ratio", "stands", "rate_error")}

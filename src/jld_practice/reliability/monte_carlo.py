@@ -519,6 +519,8 @@ _NEAR: Final = 0.85  # share of the distance of a design point from which on fai
 # Factor on the share of unexplained samples: some lie beyond known design points too, some regions have corners
 _DOUBT: Final = 2.0
 
+_BELOW_HALF: Final = 0.4  # largest share and probability taken there: the quantile of one half is 0
+
 _SEARCHES: Final = 60  # largest number of searches for a design point
 
 _VAIN: Final = 5  # number of searches in a row without a new design point after which no other one begins
@@ -542,27 +544,32 @@ def explore_failures(function: LimitFunction, first: Form, samples: int, seed: i
     spread = _spread_for(_SHARE * expected, samples)
     failing = _failing(function, spread, samples, seed, jobs)
     tried = np.zeros(len(failing), dtype=bool)
-    vain = 0
+    in_vain = 0
     for _ in range(_SEARCHES):
-        left = np.flatnonzero(_unexplained(failing, points) & ~tried)
-        if not len(left) or vain == _VAIN:
+        unexplained = np.flatnonzero(_unexplained(failing, points) & ~tried)
+        if not len(unexplained) or in_vain == _VAIN:
             break
-        start = left[np.argmin((failing[left] ** 2).sum(axis=1))]
+        start = unexplained[np.argmin((failing[unexplained] ** 2).sum(axis=1))]
         tried[start] = True
         form = design_point(function, failing[start])
         new = form.found and form.beta > 0.0 and bool(_unexplained(form.point[None], points)[0])
         points += [form] if new else []
-        vain = 0 if new else vain + 1
+        in_vain = 0 if new else in_vain + 1
     count = int(_unexplained(failing, points).sum())
     share = min(1.0, _DOUBT * exact_interval(count, 0, samples)[1])
-    unseen = float(ndtr(spread * ndtri(share))) if share < 0.5 else share
-    return Exploration(tuple(sorted(points, key=lambda one: one.beta)), unseen)
+    return Exploration(tuple(sorted(points, key=lambda one: one.beta)), _unseen_probability(share, spread))
+
+
+def _unseen_probability(share: float, spread: float) -> float:
+    """Return the probability of a half-space that holds a share of the samples."""
+    # a half-space at distance b holds Φ(−b/spread) of the samples and the probability Φ(−b)
+    return float(ndtr(spread * ndtri(share))) if share < 0.5 else share
 
 
 def _spread_for(probability: float, samples: int) -> float:
-    """Return the spread at which samples without an unexplained failure leave a probability unseen at most."""
-    share = min(0.4, _DOUBT * exact_interval(0, 0, samples)[1])
-    return float(np.clip(ndtri(min(probability, 0.4)) / ndtri(share), *_SPREADS))
+    """Return the spread at which `_unseen_probability` of samples without an unexplained failure is a probability."""
+    share = min(_BELOW_HALF, _DOUBT * exact_interval(0, 0, samples)[1])
+    return float(np.clip(ndtri(min(probability, _BELOW_HALF)) / ndtri(share), *_SPREADS))
 
 
 def _failing(function: LimitFunction, spread: float, samples: int, seed: int, jobs: int) -> Floats:

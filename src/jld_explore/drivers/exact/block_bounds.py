@@ -110,6 +110,8 @@ _REMAINING_SHARE: Final = 0.9  # largest share of the blocks that may remain for
 
 _INCREASE: Final = 1e-3  # relative increase of the best known λ after which the programs are solved again
 
+_BACKOFF: Final = 4.0  # factor on the number of relaxations to wait for after each round
+
 _TIME_SHARE: Final = 0.5  # share of the remaining time that the programs may take
 
 
@@ -138,7 +140,7 @@ class BlockBoundTightening:
         )
         waits = _RELAXATIONS[not context.relaxation.batched] / len(space.fixed)
         self._next = waits * self._sides if usable else math.inf
-        self._least: float | None = None
+        self._target: float | None = None
         self._proof: tuple[BlockEvidence, ...] = ()
         self.solves = 0
 
@@ -152,30 +154,36 @@ class BlockBoundTightening:
         """Disable the tightening from now on: `is_due` is then always False."""
         self._next = math.inf
 
-    def is_due(self, relaxations: int, least: float) -> bool:
-        last = self._least
-        return relaxations >= self._next and (last is None or least > last + _INCREASE * abs(last))
+    def is_due(self, relaxations: int, best: float) -> bool:
+        last = self._target
+        return relaxations >= self._next and (last is None or best > last + _INCREASE * abs(last))
 
-    def tighten(self, least: float, most: float, left: float, time_is_up: Callable[[], bool]) -> TightenedBound:
-        """Solve relaxations without refuted blocks until few more are refuted or time ends."""
-        self._next *= 4.0
-        self._least = least
-        end = time.perf_counter() + _TIME_SHARE * left
+    def tighten(
+        self, target: float, bound: float, seconds_left: float, time_is_up: Callable[[], bool]
+    ) -> TightenedBound:
+        """Solve relaxations without refuted blocks until few more are refuted or time ends.
+
+        target, bound: scaled λ up to which labellings are refuted, and that none exceeds.
+        """
+        self._next *= _BACKOFF
+        self._target = target
+        end = time.perf_counter() + _TIME_SHARE * seconds_left
         conflicts: list[Conflict] = []
         while not time_is_up() and time.perf_counter() < end:
             remaining = np.flatnonzero(self._allowed)
-            choice = self._solve(remaining, (least, most), end - time.perf_counter(), time_is_up)
+            choice = self._solve(remaining, (target, bound), end - time.perf_counter(), time_is_up)
             if choice is None:
                 break
             self._proof += tuple(BlockEvidence(mechanism, remaining) for mechanism in choice.mechanisms)
-            most = min(most, least if choice.refuted else choice.bound)
-            out = remaining if choice.refuted else remaining[choice.useless]
+            bound = min(bound, target if choice.refuted else choice.bound)
+            refuted = remaining if choice.refuted else remaining[choice.useless]
             if not choice.refuted:
-                self._allowed[out] = False
-            conflicts += [one for one in (self._conflict_of_block(p, least) for p in out.tolist()) if len(one.faces)]
+                self._allowed[refuted] = False
+            of_blocks = (self._conflict_of_block(p, target) for p in refuted.tolist())
+            conflicts += [conflict for conflict in of_blocks if len(conflict.faces)]
             if choice.refuted or self._allowed.sum() > _REMAINING_SHARE * len(remaining) or not self._allowed.any():
                 break
-        return TightenedBound(most, tuple(conflicts), self._proof)
+        return TightenedBound(bound, tuple(conflicts), self._proof)
 
     def _solve(
         self, remaining: Ints, ends: tuple[float, float], seconds: float, time_is_up: Callable[[], bool]
@@ -210,14 +218,14 @@ class BlockBoundTightening:
         self.solves += result[1]
         return result[0]
 
-    def _conflict_of_block(self, p: int, least: float) -> Conflict:
-        """Return the conflict of the labels that make p a block, with scaled λ `least` as bound."""
+    def _conflict_of_block(self, p: int, bound: float) -> Conflict:
+        """Return the conflict of the labels that make p a block, which keep scaled λ at `bound`."""
         faces, members = self._context.space.assembly.interfaces, self._listed_blocks.members[p]
         touched = (np.isin(faces.a, members) | np.isin(faces.b, members)) & self._context.space.candidates
         labels = np.ones(len(touched), dtype=bool)
         labels[list(self._listed_blocks.inside[p])] = False
         where = np.flatnonzero(touched)
-        return Conflict(where, labels[where], least, Evidence.BLOCKS, by_blocks=self._proof)
+        return Conflict(where, labels[where], bound, Evidence.BLOCKS, by_blocks=self._proof)
 
 
 def sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:
@@ -237,34 +245,34 @@ class BlockConflictCheck:
         """Refute conflicts of possible blocks again, in random order, until a time; "" or a problem."""
         # Conflicts that the time does not suffice for stay unchecked; `done` counts the others. Without listed blocks,
         # or without a bound on all labellings, nothing is checked.
-        mine = [one for one in conflicts if one.evidence is Evidence.BLOCKS]
-        if not mine or self._context.blocks is None or time.perf_counter() >= end:
+        of_blocks = [conflict for conflict in conflicts if conflict.evidence is Evidence.BLOCKS]
+        if not of_blocks or self._context.blocks is None or time.perf_counter() >= end:
             return ""
         known = self._context.relaxation.least_bound(self._context.labels, self._context.free)
         if known is None:
             return ""
         check = _BlockRefutation(self._context, self._context.blocks, known.bound, end)
         unfinished = []
-        for k in np.random.default_rng(len(mine)).permutation(len(mine)).tolist():
+        for k in np.random.default_rng(len(of_blocks)).permutation(len(of_blocks)).tolist():
             if time.perf_counter() >= end:
                 return ""
-            if check.by_mechanisms(mine[k]):
+            if check.by_mechanisms(of_blocks[k]):
                 self.done += 1
             else:
-                unfinished.append(mine[k])
-        for one in unfinished:
-            refuted = check.by_programs(one)
+                unfinished.append(of_blocks[k])
+        for conflict in unfinished:
+            refuted = check.by_programs(conflict)
             if refuted is None:
                 return ""
             if not refuted:
-                return f"a conflict of blocks that was to keep λ at {one.bound:.9g} is not refuted (scaled)"
+                return f"a conflict of blocks that was to keep λ at {conflict.bound:.9g} is not refuted (scaled)"
             self.done += 1
         return ""
 
 
 class _BlockRefutation:
-    def __init__(self, context: CheckedProof, blocks: PossibleBlocks, most: float, end: float) -> None:
-        self._context, self._blocks, self._most, self._end = context, blocks, most, end
+    def __init__(self, context: CheckedProof, blocks: PossibleBlocks, bound: float, end: float) -> None:
+        self._context, self._blocks, self._bound, self._end = context, blocks, bound, end
         self._tables = BlockTables(context.space, blocks)
         self._relaxations: dict[bytes, AnyBlockRelaxation] = {}
 
@@ -273,23 +281,23 @@ class _BlockRefutation:
         # Each mechanism bounds λ of all segmentations into the blocks left, and rules out the blocks that occur in none
         # above the threshold. Without those, propagation leaves fewer blocks for the next mechanism. The threshold is
         # the stated bound raised by rounding. True: no block is left for an element, or no segmentation exceeds it.
-        threshold, most = _raised(conflict.bound), self._most
-        left = self._tables.propagated(self._tables.agreeing(conflict.faces, conflict.labels))
-        if left is None or most <= threshold:
+        threshold, bound = _raised(conflict.bound), self._bound
+        possible = self._tables.propagated(self._tables.agreeing(conflict.faces, conflict.labels))
+        if possible is None or bound <= threshold:
             return True
-        for one in conflict.by_blocks:
-            known = np.arange(len(self._blocks)) if one.blocks is None else one.blocks
+        for evidence in conflict.by_blocks:
+            known = np.arange(len(self._blocks)) if evidence.blocks is None else evidence.blocks
             # a mechanism of some blocks says nothing about others
-            if left[np.setdiff1d(np.arange(len(self._blocks)), known)].any():
+            if possible[np.setdiff1d(np.arange(len(self._blocks)), known)].any():
                 return False
-            choice = self._relaxation(one.blocks).evaluate(one.mechanism, left[known], threshold, most)
+            choice = self._relaxation(evidence.blocks).evaluate(evidence.mechanism, possible[known], threshold, bound)
             if choice.refuted:
                 return True
-            most = min(most, choice.bound)
-            kept = left.copy()
+            bound = min(bound, choice.bound)
+            kept = possible.copy()
             kept[known[choice.useless]] = False
-            left = self._tables.propagated(kept)
-            if left is None or most <= threshold:
+            possible = self._tables.propagated(kept)
+            if possible is None or bound <= threshold:
                 return True
         return False
 
@@ -307,22 +315,22 @@ class _BlockRefutation:
     def _labellings(self, conflict: Conflict, threshold: float) -> Iterator[Bits | None]:
         """Yield labellings (m,) of a conflict that no relaxation refutes, and None before each program."""
         # The None lets the caller check the time.
-        nodes = [self._tables.agreeing(conflict.faces, conflict.labels)] if self._most > threshold else []
+        nodes = [self._tables.agreeing(conflict.faces, conflict.labels)] if self._bound > threshold else []
         while nodes:
-            left = self._tables.propagated(nodes.pop())
-            if left is None:
+            possible = self._tables.propagated(nodes.pop())
+            if possible is None:
                 continue
             yield None
-            choice = self._relaxation(None).choose(left, threshold, self._most)
-            left = None if choice.refuted else self._tables.propagated(left & ~choice.useless)
-            if left is None:
+            choice = self._relaxation(None).choose(possible, threshold, self._bound)
+            possible = None if choice.refuted else self._tables.propagated(possible & ~choice.useless)
+            if possible is None:
                 continue
-            undecided = self._tables.undecided(left)
+            undecided = self._tables.undecided(possible)
             if undecided.size:
                 face = int(undecided[0])
-                nodes += [left & ~self._tables.inside[face], left & ~self._tables.separated_by[face]]
+                nodes += [possible & ~self._tables.inside[face], possible & ~self._tables.separated_by[face]]
             else:
-                yield self._blocks.labelling(self._context.space, np.flatnonzero(left))
+                yield self._blocks.labelling(self._context.space, np.flatnonzero(possible))
 
     def _relaxation(self, blocks: Ints | None) -> AnyBlockRelaxation:
         """Return the block relaxation of possible blocks (k,), made at its first call."""

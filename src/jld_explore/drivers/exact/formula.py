@@ -452,14 +452,16 @@ EVERYTHING: Final = Cube()
 
 
 def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
-    """Yield the two parts of a cube by the face of most weight (m,), high for recent conflicts."""
-    # The cube is split by the face with the largest product of numbers of literals that unit propagation derives from
-    # each label. If propagation refutes a part, only the other part follows, or none. A cube without a further face is
-    # returned itself.
+    """Yield the parts of a cube, split by the face whose labels propagate most.
+
+    weight: (m,) recent conflicts of each face, which preselect the faces.
+    """
+    # The best face has the largest product of numbers of literals that unit propagation derives from each label. If
+    # propagation refutes a part, only the other part follows, or none. A cube without a further face is its only part.
     taken = set(cube.faces)
     order = np.argsort(-weight, kind="stable").tolist()
     faces = [face for face in order if formula.space.candidates[face] and face not in taken][:_LOOKED_AT]
-    best, most = None, -1
+    best, best_score = None, -1
     for face in faces:
         parts = [cube.and_face(face, dry=dry) for dry in (True, False)]
         derived = [formula.derived(part.faces, part.labels) for part in parts]
@@ -467,6 +469,6 @@ def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
             yield from (part for part, count in zip(parts, derived, strict=True) if count is not None)
             return
         score = int(np.prod([1 + (count or 0) for count in derived]))
-        if score > most:
-            best, most = parts, score
+        if score > best_score:
+            best, best_score = parts, score
     yield from best or (cube,)

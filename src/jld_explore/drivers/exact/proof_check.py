@@ -130,7 +130,6 @@ class _ConflictCheck:
         self.corrected: dict[tuple[bytes, bytes], Conflict] = {}
 
     def weigh(self, conflicts: Sequence[Conflict]) -> None:
-        """Evaluate every mechanism in memory again."""
         cases = sorted({one.mechanism.case for one in conflicts if one.mechanism is not None})
         for case in cases:
             mine = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]
@@ -203,6 +202,7 @@ def _find_contradiction(conflicts: Sequence[Conflict], space: SearchSpace, label
         if not weaker.size:
             continue
         images = labels[space.group].astype(np.float32)
+        # number of faces on which an image differs from a conflict, by matrix products
         differing = dry[weaker] @ (1.0 - images.T) + inner[weaker] @ images.T
         matching = np.flatnonzero((differing == 0.0).any(axis=1))
         if matching.size:
@@ -514,6 +514,7 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
             sure = complete and not group["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)]).any()
             best, bound = float(ranked["load_factor"].max()), float(ranked["bracket_hi"].max())
             low, others = float(ranked["bracket_lo"].max()), ranked["bracket_hi"].drop(ranked["bracket_lo"].idxmax())
+            # proven only if no other layout may exceed the best lower bound
             sure = sure and not others.max() - low > tolerances.PROVEN * abs(bound)
             number = value if isinstance(value, float) else int(str(value))
             rows.append({"count": number, "load_factor": best, "bound": bound if sure else None, "proven": sure})

@@ -1,11 +1,15 @@
-"""Multifrontal Cholesky in the compiled library, with the BLAS of scipy; numpy computes the same without it."""
+"""Multifrontal Cholesky in the compiled library or in numpy, and Nesterov–Todd scaling of cones.
+
+Source: Nesterov & Todd, Math. Oper. Res. 22 (1997) 1–42; Vandenberghe, The CVXOPT linear and quadratic cone program
+solvers (2010), section 4.
+"""
 
 from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, Final, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,10 +22,125 @@ from jld_core.batch.library import Fronts as FrontsOfC
 from jld_core.batch.library import library, pointers, require_success
 from jld_core.errors import SolverError
 from jld_core.linalg import components
-from jld_core.linalg.cholesky import Fronts
+from jld_core.linalg.factors import Fronts
 from jld_core.program import ConicProgram
 from jld_core.program.template import Structure
-from jld_core.solvers.schur.nesterov_todd import Cones
+
+
+@dataclass(frozen=True)
+class Cones:
+    """Product of `linear` half-lines and `count` second-order cones of `size` dimensions each.
+
+    Vectors in this order.
+    """
+
+    linear: int
+    count: int
+    size: int
+
+    @property
+    def degree(self) -> int:
+        """Barrier parameter: one per half-line and one per cone."""
+        return self.linear + self.count
+
+    def parts(self, vector: Floats) -> tuple[Floats, Floats]:
+        """Split a vector into views (linear,) and (count, size)."""
+        return vector[: self.linear], vector[self.linear :].reshape(self.count, self.size)
+
+    def join(self, linear: Floats, cones: Floats) -> Floats:
+        return np.concatenate([linear, cones.ravel()])
+
+    def unit(self) -> Floats:
+        """Return the identity of the Jordan product: 1 on half-lines, (1, 0, …, 0) in cones."""
+        cones = np.zeros((self.count, self.size))
+        cones[:, :1] = 1.0
+        return self.join(np.ones(self.linear), cones)
+
+    def product(self, u: Floats, v: Floats) -> Floats:
+        """Return the Jordan product u ∘ v: u v on half-lines, (u·v, u₀v₁ + v₀u₁) in cones."""
+        (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
+        out = uc[:, :1] * vc + vc[:, :1] * uc
+        out[:, :1] = np.einsum("ij,ij->i", uc, vc)[:, None]
+        return self.join(ul * vl, out)
+
+    def quotient(self, u: Floats, v: Floats) -> Floats:
+        (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
+        u0, u1, v0, v1 = uc[:, 0], uc[:, 1:], vc[:, 0], vc[:, 1:]
+        cross = np.einsum("ij,ij->i", u1, v1)
+        first = (u0 * v0 - cross) / _determinant(uc)
+        rest = (v1 - first[:, None] * u1) / u0[:, None]
+        return self.join(vl / ul, np.column_stack([first, rest]))
+
+    def slack(self, vector: Floats) -> float:
+        """Return the least eigenvalue of a vector: positive inside the cones, negative outside."""
+        linear, cones = self.parts(vector)
+        inside = cones[:, 0] - np.sqrt(np.einsum("ij,ij->i", cones[:, 1:], cones[:, 1:]))
+        return float(min(linear.min(initial=np.inf), inside.min(initial=np.inf)))
+
+    def step(self, vector: Floats, direction: Floats) -> float:
+        """Return the step length α ≤ 1e10 to the boundary of the cones, from a vector inside."""
+        # α is the largest number for which vector + α·direction lies in the cones.
+        (vl, vc), (dl, dc) = self.parts(vector), self.parts(direction)
+        most = 1e-10
+        if self.linear:
+            most = max(most, float((-dl / vl).max()))
+        if self.count:
+            # In the frame of the vector the least eigenvalue of the direction limits the step.
+            root = np.sqrt(_determinant(vc))
+            v0, v1 = vc[:, 0] / root, vc[:, 1:] / root[:, None]
+            first = (v0 * dc[:, 0] - np.einsum("ij,ij->i", v1, dc[:, 1:])) / root
+            rest = dc[:, 1:] / root[:, None] - ((first + dc[:, 0] / root) / (v0 + 1.0))[:, None] * v1
+            most = max(most, float((np.sqrt(np.einsum("ij,ij->i", rest, rest)) - first).max()))
+        return 1.0 / most
+
+
+def _determinant(cones: Floats) -> Floats:
+    """Return v₀² − ‖v₁‖² of each cone (k, size), as a product that keeps digits near the boundary."""
+    norm = np.sqrt(np.einsum("ij,ij->i", cones[:, 1:], cones[:, 1:]))
+    return np.asarray(np.maximum((cones[:, 0] - norm) * (cones[:, 0] + norm), 1e-300))
+
+
+class NesterovTodd:
+    """Scaling W of the cones at slack s and multiplier z inside them: symmetric, with W z = W⁻¹ s = `point`."""
+
+    def __init__(self, cones: Cones, s: Floats, z: Floats) -> None:
+        self.cones = cones
+        (sl, sc), (zl, zc) = cones.parts(s), cones.parts(z)
+        self.linear = np.sqrt(sl / zl)
+        s_root, z_root = np.sqrt(_determinant(sc)), np.sqrt(_determinant(zc))
+        s_bar, z_bar = sc / s_root[:, None], zc / z_root[:, None]
+        gamma = np.sqrt(0.5 * (1.0 + np.einsum("ij,ij->i", s_bar, z_bar)))
+        w = s_bar - z_bar
+        w[:, 0] += 2.0 * z_bar[:, 0]
+        w /= 2.0 * gamma[:, None]
+        eta = np.sqrt(s_root / z_root)
+        self.blocks = _blocks(w) * eta[:, None, None]
+        w[:, 1:] *= -1.0
+        self.inverse = _blocks(w) / eta[:, None, None]
+        self.point = self.times(z)
+
+    def times(self, vector: Floats) -> Floats:
+        linear, cones = self.cones.parts(vector)
+        return self.cones.join(self.linear * linear, np.einsum("nij,nj->ni", self.blocks, cones))
+
+    def divide(self, vector: Floats) -> Floats:
+        linear, cones = self.cones.parts(vector)
+        return self.cones.join(linear / self.linear, np.einsum("nij,nj->ni", self.inverse, cones))
+
+
+def _blocks(w: Floats) -> Floats:
+    """Return the symmetric square-root matrices (k, size, size) of unit vectors w (k, size)."""
+    # The matrices are [w₀, w₁ᵀ; w₁, I + w₁ w₁ᵀ / (1 + w₀)], where w₀² − ‖w₁‖² = 1.
+    count, size = w.shape
+    blocks = np.zeros((count, size, size))
+    if size:
+        first = np.sqrt(1.0 + np.einsum("ij,ij->i", w[:, 1:], w[:, 1:]))
+        blocks[:, 0, 0] = first
+        blocks[:, 0, 1:] = blocks[:, 1:, 0] = w[:, 1:]
+        blocks[:, 1:, 1:] = np.eye(size - 1)
+        blocks[:, 1:, 1:] += w[:, 1:, None] * (w[:, None, 1:] / (1.0 + first)[:, None, None])
+    return blocks
+
 
 # Routines in the order in which `JldFronts` takes them
 _ROUTINES: Final = (
@@ -203,7 +322,29 @@ class BlockEquations:
 
 
 _WIDE = 100  # a column with more entries borders the system and belongs to no face
+_MOST_BORDER = 8  # largest number of border columns, which are solved for densely
 _MOST = 60  # largest number of columns of a matrix block; larger ones mean that the program has no faces
+
+
+class Entries(NamedTuple):
+    """Positions of entries in a program's data, and in a flat array that they fill."""
+
+    data: Ints
+    place: Ints
+
+
+class BorderEntries(NamedTuple):
+    """Positions in a program's data of entries in border columns, with their equation or yield row."""
+
+    data: Ints
+    row: Ints
+    column: Ints  # number among the border columns
+
+    def table(self, data: Floats, rows: int, columns: int) -> Floats:
+        """Return the entries as an array (rows, columns), zero elsewhere."""
+        table = np.zeros((rows, columns))
+        table[self.row, self.column] = data[self.data]
+        return table
 
 
 @dataclass(frozen=True)
@@ -216,12 +357,9 @@ class Family:
     # linear, cones: number of half-lines and of cones per face
     linear: int
     cones: int
-    # g, a, edge: (int array, int array) entries of the program's data, and their positions in a flat array. The arrays
-    # are: `g` (m, rows, k) of yield rows, `a` (m, r, k) of equations, `edge` (m, rows, border) of yield rows in border
-    # columns.
-    g: tuple[Ints, Ints]
-    a: tuple[Ints, Ints]
-    edge: tuple[Ints, Ints]
+    g: Entries  # (m, rows, k) of yield rows
+    a: Entries  # (m, r, k) of equations
+    border: Entries  # (m, rows, border) of yield rows in border columns
 
 
 @dataclass(frozen=True)
@@ -232,9 +370,8 @@ class FaceBlocks:
     families: tuple[Family, ...]  # faces, grouped by size
     border: Ints  # (border,) columns that belong to no face
     idle: Ints  # columns without yield rows; no program may have entries in them
-    # data entries in yield rows of border columns alone, with their yield row and border column
-    loose: tuple[Ints, Ints, Ints]
-    edge: tuple[Ints, Ints, Ints]  # data entries in equations of border columns, with their equation and border column
+    border_yields: BorderEntries  # in yield rows that only border columns enter
+    border_equations: BorderEntries  # in equations
 
 
 def face_blocks(structure: Structure) -> FaceBlocks:
@@ -248,6 +385,7 @@ def face_blocks(structure: Structure) -> FaceBlocks:
     size = sizes.pop() if sizes else 1
     cones = Cones(structure.linear, len(structure.cones), size)
     equalities, (rows, columns) = structure.equalities, structure.shape
+    # column, row and position of each entry of the program's data
     column = np.repeat(np.arange(columns), np.diff(structure.indptr))
     row, data = structure.indices, np.arange(len(structure.indices))
     yields = row >= equalities
@@ -261,34 +399,33 @@ def face_blocks(structure: Structure) -> FaceBlocks:
     chosen = yields & ~apart[column]
     part = components(columns + rows, column[chosen], columns + head[row[chosen]])
     # A column that shares its rows with no other column is a load factor and belongs to no face.
-    own = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
+    columns_of_part = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
     touched = np.zeros(columns, dtype=bool)
     touched[column[yields]] = True
-    apart |= touched & (own[part[:columns]] == 1)
+    apart |= touched & (columns_of_part[part[:columns]] == 1)
     idle = np.flatnonzero(~touched & ~apart)
     face_column = np.flatnonzero(touched & ~apart)
     border = np.flatnonzero(apart)
-    if len(border) > 8 or own.max(initial=0) > _MOST:
+    if len(border) > _MOST_BORDER or columns_of_part.max(initial=0) > _MOST:
         raise SolverError("the columns of this program are not separable by face")
     faces, column_face = np.unique(part[face_column], return_inverse=True)
     row_part = part[columns + head]
     place = np.minimum(np.searchsorted(faces, row_part), max(len(faces) - 1, 0))
     row_face = np.where(faces[place] == row_part, place, -1) if len(faces) else np.full(rows, -1)
     row_face[:equalities] = -1
-    loose = row_face[row] < 0
     border_index = np.full(columns, -1)
     border_index[border] = np.arange(len(border))
     if np.any(row_face[first:] < 0):
         raise SolverError("a cone of this program belongs to no face")
-    in_edge, in_loose = apart[column] & ~yields, apart[column] & yields & loose
+    in_equations, in_yields = apart[column] & ~yields, apart[column] & yields & (row_face[row] < 0)
     laid = _Layout(face_column, column_face, row_face, equalities, first, columns)
     return FaceBlocks(
         cones=cones,
         families=laid.families(row, column, data, yields, apart, border_index, size),
         border=border,
         idle=idle,
-        loose=(data[in_loose], row[in_loose] - equalities, border_index[column[in_loose]]),
-        edge=(data[in_edge], row[in_edge], border_index[column[in_edge]]),
+        border_yields=BorderEntries(data[in_yields], row[in_yields] - equalities, border_index[column[in_yields]]),
+        border_equations=BorderEntries(data[in_equations], row[in_equations], border_index[column[in_equations]]),
     )
 
 
@@ -303,62 +440,80 @@ class _Layout:
         self.face_of_column = np.full(columns, -1)
         self.face_of_column[face_column] = column_face
         self.face_of_row = row_face
-        self.columns, self.local_column = _numbered(self.face_of_column, self.count)
-        self.rows, self.local_row = _numbered(row_face, self.count)
+        self.columns = _Groups.by_owner(self.face_of_column, self.count)
+        self.rows = _Groups.by_owner(row_face, self.count)
         self.half_lines = np.bincount(row_face[equalities:first][row_face[equalities:first] >= 0], minlength=self.count)
 
     def families(
         self, row: Ints, column: Ints, data: Ints, yields: Bools, apart: Bools, border_index: Ints, size: int
     ) -> tuple[Family, ...]:
         """Group the faces by size, and locate their data. yields: entries of yield rows. apart: border columns."""
+        # entries of equations, of yield rows, and of yield rows in border columns
         in_a = ~yields & (self.face_of_column[column] >= 0)
         in_g = yields & (self.face_of_column[column] >= 0)
-        in_edge = yields & apart[column] & (self.face_of_row[row] >= 0)
+        in_border = yields & apart[column] & (self.face_of_row[row] >= 0)
         face_a = self.face_of_column[column[in_a]]
+        # equations of each face, once each
         pairs, equation = np.unique(face_a * self.equalities + row[in_a], return_inverse=True)
         pair_face = pairs // max(self.equalities, 1)
         equations = np.searchsorted(pair_face, np.arange(self.count + 1))
         local_equation = equation - equations[face_a]
-        k, g, r = np.diff(self.columns[1]), np.diff(self.rows[1]), np.diff(equations)
-        kinds, family = np.unique(np.column_stack([k, g, r, self.half_lines]), axis=0, return_inverse=True)
-        found = []
-        for number, (wide, high, deep, half) in enumerate(kinds.tolist()):
+        sizes = np.column_stack(
+            [np.diff(self.columns.start), np.diff(self.rows.start), np.diff(equations), self.half_lines]
+        )
+        kinds, family = np.unique(sizes, axis=0, return_inverse=True)
+        border = int((border_index >= 0).sum())
+        families = []
+        for number, (k, rows, r, half_lines) in enumerate(kinds.tolist()):
             faces = np.flatnonzero(family == number)
-            at = np.full(self.count + 1, -1)
+            at = np.full(self.count + 1, -1)  # place of each face in this family, −1 elsewhere
             at[faces] = np.arange(len(faces))
-            of_a, of_g, of_edge = at[face_a], at[self.face_of_column[column[in_g]]], at[self.face_of_row[row[in_edge]]]
-            mine_a, mine_g, mine_edge = of_a >= 0, of_g >= 0, of_edge >= 0
-            where_a = (of_a * deep + local_equation) * wide + self.local_column[column[in_a]]
-            where_g = (of_g * high + self.local_row[row[in_g]]) * wide + self.local_column[column[in_g]]
-            edge = int((border_index >= 0).sum())
-            where_edge = (of_edge * high + self.local_row[row[in_edge]]) * edge + border_index[column[in_edge]]
-            found.append(
+            at_a, at_g = at[face_a], at[self.face_of_column[column[in_g]]]
+            at_border = at[self.face_of_row[row[in_border]]]
+            # positions in the flat arrays of `Family`
+            place_a = (at_a * r + local_equation) * k + self.columns.number[column[in_a]]
+            place_g = (at_g * rows + self.rows.number[row[in_g]]) * k + self.columns.number[column[in_g]]
+            place_border = (at_border * rows + self.rows.number[row[in_border]]) * border
+            place_border += border_index[column[in_border]]
+            families.append(
                 Family(
-                    columns=self.columns[0][self.columns[1][faces][:, None] + np.arange(wide)],
-                    rows=self.rows[0][self.rows[1][faces][:, None] + np.arange(high)] - self.equalities,
-                    equations=(pairs % max(self.equalities, 1))[equations[faces][:, None] + np.arange(deep)],
-                    linear=half,
-                    cones=(high - half) // size,
-                    g=(data[in_g][mine_g], where_g[mine_g]),
-                    a=(data[in_a][mine_a], where_a[mine_a]),
-                    edge=(data[in_edge][mine_edge], where_edge[mine_edge]),
+                    columns=self.columns.of(faces, k),
+                    rows=self.rows.of(faces, rows) - self.equalities,
+                    equations=(pairs % max(self.equalities, 1))[equations[faces][:, None] + np.arange(r)],
+                    linear=half_lines,
+                    cones=(rows - half_lines) // size,
+                    g=Entries(data[in_g][at_g >= 0], place_g[at_g >= 0]),
+                    a=Entries(data[in_a][at_a >= 0], place_a[at_a >= 0]),
+                    border=Entries(data[in_border][at_border >= 0], place_border[at_border >= 0]),
                 )
             )
-        return tuple(found)
+        return tuple(families)
 
 
-def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
-    """Group members by owner (n,), −1 for none; return (members, start) ascending, and the number (n,) in the group."""
-    members = np.argsort(owner, kind="stable")
-    members = members[np.searchsorted(owner[members], 0) :]
-    start = np.searchsorted(owner[members], np.arange(count + 1))
-    local = np.full(len(owner), -1)
-    local[members] = np.arange(len(members)) - start[owner[members]]
-    return (members, start), local
+class _Groups(NamedTuple):
+    """Members of groups, ascending in each."""
+
+    members: Ints  # group by group
+    start: Ints  # first member of each group
+    number: Ints  # (n,) number of each member in its group, −1 without one
+
+    @classmethod
+    def by_owner(cls, owner: Ints, count: int) -> _Groups:
+        """Group n members by owner (n,), −1 for none."""
+        members = np.argsort(owner, kind="stable")
+        members = members[np.searchsorted(owner[members], 0) :]
+        start = np.searchsorted(owner[members], np.arange(count + 1))
+        number = np.full(len(owner), -1)
+        number[members] = np.arange(len(members)) - start[owner[members]]
+        return cls(members, start, number)
+
+    def of(self, groups: Ints, size: int) -> Ints:
+        """Return the members (k, size) of groups (k,) of equal size."""
+        return np.asarray(self.members[self.start[groups][:, None] + np.arange(size)])
 
 
-def filled(shape: tuple[int, ...], entries: tuple[Ints, Ints], data: Floats) -> Floats:
+def filled(shape: tuple[int, ...], entries: Entries, data: Floats) -> Floats:
     """Place some entries of a program's data in an array, zero elsewhere."""
     array = np.zeros(shape)
-    array.ravel()[entries[1]] = data[entries[0]]
+    array.ravel()[entries.place] = data[entries.data]
     return array

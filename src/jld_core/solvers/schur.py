@@ -22,20 +22,21 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.deadline import Deadline
 from jld_core.errors import SolverError
-from jld_core.linalg.cholesky import Fronts
+from jld_core.linalg.factors import Fronts
 from jld_core.program import ConicProgram
 from jld_core.program.template import Structure
 from jld_core.solvers.base import EARLY, RawSolution, RawStatus, Solver, Suffices
-from jld_core.solvers.schur.compiled_fronts import (
+from jld_core.solvers.schur_fronts import (
     BlockEquations,
+    Cones,
     FaceBlocks,
     Family,
+    NesterovTodd,
     Solves,
     face_blocks,
     factorisation,
     filled,
 )
-from jld_core.solvers.schur.nesterov_todd import Cones, NesterovTodd
 
 _SHIFT = 1e-14  # added to the diagonal of the Schur complement, which is scaled to ones
 _RETRIES = 5  # attempts to factor; each failure multiplies the shift by 100
@@ -86,46 +87,48 @@ class SchurSystem:
         families = self.blocks.families
         self._columns_of_faces = np.concatenate([family.columns.ravel() for family in families] or [_NONE])
         count, done = len(self._columns_of_faces), 0
-        own, touched, wide, deep = [_NONE], [_NONE], [_NONE], [_NONE]
+        # columns of each row, row by row, and number of entries of each row: the k columns of the same face, and the
+        # equations that the face enters
+        of_face, of_face_count, of_equations, of_equations_count = [_NONE], [_NONE], [_NONE], [_NONE]
         for family in families:
             m, k = family.columns.shape
             numbers = done + np.arange(m * k).reshape(m, k)
-            own.append(np.repeat(numbers, k, axis=0).ravel())
-            touched.append(np.repeat(family.equations, k, axis=0).ravel())
-            wide.append(np.full(m * k, k))
-            deep.append(np.full(m * k, family.equations.shape[1]))
+            of_face.append(np.repeat(numbers, k, axis=0).ravel())
+            of_face_count.append(np.full(m * k, k))
+            of_equations.append(np.repeat(family.equations, k, axis=0).ravel())
+            of_equations_count.append(np.full(m * k, family.equations.shape[1]))
             done += m * k
 
         def laid(columns: list[Ints], entries: list[Ints], width: int) -> sp.csr_array:
             start = np.concatenate([[0], np.cumsum(np.concatenate(entries))])
             return sp.csr_array((np.zeros(start[-1]), np.concatenate(columns), start), shape=(count, width))
 
-        self._inverse, self._half = laid(own, wide, count), laid(touched, deep, size)
+        self._inverse = laid(of_face, of_face_count, count)
+        self._half = laid(of_equations, of_equations_count, size)
 
     def load(self, program: ConicProgram) -> None:
         """Take over the numbers of a program; raise SolverError if a column without yield rows has entries."""
         data, blocks = program.data, self.blocks
         matrix = program.matrix
-        edge = self.structure.equalities
+        equations = self.structure.equalities
         if blocks.idle.size and abs(matrix[:, blocks.idle]).sum() > 0.0:
             raise SolverError("a column of this program has no yield row to hold it")
-        self._equations, self._yields = sp.csr_array(matrix[:edge]), sp.csr_array(matrix[edge:])
-        self._equations_t, self._yields_t = sp.csr_array(matrix[:edge].T), sp.csr_array(matrix[edge:].T)
+        self._equations, self._yields = sp.csr_array(matrix[:equations]), sp.csr_array(matrix[equations:])
+        self._equations_t, self._yields_t = sp.csr_array(matrix[:equations].T), sp.csr_array(matrix[equations:].T)
         count = len(blocks.border)
-        self._edge_equations = np.zeros((edge, count))
-        self._edge_equations[blocks.edge[1], blocks.edge[2]] = data[blocks.edge[0]]
-        self._loose = np.zeros((self._yields.shape[0], count))
-        self._loose[blocks.loose[1], blocks.loose[2]] = data[blocks.loose[0]]
-        self._loose_rows = np.unique(blocks.loose[1])
+        self._border_equations = blocks.border_equations.table(data, equations, count)
+        self._border_yields = blocks.border_yields.table(data, self._yields.shape[0], count)
+        self._border_rows = np.unique(blocks.border_yields.row)
+        # per family: yield rows G, equations A transposed, yield rows in border columns
         self._g: list[Floats] = []
         self._a: list[Floats] = []
-        self._edge: list[Floats] = []
+        self._g_border: list[Floats] = []
         for family in blocks.families:
-            m, wide = family.columns.shape
-            high, deep = family.rows.shape[1], family.equations.shape[1]
-            self._g.append(filled((m, high, wide), family.g, data))
-            self._a.append(np.ascontiguousarray(filled((m, deep, wide), family.a, data).transpose(0, 2, 1)))
-            self._edge.append(filled((m, high, count), family.edge, data))
+            m, k = family.columns.shape
+            rows, r = family.rows.shape[1], family.equations.shape[1]
+            self._g.append(filled((m, rows, k), family.g, data))
+            self._a.append(np.ascontiguousarray(filled((m, r, k), family.a, data).transpose(0, 2, 1)))
+            self._g_border.append(filled((m, rows, count), family.border, data))
 
     def equations(self, x: Floats) -> Floats:
         return np.asarray(self._equations @ x)
@@ -144,9 +147,10 @@ class SchurSystem:
         self._scaling = scaling
         count = len(self.blocks.border)
         inverses, halves, sides, summands = [_EMPTY], [_EMPTY], [np.zeros((0, count))], [_EMPTY]
-        edges = self._edge_equations.copy()
-        loose = self._scaled_loose(scaling)
-        corner = loose.T @ loose
+        # equations and Hessian of the border columns, less what the eliminated columns of faces take from them
+        border_equations = self._border_equations.copy()
+        border_yields = self._border_yields[self._border_rows] / scaling.linear[self._border_rows, None]  # times W⁻¹
+        hessian = border_yields.T @ border_yields
         for number, family in enumerate(self.blocks.families):
             scaled = _divided(scaling, family, self._g[number])
             inverse = _right_inverse_of_r(scaled)
@@ -155,11 +159,11 @@ class SchurSystem:
             halves.append(half.ravel())
             side = np.zeros((len(scaled), scaled.shape[2], count))
             if count:
-                border = _divided(scaling, family, self._edge[number])
+                border = _divided(scaling, family, self._g_border[number])
                 side = inverse.transpose(0, 2, 1) @ (scaled.transpose(0, 2, 1) @ border)
                 rest = border - scaled @ (inverse @ side)
-                corner = corner + np.einsum("nij,nik->jk", rest, rest)
-                np.subtract.at(edges, family.equations, half.transpose(0, 2, 1) @ side)
+                hessian = hessian + np.einsum("nij,nik->jk", rest, rest)
+                np.subtract.at(border_equations, family.equations, half.transpose(0, 2, 1) @ side)
             sides.append(side.reshape(-1, count))
             lower = np.tril_indices(half.shape[2])
             square = half.transpose(0, 2, 1) @ half
@@ -171,10 +175,10 @@ class SchurSystem:
         self._size = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         data = data * self._size[self._rows] * self._size[self._columns]
         self._factor = self._shifted(data)
-        self._edges = edges
+        self._reduced_border = border_equations
         if count:
-            self._reach = self._solve(edges)
-            self._corner = corner + edges.T @ self._reach
+            self._border_solved = self._solve(border_equations)
+            self._border_complement = hessian + border_equations.T @ self._border_solved
 
     def _shifted(self, data: Floats) -> Solves:
         """Factor the scaled Schur complement with the least diagonal shift tried that succeeds."""
@@ -187,10 +191,6 @@ class SchurSystem:
                 shift *= 100.0
         raise np.linalg.LinAlgError("the Schur complement is not positive definite")
 
-    def _scaled_loose(self, scaling: NesterovTodd) -> Floats:
-        """Return the yield rows (rows, border) that only border columns enter, times W⁻¹."""
-        return self._loose[self._loose_rows] / scaling.linear[self._loose_rows, None]
-
     def _solve(self, rhs: Floats) -> Floats:
         """Solve the factored Schur complement for right-hand sides (equations,) or (equations, k)."""
         size = self._size if rhs.ndim == 1 else self._size[:, None]
@@ -201,16 +201,16 @@ class SchurSystem:
         scaling = self._scaling
         x, u, wv = self._once(p, q, r)
         aim = self.accuracy * max(1e-3, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
-        least, best = np.inf, (x, u, wv)
+        best_residual, best = np.inf, (x, u, wv)
         for _ in range(_PASSES):
             left_p = p - self.transposed(u, scaling.divide(wv))
             left_q = q - self.equations(x)
             left_r = r - self.yields(x) + scaling.times(wv)
-            left = max(float(abs(part).max(initial=0.0)) for part in (left_p, left_q, left_r))
-            if not left < 0.5 * least:
+            residual = max(float(abs(part).max(initial=0.0)) for part in (left_p, left_q, left_r))
+            if not residual < 0.5 * best_residual:
                 break
-            least, best = left, (x, u, wv)
-            if left <= aim:
+            best_residual, best = residual, (x, u, wv)
+            if residual <= aim:
                 return best
             dx, du, dwv = self._once(left_p, left_q, left_r)
             x, u, wv = x + dx, u + du, wv + dwv
@@ -225,13 +225,13 @@ class SchurSystem:
         e = self._inverse.T @ c[self._columns_of_faces]
         u = self._solve(self._half.T @ e - q)
         x = np.zeros(len(p))
-        apart = np.zeros(len(blocks.border))
+        border = np.zeros(len(blocks.border))
         if len(blocks.border):
-            rest = c[blocks.border] - self._edges.T @ u - self._side.T @ e
-            apart = np.linalg.solve(self._corner, rest)
-            u = u + self._reach @ apart
-            x[blocks.border] = apart
-        x[self._columns_of_faces] = self._inverse @ (e - self._half @ u - self._side @ apart)
+            rest = c[blocks.border] - self._reduced_border.T @ u - self._side.T @ e
+            border = np.linalg.solve(self._border_complement, rest)
+            u = u + self._border_solved @ border
+            x[blocks.border] = border
+        x[self._columns_of_faces] = self._inverse @ (e - self._half @ u - self._side @ border)
         return x, u, scaling.divide(self.yields(x)) - rho
 
 
@@ -284,6 +284,7 @@ _LEAST_WEIGHT = 0.1  # smallest of them
 _CENTRAL = 0.1, 10.0  # range of complementarity products, in multiples of their target, that needs no correction
 _LONG = 0.9  # step from which no centrality corrector is worth its linear system
 _SHORT = 0.03  # step below which an iterate is jammed at the boundary of its cones and is centred instead
+_LEAST_CENTRING = 1e-6  # least share of μ to aim at
 _CENTRING = 0.9  # share of μ that is kept while an iterate is centred
 _LONGER = 1.5, 0.1  # step for which a centrality corrector aims: factor of the step at hand, and what is added
 
@@ -352,8 +353,11 @@ class Newton:
         system.accuracy = min(coarse, max(_EXACT, _PER_GAP * it.progress(q)))
         self.embedded = it.kappa > SETTLED * it.tau
         self.apart = not self.embedded and not self.cones.count
-        more = (it.tau * it.kappa, 1) if self.embedded else (0.0, 0)
-        self.mu = (float(it.s @ it.v) + more[0]) / (self.cones.degree + more[1])
+        # τκ is one more complementarity product of the embedding
+        total, products = float(it.s @ it.v), self.cones.degree
+        if self.embedded:
+            total, products = total + it.tau * it.kappa, products + 1
+        self.mu = total / products
         self.res_x = system.transposed(it.u, it.v) + it.tau * q
         self.res_u = system.equations(it.x) - it.tau * r
         self.res_v = system.yields(it.x) + it.s - it.tau * h
@@ -418,37 +422,42 @@ class Newton:
     def _centring(self, way: Direction, reached: tuple[float, float]) -> float:
         """Return the share of μ to aim at, from the affine direction and its steps."""
         if not self.apart:
-            return min(1.0, max(1e-6, (1.0 - reached[0]) ** 3))
+            return min(1.0, max(_LEAST_CENTRING, (1.0 - reached[0]) ** 3))
         # Mehrotra's share of μ that an affine step would leave.
         lam, (alpha, beta) = self.scaling.point, reached
-        left = float((lam + alpha * way.ws) @ (lam + beta * way.wv)) / float(lam @ lam)
+        share = float((lam + alpha * way.ws) @ (lam + beta * way.wv)) / float(lam @ lam)
         # Out of its cones a step leaves less than nothing, and the cube of −10¹¹⁰ is an error.
-        return max(1e-6, max(0.0, min(1.0, left)) ** 3)
+        return max(_LEAST_CENTRING, max(0.0, min(1.0, share)) ** 3)
 
     def _weighted(
         self, way: Direction, more: Direction, reached: tuple[float, float]
     ) -> tuple[Direction, tuple[float, float]]:
         """Add the multiple of a corrector that allows the longest steps; return the direction and its steps."""
         weights = np.linspace(max(_LEAST_WEIGHT, min(reached) ** 2), 1.0, _WEIGHTS).tolist()
-        found = [self.lengths(way.plus(weight, weight, more)) for weight in weights]
-        # Where steps are equal, the larger weight is taken.
-        first, second = (max(range(_WEIGHTS), key=lambda k: (found[k][side], k)) for side in (0, 1))
-        return way.plus(weights[first], weights[second], more), (found[first][0], found[second][1])
+        steps = [self.lengths(way.plus(weight, weight, more)) for weight in weights]
+        # of forces and of motion; where steps are equal, the larger weight is taken
+        first, second = (max(range(_WEIGHTS), key=lambda k: (steps[k][side], k)) for side in (0, 1))
+        return way.plus(weights[first], weights[second], more), (steps[first][0], steps[second][1])
 
     def _centred(self, way: Direction, reached: tuple[float, float], target: float) -> Direction:
         """Add a corrector that brings complementarity products nearer to their target, for longer steps."""
         it, lam = self.it, self.scaling.point
-        far, wide = (min(1.0, _LONGER[0] * length + _LONGER[1]) for length in reached)
+        of_forces, of_motion = (min(1.0, _LONGER[0] * length + _LONGER[1]) for length in reached)
         low, high = (factor * target for factor in _CENTRAL)
 
         def missing(product: Floats) -> Floats:
             return np.asarray(np.maximum(np.clip(product, low, high) - product, -high))
 
-        ds = missing((lam + far * way.ws) * (lam + wide * way.wv))
-        dk = float(missing(np.array((it.tau + far * way.tau) * (it.kappa + far * way.kappa))))
+        ds = missing((lam + of_forces * way.ws) * (lam + of_motion * way.wv))
+        dk = float(missing(np.array((it.tau + of_forces * way.tau) * (it.kappa + of_forces * way.kappa))))
         return self._weighted(way, self.direction(0.0, ds, dk), reached)[0]
 
 
+_PROGRESS = 0.9  # ratio to the least error so far below which an iteration counts as progress
+_STALLED = 6  # iterations without progress after which the best iterate is the answer
+_NEAR_THE_END = 1e6  # error, in multiples of the tolerances, from which on iterations without progress go on
+_INSIDE = 0.99  # share that is taken of the longest step within the cones
+_NO_STEP = 1e-8  # step below which iterations break down
 _VANISHED = 1e-14  # τ/κ below which no further iterate can be a point; rays are reached to tolerance well above it
 
 
@@ -531,7 +540,7 @@ class _Iteration:
             self.note = "singular"
             nothing = Iterate(np.zeros(len(self.q)), np.zeros(len(self.r)), self.unit.copy(), self.unit.copy())
             return RawStatus.FAILED, nothing, 0
-        best, least, stalled = now, np.inf, 0
+        best, best_merit, stalled = now, np.inf, 0
         for iteration in range(most):
             until.check()
             status, merit = self._status_of(now)
@@ -540,10 +549,10 @@ class _Iteration:
             if self._is_enough(now):
                 self.note = "bounds narrow enough"
                 return RawStatus.OPTIMAL, now, iteration
-            stalled = 0 if merit < 0.9 * least else stalled + 1
-            if merit < least:
-                best, least = now, merit
-            if stalled >= 6 and least < 1e6:
+            stalled = 0 if merit < _PROGRESS * best_merit else stalled + 1
+            if merit < best_merit:
+                best, best_merit = now, merit
+            if stalled >= _STALLED and best_merit < _NEAR_THE_END:
                 self.note = "no further progress"
                 return RawStatus.ALMOST, best, iteration
             try:
@@ -610,9 +619,10 @@ class _Iteration:
         cones = self.cones
         step = Newton(self.system, (self.q, self.r, self.h), it)
         way = step.corrected()
-        alpha, beta = step.lengths(way, 0.99)
-        least = min(alpha, beta)
-        if not (np.isfinite(alpha) and np.isfinite(beta) and least > 1e-8 and np.all(np.isfinite(way.x))):
+        alpha, beta = step.lengths(way, _INSIDE)
+        if not (
+            np.isfinite(alpha) and np.isfinite(beta) and min(alpha, beta) > _NO_STEP and np.all(np.isfinite(way.x))
+        ):
             return None
         s, v = it.s + alpha * step.scaling.times(way.ws), it.v + beta * step.scaling.divide(way.wv)
         if cones.slack(s) <= 0.0 or cones.slack(v) <= 0.0:
