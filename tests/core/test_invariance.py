@@ -16,7 +16,6 @@ from cases import scene_in_space as scene
 from command import SCENES
 from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry import outlines as polygons
-from jld_core.geometry import planar_contacts, spatial_contacts
 
 ARCH = grid_document(
     ["#aabbcc#", "#aaabcc#"], friction=0.6, live=[{"element": "c3r0", "force": [0, -1]}, {"body": [0.2, 0]}]

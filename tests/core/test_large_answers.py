@@ -23,7 +23,6 @@ from jld_core import (
     solvers,
 )
 from jld_core.limit import State
-from jld_core.linalg import factors as projection
 from jld_core.linalg.factors import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore import search_space

@@ -256,9 +256,8 @@ def _inner_forces(
     yields = s.equalities + 1 + np.flatnonzero(within[pattern.row_face])
     linear = yields[yields < s.equalities + s.linear]
     conic = yields[yields >= s.equalities + s.linear]
-    sizes = tuple(
-        np.array(s.cones, dtype=np.int64)[within[_cone_faces(pattern.row_face, pattern.linear, s.cones)]].tolist()
-    )
+    of_cones = pattern.row_face[pattern.linear + beginnings(s.cones)]
+    sizes = tuple(np.array(s.cones, dtype=np.int64)[within[of_cones]].tolist())
     block = rigid.group[faces.a]
     names, position = np.unique(block[inside], return_inverse=True)
     of_block = np.full(int(rigid.group.max()) + 1, -1)
@@ -280,10 +279,6 @@ def _inner_forces(
     forces[inside] = np.where(sets.active(labels)[inside], own, 0.0)
     slacks = sets.slack(forces, labels)[inside]
     return forces, names[np.unique(position[slacks < 1e-9])]
-
-
-def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
-    return np.asarray(row_face[linear + beginnings(cones)])
 
 
 def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, motion: Motion) -> Motion:
