@@ -56,6 +56,15 @@ def test_the_batch_solver_is_used_where_it_settles() -> None:
     assert 0.8 <= batch_solver.BatchSolver(LimitAnalysis(wall).template).settled_fraction <= 1.0
 
 
+def test_one_batch_solver_serves_all_analyses_of_an_assembly_in_use() -> None:
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"]))
+    one, other = build_assembly(scene), build_assembly(scene)
+    made = LimitAnalysis(one).batch
+    assert LimitAnalysis(one, gap=1e-3).batch is made
+    for analysis in (LimitAnalysis(one, inner_bending="kern"), LimitAnalysis(other)):
+        assert made is None or analysis.batch is not made
+
+
 def test_a_twin_answers_alike_by_the_same_kernel() -> None:
     wall = build_assembly(parse_scene(grid_document(*CASES["wall"][:1])))
     one = Evaluator(wall, SETTINGS)

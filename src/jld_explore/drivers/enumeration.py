@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,12 +52,12 @@ def breadth_first(space: SearchSpace) -> Ints:
 
 Names = NDArray[np.unsignedinteger[Any]]
 
-PORTION: Final = 16384  # most labellings that one call of `ask` returns
+PORTION: Final = 8192  # most labellings that one call of `ask` returns
 
 _BYTES: Final = 256 << 20  # memory for the stack of frontiers, bytes
 
 # Largest number of rows of a frontier. A frontier of this size stays in a cache level while a face is decided.
-_ROWS: Final = 16384
+_ROWS: Final = 1024
 
 _QUICK_ROWS: Final = 64  # number of rows of a frontier in a quick count of a space
 _QUICK_FRONTIERS: Final = 150  # number of frontiers in a quick count of a space
@@ -94,6 +94,7 @@ class Enumeration(Driver):
     """Driver that enumerates all classes of a space, in an order of the space alone."""
 
     name = "enumeration"
+    ahead: ClassVar[int] = 1
 
     def __init__(self, space: SearchSpace, seed: int = 0, *, rows: int | None = None) -> None:
         # Faces are decided so that one element after the other is complete. In a segmentation a face within a block is
