@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from jld_core.errors import InputError
 
@@ -86,3 +86,19 @@ RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
 def harmless(value: object) -> object:
     """Quote a text that a spreadsheet would run as a formula, by an apostrophe before `RUN_BY_SPREADSHEETS`."""
     return f"'{value}" if isinstance(value, str) and value.startswith(RUN_BY_SPREADSHEETS) else value
+
+
+def json_of(text: str, **options: Any) -> Any:
+    """Return what a JSON text holds; raise ValueError that says in words where or why it is none."""
+    import json
+
+    try:
+        return json.loads(text, **options)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"it is not JSON (line {error.lineno}, column {error.colno})") from None
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+    except ValueError as error:  # Python limits the number of digits of an integer
+        raise (
+            error if isinstance(error, InputError) else ValueError("it holds a number of thousands of digits")
+        ) from None

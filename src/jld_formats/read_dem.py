@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path as File
 from typing import Any, Final
 
 import numpy as np
 
-from jld_core import Floats, InputError
+from jld_core import Floats, InputError, files
 from jld_core.geometry import area_vector
 from jld_core.scene import standard
 from jld_formats.drawn_loads import MOST
@@ -239,11 +238,11 @@ _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")  # elemen
 
 def read_compas(path: File, options: ImportOptions, notes: Notes) -> Solids:
     try:
-        document = json.loads(text_of(path), parse_constant=_refuse)
-    except json.JSONDecodeError as error:
-        raise InputError("", f"it is not JSON (line {error.lineno}, column {error.colno})", "COMPAS JSON") from None
-    except RecursionError:
-        raise InputError("", "it is nested too deeply", "COMPAS JSON") from None
+        document = files.json_of(text_of(path), parse_constant=_refuse)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError("", str(error), "COMPAS JSON") from None
     return solids_of(document, path.stem, notes)
 
 

@@ -26,20 +26,24 @@ Entry = dict[str, Any]
 def records_of(folder: Path) -> dict[str, Entry]:
     """Return the record of each problem of a folder, by name; raise InputError without any."""
     try:
-        found: dict[str, Entry] = json.loads((folder / RECORDS).read_text(encoding="utf-8"))
+        found: dict[str, Entry] = files.json_of((folder / RECORDS).read_text(encoding="utf-8"))
     except OSError:
         raise InputError(str(folder), f"there is no {RECORDS} in it", "no `--problems`, or another folder") from None
     except ValueError as error:
-        raise InputError(str(folder / RECORDS), f"it is no JSON: {error}", "the file of the package") from None
+        raise InputError(str(folder / RECORDS), str(error), "the file of the package") from None
     return found
 
 
 def entries_of(path: Path, known: dict[str, Entry]) -> list[Entry]:
     """Return the layouts of a submission; raise InputError for a file that is none."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), f"it cannot be read: {error}", "a JSON file") from None
+        document = files.json_of(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(str(path), error.strerror or "it cannot be read", "a JSON file") from None
+    except UnicodeDecodeError:
+        raise InputError(str(path), "it is not UTF-8 text", "a JSON file") from None
+    except ValueError as error:
+        raise InputError(str(path), str(error), "a JSON file") from None
     layouts = document.get("layouts") if isinstance(document, dict) else None
     if not isinstance(layouts, list) or not layouts:
         remedy = '{"method": …, "layouts": [{"problem", "labels", "load_factor"}]}'
@@ -48,7 +52,7 @@ def entries_of(path: Path, known: dict[str, Entry]) -> list[Entry]:
         where = f"{path}: layouts[{k}]"
         if not isinstance(one, dict) or sorted(one) != ["labels", "load_factor", "problem"]:
             raise InputError(where, "its keys are wrong", "problem, labels and load_factor")
-        if one["problem"] not in known:
+        if not isinstance(one["problem"], str) or one["problem"] not in known:
             raise InputError(f"{where}.problem", f"there is no {one['problem']!r}", "a name of jld benchmark list")
         claim = one["load_factor"]
         if isinstance(claim, bool) or not isinstance(claim, int | float) or not math.isfinite(claim):

@@ -89,7 +89,10 @@ def test_a_record_can_be_beaten(jld: Command, tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("[]", "it has no layouts"),
-        ("nonsense", "it cannot be read"),
+        ("nonsense", "it is not JSON (line 1, column 1)"),
+        ("[" * 100_000, "it is nested too deeply"),
+        ('{"layouts": ' + "9" * 5000 + "}", "thousands of digits"),
+        ('{"layouts": [{"problem": {}, "labels": "d", "load_factor": 1}]}', "there is no {}"),
         ('{"layouts": [{"problem": "wall-4x4"}]}', "layouts[0]: its keys are wrong"),
         ('{"layouts": [{"problem": "x", "labels": "d", "load_factor": 1}]}', "there is no 'x'"),
         ('{"layouts": [{"problem": "wall-4x4", "labels": "01", "load_factor": 1}]}', "labels: they are wrong"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
@@ -14,6 +13,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_robust
 from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError, ParameterError
+from jld_core.files import json_of
 from jld_core.layout import Layout
 from jld_core.limit.options import SolveOptions, Status
 from jld_core.limit.result import LimitAnalysisResult
@@ -315,7 +315,7 @@ def history_of(folder: Path) -> pd.DataFrame | None:
 def _summary(path: Path, faces: int) -> dict[str, Any]:
     """Read and validate summary.json; raise InputError if it is damaged or of another scene."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json_of(path.read_text(encoding="utf-8"))
         if not isinstance(found, dict):
             raise _damaged(path, "it holds no JSON object")
         _Summary.model_validate(found)
