@@ -294,12 +294,12 @@ class BlockRelaxation:
             return Choice(most, False, share, np.zeros(len(allowed)), np.zeros(len(allowed), dtype=bool))
         proof = (BlockMechanism(0, answer),)
         # The lower bound of Σ e_p is concave in θ: if it is positive at two load factors, it is positive between them.
-        end, spare_end = self._excess(mechanism, most, allowed)
-        excess, spare = self._excess(mechanism, threshold, allowed)
-        useless = allowed & (excess + spare > 0.0) & (end + spare_end > 0.0)
-        if not end > 0.0:
+        at_most, spare_at_most = self._excess(mechanism, most, allowed)
+        at_threshold, spare_at_threshold = self._excess(mechanism, threshold, allowed)
+        useless = allowed & (at_threshold + spare_at_threshold > 0.0) & (at_most + spare_at_most > 0.0)
+        if not at_most > 0.0:
             return Choice(most, False, share, mechanism.inside, useless, proof)
-        if excess > 0.0:
+        if at_threshold > 0.0:
             return Choice(min(most, threshold), True, share, mechanism.inside, useless, proof)
         start = float(mechanism.price.sum())
         for step in _STEPS:

@@ -112,11 +112,16 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
     kinds, size, gap = movements(assembly, result.labels, jumps[None], dilates)
     motions = []
     for k, kind in enumerate(kinds[0]):
-        place, own = faces.origin[k], gap[0, k, : len(faces.polygon[k])]
+        place, opening = faces.origin[k], gap[0, k, : len(faces.polygon[k])]
         if kind is Movement.HINGE:
-            place = faces.polygon[k][own <= own.min() + 0.1 * np.ptp(own)].mean(axis=0)
+            place = faces.polygon[k][opening <= opening.min() + _AT_HINGE * np.ptp(opening)].mean(axis=0)
         motions.append(FaceMotion(kind, place, float(size[0, k])))
     return tuple(motions)
+
+
+_AT_HINGE: Final = 0.1  # share of the range of openings up to which corners lie at the hinge
+
+_LIFTS: Final = 0.05  # share of its movement from which a face that opens everywhere counts as open
 
 
 def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) -> tuple[Any, Floats, Floats]:
@@ -167,10 +172,10 @@ def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) 
     )
     lift = gap.min(axis=2, initial=np.inf) - dilates * rubbing
     if criteria := assembly.face_strengths.criteria:  # these state no friction: their rows say what is dilation
-        own = _margin(assembly, labels, jumps)
+        margin = _margin(assembly, labels, jumps)
         stated = np.logical_or.reduce([one.faces for one in criteria])
-        lift = np.where(stated & np.isfinite(own), own, lift)
-    opens = lift > 0.05 * size
+        lift = np.where(stated & np.isfinite(margin), margin, lift)
+    opens = lift > _LIFTS * size
     kinds = np.where(labels, np.where(opens, Movement.OPEN, slides), cracks)
     least = SMALL * size.max(axis=1, initial=0.0)[:, None]
     named = np.array([Movement(one) for one in np.where(size <= least, Movement.CLOSED, kinds).ravel()], dtype=object)

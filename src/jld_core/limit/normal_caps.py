@@ -73,11 +73,11 @@ class NormalCaps:
         """Return the bound on N of a face that velocities prove; inf where they prove none."""
         if not np.isfinite(velocity).all():
             return math.inf
-        tried = [velocity]
+        velocities = [velocity]
         if self._opening is not None:
             step = 1e-9 * float(abs(velocity).max(initial=1.0)) / float(abs(self._opening.velocity).max())
-            tried.append(velocity + step * self._opening.velocity)
-        return min(self._value(one, face, threshold, most) for one in tried)
+            velocities.append(velocity + step * self._opening.velocity)
+        return min(self._value(one, face, threshold, most) for one in velocities)
 
     def _value(self, velocity: Floats, face: int, threshold: float, most: float) -> float:
         template, every = self._template, np.arange(len(self._labels))
