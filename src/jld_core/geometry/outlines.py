@@ -433,8 +433,9 @@ def flat_outline(
             last, following = beside(points)
             before, after = points - last, following - points
             turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-            way = 1.0 if ring.is_ccw else -1.0
-            inwards += int(np.count_nonzero(way * turn < 0.0 if outer else way * turn > 0.0))
+            # at an inward corner an outline turns against its sense of rotation, a hole with it
+            sense = 1.0 if ring.is_ccw == outer else -1.0
+            inwards += int(np.count_nonzero(sense * turn < 0.0))
             corners.append(points - centre)
             middles.append(points + 0.5 * after - centre)
             edges_of.append(after / np.hypot(*after.T)[:, None])
@@ -481,8 +482,8 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
     outer = [ring for ring in rings if ring.is_ccw]
     if len(outer) != 1:
         return None
-    found = shapely.Polygon(outer[0], [ring for ring in rings if ring is not outer[0]])
-    return found if found.is_valid else None  # some edges overlap only in part
+    whole = shapely.Polygon(outer[0], [ring for ring in rings if ring is not outer[0]])
+    return whole if whole.is_valid else None  # some edges overlap only in part
 
 
 def _solid_outline(
@@ -555,32 +556,32 @@ class Kinds:
         square = (outline.points**2).sum(axis=1)
         # Corners of one shape are off by twice the reach at most, and so are the mean radii compared here.
         size = math.floor(math.sqrt(float(square.mean())) / (2.0 * self.reach))
-        name = outline.count, len(outline.points)
-        around = [one for k in (-1, 0, 1) for one in self._kinds.get((*name, size + k), ())]
-        moments, found = self._moments(outline.points), len(self._parent)
+        counts = outline.count, len(outline.points)
+        similar = [known for k in (-1, 0, 1) for known in self._kinds.get((*counts, size + k), ())]
+        moments, new = self._moments(outline.points), len(self._parent)
         linked: set[int] = set()
-        if around:
+        if similar:
             # Moments distinguish nearly all shapes of similar size, so that few outlines need the full comparison.
             radius = float(np.sqrt(square.max()))
-            differ = abs(np.array([known for _, known, _ in around]) - moments).max(axis=1)
+            differ = abs(np.array([its_moments for _, its_moments, _ in similar]) - moments).max(axis=1)
             nearest: list[int] = np.argsort(differ, kind="stable").tolist()
             for k in nearest:
                 if differ[k] > _MOMENTS * self.reach * radius:
                     break
-                number, _, kind = around[k]
+                number, _, known = similar[k]
                 if self._root(number) in linked:
                     continue
-                off = deviation(outline, kind, self.reach, rotate=self.rotate, flip=self.flip)
+                off = deviation(outline, known, self.reach, rotate=self.rotate, flip=self.flip)
                 if off <= _SAME * self.reach:
                     return number
                 if off <= 2.0 * self.reach:
                     linked.add(self._root(number))
-        self._kinds.setdefault((*name, size), []).append((found, moments, outline))
-        self._parent.append(found)
+        self._kinds.setdefault((*counts, size), []).append((new, moments, outline))
+        self._parent.append(new)
         for root in linked:
-            self._parent[root] = found
+            self._parent[root] = new
             self.exact = False
-        return found
+        return new
 
     def roots(self, numbers: Sequence[int]) -> list[int]:
         """Return the shape of each outline by its `number`; later outlines may connect shapes."""
@@ -595,12 +596,12 @@ class Kinds:
     def _moments(self, points: Floats) -> Floats:
         """Compute means of squares of coordinates of points (k, d) that no allowed move changes."""
         square = (points**2).sum(axis=1)
-        found = [square.mean(), np.sqrt((square**2).mean())]
+        moments = [square.mean(), np.sqrt((square**2).mean())]
         if not self.rotate:
-            found += (points**2).mean(axis=0).tolist()
+            moments += (points**2).mean(axis=0).tolist()
         if not (self.rotate or self.flip):
-            found += (points * abs(points)).mean(axis=0).tolist()
-        return np.array(found)
+            moments += (points * abs(points)).mean(axis=0).tolist()
+        return np.array(moments)
 
 
 def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> list[int]:
@@ -641,18 +642,19 @@ def _off(points: Floats, count: int, other: Outline, reach: float, *, turn: bool
     for start, end in ((0, count), (count, len(points))):
         if start == end:
             continue
-        distance, to = cKDTree(other.points[start:end]).query(points[start:end])
+        distance, nearest = cKDTree(other.points[start:end]).query(points[start:end])
         limit = _PAIRED if turn else 2.0
-        if float(np.max(distance)) > limit * reach or len(np.unique(to)) != end - start:
+        if float(np.max(distance)) > limit * reach or len(np.unique(nearest)) != end - start:
             return math.inf
-        pairs.append(start + to)
-    there = other.points[np.concatenate(pairs)]
+        pairs.append(start + nearest)
+    partners = other.points[np.concatenate(pairs)]
     if turn:
-        u, _, v = np.linalg.svd(points.T @ there)
+        # the rotation of least squares (Kabsch)
+        u, _, v = np.linalg.svd(points.T @ partners)
         sign = np.ones(points.shape[1])
         sign[-1] = np.sign(np.linalg.det(u @ v))
         points = points @ (u * sign) @ v
-    return float(np.sqrt(((points - there) ** 2).sum(axis=1)).max())
+    return float(np.sqrt(((points - partners) ** 2).sum(axis=1)).max())
 
 
 def _axis_mirrors(dimension: int) -> list[Floats]:
@@ -667,13 +669,13 @@ def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Float
     # corners at the same distance from the centroid.
     d = one.points.shape[1]
     corners, images = one.points[: one.count], other.points[: other.count]
-    radius, there = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)
+    radius, image_radius = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)
     first = int(np.argmax(radius))
     slack = _PAIRED * reach
     matrices: list[Floats] = []
     signs = [1.0] + [-1.0] * flip
     if d == 2:
-        for q in np.flatnonzero(abs(there - radius[first]) <= slack).tolist():
+        for q in np.flatnonzero(abs(image_radius - radius[first]) <= slack).tolist():
             for sign in signs:
                 angle = np.arctan2(images[q, 1], images[q, 0]) - sign * np.arctan2(corners[first, 1], corners[first, 0])
                 c, s = np.cos(angle), np.sin(angle)
@@ -683,8 +685,8 @@ def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Float
     second = int(np.argmax(away))
     gram = float(corners[first] @ corners[second])
     base = frame(corners[[first, second]])
-    for p in np.flatnonzero(abs(there - radius[first]) <= slack).tolist():
-        for q in np.flatnonzero(abs(there - radius[second]) <= slack).tolist():
+    for p in np.flatnonzero(abs(image_radius - radius[first]) <= slack).tolist():
+        for q in np.flatnonzero(abs(image_radius - radius[second]) <= slack).tolist():
             if p == q or abs(float(images[p] @ images[q]) - gram) > slack * 2.0 * radius[first]:
                 continue
             for sign in signs:

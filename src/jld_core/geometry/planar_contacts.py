@@ -148,13 +148,14 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     length = np.hypot(*edge.T)
     unit = edge / length[:, None]
     outward = np.column_stack([unit[:, 1], -unit[:, 0]])
-    # Compare every edge of the first polygon with every edge of the second, pair by pair.
+    # Compare every edge i of the first polygon with every edge j of the second, pair by pair.
     pair, number = spread(np.zeros(len(near), dtype=np.int64), count[near[:, 0]] * count[near[:, 1]])
     of_second = count[near[pair, 1]]
     i, j = first[near[pair, 0]] + number // of_second, first[near[pair, 1]] + number % of_second
     opposite = np.einsum("ij,ij->i", unit[i], unit[j]) < 0.0
     pair, i, j = pair[opposite], i[opposite], j[opposite]
     reach = share * np.minimum(length[i], length[j])
+    # ends of edge j along edge i from its start, and their signed distances from it
     offset = start[j] - start[i]
     along0, off0 = np.einsum("ij,ij->i", offset, unit[i]), np.einsum("ij,ij->i", offset, outward[i])
     along1 = along0 + np.einsum("ij,ij->i", unit[i], edge[j])
@@ -174,9 +175,9 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     at_first = abs(first_off) >= abs(last_off)
     far, close = np.where(at_first, first_off, last_off), np.where(at_first, last_off, first_off)
     # Edges that cross near their middle have no room there: the point moves towards the end that is farther apart.
-    part = np.where(close * np.sign(far) >= -0.5 * abs(far), 0.5, 0.75)
-    place = np.where(at_first, 1.0 - part, part)[:, None]
-    half_way = 0.5 * (close + part * (far - close))
+    towards_far = np.where(close * np.sign(far) >= -0.5 * abs(far), 0.5, 0.75)
+    place = np.where(at_first, 1.0 - towards_far, towards_far)[:, None]
+    half_way = 0.5 * (close + towards_far * (far - close))
     between = ends[:, 0] + place * (ends[:, 1] - ends[:, 0]) + half_way[:, None] * outward[i]
     return _FacingEdges(pair, ends, outward[i], far, least, np.minimum(length[i], length[j]), between)
 
@@ -209,8 +210,8 @@ def near_misses(polygons: list[Floats]) -> list[NearMiss]:
     across = np.hypot(*(facing.ends[kept, 1] - facing.ends[kept, 0]).T)
     angle = np.where(touching[kept], np.degrees(np.arctan2(gap[kept], across)), 0.0).tolist()
     one, two = near[facing.pair[kept]].T.tolist()
-    found = [NearMiss(*found) for found in zip(one, two, gap[kept].tolist(), middle, angle, strict=True)]
-    return sorted(found, key=lambda miss: (miss.a, miss.b))
+    misses = [NearMiss(*values) for values in zip(one, two, gap[kept].tolist(), middle, angle, strict=True)]
+    return sorted(misses, key=lambda miss: (miss.a, miss.b))
 
 
 def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Floats]]:

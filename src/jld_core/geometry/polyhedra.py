@@ -256,18 +256,9 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
     total = np.zeros((int(group.max()) + 1, 3))
     np.add.at(total, group, vector)
     flat = np.linalg.norm(total, axis=1) > 0.0
-    loops: list[tuple[Floats, ...]] = []
+    loops = _loops_of_groups(surface, group, alone, total)
     element = np.zeros(len(total), dtype=np.int64)
     element[group] = surface.element
-    members = np.argsort(group, kind="stable")
-    first = np.searchsorted(group[members], np.arange(len(total)))
-    for index, position in enumerate(first):
-        face = members[position]
-        if alone[face]:
-            loops.append((corner[surface.start[face] : surface.start[face] + surface.count[face]],))
-        else:
-            last = first[index + 1] if index + 1 < len(first) else len(members)
-            loops.append(_boundary(surface, members[position:last], total[index]))
     kept = [index for index in range(len(loops)) if flat[index] and loops[index]]
     outer = np.concatenate([loops[index][0] for index in kept])
     counts = np.array([len(loops[index][0]) for index in kept])
@@ -284,6 +275,21 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
     )
 
 
+def _loops_of_groups(surface: Surface, group: Ints, alone: Bools, area: Floats) -> list[tuple[Floats, ...]]:
+    """Return the loops (k, 3) of joined faces, group by group; area: (groups, 3) area vectors."""
+    corner = surface.points[surface.vertex]
+    members = np.argsort(group, kind="stable")
+    first = np.searchsorted(group[members], np.arange(len(area) + 1))
+    loops: list[tuple[Floats, ...]] = []
+    for index, (begin, end) in enumerate(pairwise(first.tolist())):
+        face = members[begin]
+        if alone[face]:
+            loops.append((corner[surface.start[face] : surface.start[face] + surface.count[face]],))
+        else:
+            loops.append(_boundary(surface, members[begin:end], area[index]))
+    return loops
+
+
 def _repeats(surface: Surface) -> Bools:
     """Return a mask of faces that contain a vertex more than once."""
     order = np.lexsort((surface.vertex, surface.face))
@@ -292,6 +298,9 @@ def _repeats(surface: Surface) -> Bools:
     found = np.zeros(len(surface.count), dtype=bool)
     found[face[again]] = True
     return found
+
+
+_STRAIGHT: Final = 0.99  # cosine between neighbouring faces below which they are not compared further
 
 
 def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
@@ -305,18 +314,20 @@ def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints
     norm = np.linalg.norm(vector, axis=1)
     # Test coplanarity with the normal of the larger face: its rounding error is smaller.
     swap = norm[one] < norm[two]
-    one, two = np.where(swap, two, one), np.where(swap, one, two)
-    straight = np.einsum("ij,ij->i", vector[one], vector[two]) > 0.99 * norm[one] * norm[two]
-    one, two = one[straight], two[straight]
+    larger, smaller = np.where(swap, two, one), np.where(swap, one, two)
+    cosine = np.einsum("ij,ij->i", vector[larger], vector[smaller])
+    straight = cosine > _STRAIGHT * norm[larger] * norm[smaller]
+    larger, smaller = larger[straight], smaller[straight]
     count = len(norm)
-    if len(one):
-        owner, position = spread(surface.start[two], surface.count[two])
-        arm = surface.points[surface.vertex[position]] - surface.points[surface.vertex[surface.start[one[owner]]]]
-        height = np.abs(np.einsum("ij,ij->i", arm, vector[one[owner]])) / norm[one[owner]]
-        off = np.maximum.reduceat(height, np.concatenate([[0], np.cumsum(surface.count[two])])[:-1])
-        plane = off <= tolerances.FACE * np.maximum(size[one], size[two])
-        one, two = one[plane], two[plane]
-    label = components(count, one, two)
+    if len(larger):
+        owner, position = spread(surface.start[smaller], surface.count[smaller])
+        base = larger[owner]
+        arm = surface.points[surface.vertex[position]] - surface.points[surface.vertex[surface.start[base]]]
+        height = np.abs(np.einsum("ij,ij->i", arm, vector[base])) / norm[base]
+        off = np.maximum.reduceat(height, np.concatenate([[0], np.cumsum(surface.count[smaller])])[:-1])
+        plane = off <= tolerances.FACE * np.maximum(size[larger], size[smaller])
+        larger, smaller = larger[plane], smaller[plane]
+    label = components(count, larger, smaller)
     _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
