@@ -93,7 +93,11 @@ def spent(name: str) -> dict[str, float]:
         search = ["explore", str(file), "--driver", command.driver, *options, "--jobs", "1", "-o", f"{folder}/out"]
         words = search if command.driver else ["solve", str(file)]
         answer = subprocess.run(
-            [sys.executable, "-m", "benchmarks.spent", *words], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
+            [sys.executable, "-m", "benchmarks", "spent", *words],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
         )
     found: dict[str, float] = json.loads(answer.stdout)
     return found

@@ -1,12 +1,12 @@
-"""Run `jld design` on four outlines: ``python -m benchmarks.designs [NAME…] [--draw]``.
+"""Designs: `jld design` on four outlines, and what moved joints gain.
 
-Each outline of `scenes/outlines` is designed by one command and printed by another. Pictures go to `docs/images`, with
-a recording of the wall from the drawing to the printed pages. `--draw` writes them again from runs in `out/examples`.
+`python -m benchmarks.designs [examples [NAME…] [--draw]|joints]` writes a table for each part.
 """
 
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import shlex
 import shutil
@@ -20,7 +20,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image, ImageChops
 
-from benchmarks.common import ROOT, about, table, write
+from benchmarks.common import ROOT, about, run_parts, table, write
+from jld_core import build_assembly, parse_scene, samples, solve
+from jld_core.threads import one_thread
+from jld_geometry import GeometrySearch, check_proof, move_joints, prove_box
+from jld_geometry.optimise import MovedJoints
 from jld_practice import pages_of
 from jld_practice.design import DesignOptions, read_outline
 from jld_practice.printing import content_of
@@ -150,8 +154,13 @@ def record(name: str, path: Path) -> None:
     pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=times, loop=0, optimize=True)
 
 
-def main() -> None:
-    """Run the examples, and write their pictures, the recording and the table."""
+def examples() -> None:
+    """Four designs by one command each.
+
+    Each outline of `scenes/outlines` is designed by one command and printed by another. Pictures go to `docs/images`,
+    with a recording of the wall from the drawing to the printed pages. `--draw` writes them again from runs in
+    `out/examples`.
+    """
     names = [name for name in sys.argv[1:] if not name.startswith("-")] or list(COMMANDS)
     for name in names:
         if "--draw" not in sys.argv:
@@ -162,12 +171,212 @@ def main() -> None:
         record("wall", IMAGES / "design.gif")
     done = [name for name in COMMANDS if (RUNS / name / "summary.json").exists()]
     head = ["outline", "usual bond by faces", "by fields", "best", "blocks", "by faces", "by fields", "proven gain"]
-    words = f"Written by `python -m benchmarks.designs`, beside other work. {about(__doc__)}"
+    words = f"Written by `python -m benchmarks.designs`, beside other work. {about(examples.__doc__)}"
     rows = [row_of(name) for name in done]
     lines = "\n".join(f"jld design scenes/outlines/{COMMANDS[name]} -o out/{name}" for name in done)
     text = f"# Four designs by one command each\n\n{words}\n\n```sh\n{lines}\n```\n\n"
     write("design_examples", text + table(rows=rows, head=[*head, "time asked, s", "time, s"]))
 
 
+Document = dict[str, Any]
+
+CIRCLE: Final = [{"circle": [0.0, 0.0]}]
+"""Joints that slide on the circles of an arch about the origin."""
+
+SECONDS: Final = 60.0
+"""Time limit of one search, s."""
+
+TRIED: Final = 8
+"""Number of steps of which times are taken."""
+
+
+def arch(voussoirs: int, thickness: float, friction: float, load: str, **move: Any) -> Document:
+    """Return a semicircular arch of centreline radius 1, under a load at 45° or a push."""
+    scene = samples.arch(voussoirs=voussoirs, thickness=thickness, load="push")
+    document = json.loads(scene.model_dump_json(exclude_defaults=True))
+    document["thickness"] = 1.0
+    document["materials"] = {"density": 1000.0 / 9.81, "dry": {"friction_coefficient": friction}}
+    if load == "quarter":
+        name = f"v{voussoirs // 4}r0"
+        outline = next(np.array(one["polygon"]) for one in document["elements"] if one["id"] == name)
+        place = outline[np.linalg.norm(outline, axis=1) > 1.0].mean(axis=0)
+        document["loads"] = {"live": [{"element": name, "force": [0.0, -1.0], "at": place.tolist()}]}
+    return {**document, "move": {"along": CIRCLE, **move}}
+
+
+def wall(friction: float, courses: int = 6, bricks: int = 4, **move: Any) -> Document:
+    """Return a wall of 1.6 × 1.2 m in running bond, bricks of 0.4 × 0.2 m, pushed to either side."""
+    length = 0.4 * bricks
+    ground = [[-0.5, -0.2], [length + 0.5, -0.2], [length + 0.5, 0.0], [-0.5, 0.0]]
+    elements: list[Document] = [{"id": "ground", "polygon": ground, "support": True}]
+    for course in range(courses):
+        cuts = [0.0, *np.arange(0.2 if course % 2 else 0.4, length - 0.1, 0.4).tolist(), length]
+        low, high = 0.2 * course, 0.2 * (course + 1)
+        for k, (a, b) in enumerate(itertools.pairwise(cuts)):
+            elements.append({"id": f"c{course}b{k}", "polygon": [[a, low], [b, low], [b, high], [a, high]]})
+    cases = [{"name": name, "live": [{"body": [sign, 0.0]}]} for name, sign in (("right", 1.0), ("left", -1.0))]
+    materials = {"density": 1800.0, "dry": {"friction_coefficient": friction}}
+    return {"name": "wall", "elements": elements, "materials": materials, "loads": {"cases": cases}, "move": move}
+
+
+def key(width: float, depth: float, lean: float) -> Document:
+    """Return a block with a tooth in a socket of another, sheared at the level of the joint under 4 kN."""
+    root, tip = 0.5 * width, 0.5 * width - lean
+    outlines = {
+        "top": [[-0.2, 0.0], [-root, 0.0], [root, 0.0], [0.2, 0.0], [0.2, 0.2], [-0.2, 0.2]],
+        "tooth": [[-tip, -depth], [tip, -depth], [root, 0.0], [-root, 0.0]],
+        "left": [[-0.2, -depth], [-tip, -depth], [-root, 0.0], [-0.2, 0.0]],
+        "right": [[tip, -depth], [0.2, -depth], [0.2, 0.0], [root, 0.0]],
+        "base": [[-0.2, -0.2], [0.2, -0.2], [0.2, -depth], [tip, -depth], [-tip, -depth], [-0.2, -depth]],
+        "ground": [[-0.2, -0.3], [0.2, -0.3], [0.2, -0.2], [-0.2, -0.2]],
+    }
+    strong = {"tensile_strength": 1e5, "shear_strength": 1e5}
+    along = [{"at": [s * root, 0.0], "direction": [s, 0.0]} for s in (-1, 1)]
+    along += [{"at": [s * tip, -depth], "direction": way} for s in (-1, 1) for way in ([s, 0.0], [0.0, -1.0])]
+    along += [{"at": [s * 0.2, -depth], "direction": [0.0, -1.0]} for s in (-1, 1)]
+    limits = {"vertices": "along", "ties": "mirror-x", "edge": 0.005, "angle": [10, 170]}
+    return {
+        "name": "key",
+        "units": {"length": "m", "force": "kN"},
+        "thickness": 0.2,
+        "elements": [{"id": k, "polygon": v, "support": k == "ground"} for k, v in outlines.items()],
+        "labels": {"inner": [["top", "tooth"], ["left", "base"], ["right", "base"], ["base", "ground"]]},
+        "materials": {
+            "density": 2.0,
+            "dry": {"friction_coefficient": 0.4},
+            "inner": {"tensile_strength": 200.0, "shear_strength": 400.0},
+            "faces": [{"between": ["base", "ground"], "inner": strong}],
+        },
+        "loads": {
+            "dead": [{"element": "top", "force": [0.0, -4.0]}],
+            "live": [{"element": "top", "force": [1.0, 0.0], "at": [0.0, 0.0]}],
+        },
+        "move": {"along": along, **limits},
+    }
+
+
+SPAN, HEIGHT, WIDE, DEEP = 2.0, 0.4, 1.0, 5.0
+"""Flat arch on piers, as in the tests: clear span, height, width and height of a pier, m."""
+
+
+def flat_arch(parameters: int, angle: float = 15.0) -> Document:
+    """Return the flat arch: tops of springings, of the key's joints, and their bottoms are parameters.
+
+    angle: of friction, degrees.
+    """
+    half, wide, top, crown, root = 0.5 * SPAN, 0.5 * SPAN + WIDE, 1.2, 0.2, 0.1
+    pier = [[half, -DEEP], [wide, -DEEP], [wide, HEIGHT], [top, HEIGHT], [half, 0.0]]
+    wedge = [[root, 0.0], [half, 0.0], [top, HEIGHT], [crown, HEIGHT]]
+    elements: list[Document] = [
+        {"id": "key", "polygon": [[-root, 0.0], [root, 0.0], [crown, HEIGHT], [-crown, HEIGHT]]}
+    ]
+    for name, polygon in (("pier", pier), ("wedge", wedge)):
+        elements += [{"id": f"{name} right", "polygon": polygon}]
+        elements += [{"id": f"{name} left", "polygon": [[-x, y] for x, y in polygon[::-1]]}]
+    ground = [[-5.0, -DEEP - 0.5], [5.0, -DEEP - 0.5], [5.0, -DEEP], [-5.0, -DEEP]]
+    elements.append({"id": "ground", "polygon": ground, "support": True})
+    ends = ((top, HEIGHT), (crown, HEIGHT), (root, 0.0))[:parameters]
+    along = [{"at": [s * x, y], "direction": [s, 0.0]} for x, y in ends for s in (1, -1)]
+    return {
+        "elements": elements,
+        "materials": {"density": 1000.0, "dry": {"friction_angle": angle}},
+        "loads": {"live": [{"element": "key", "force": [0.0, -1.0], "at": [0.0, HEIGHT]}]},
+        "move": {"along": along, "ties": "mirror-x"},
+    }
+
+
+def searches() -> list[tuple[str, Document, int, str]]:
+    """Return name, scene, number of starts and the number to reach of every search."""
+    found = []
+    for friction, wanted in ((0.35, "≥ 286"), (0.45, "≥ 605"), (0.70, "≥ 840")):
+        found.append((f"semicircle n = 18, t/R .18, μ {friction:g}: λ", arch(18, 0.18, friction, "quarter"), 4, wanted))
+    turned = [{"circle": [0.0, 0.0], "supports": True}]
+    for name, along in (("springings stay", CIRCLE), ("springings turn", turned)):
+        document = arch(24, 0.15, 0.5, "push", maximise="least_friction", along=along)
+        found.append((f"friction of a semicircle, t/R .15, {name}: μ", document, 1, "≤ .136"))
+    thin = arch(28, 0.12, 0.8, "push", maximise="least_thickness")
+    found.append(("thickness of a semicircle, μ .8: t/R", thin, 1, "3 % below .10671"))
+    found.append(("shear wall, μ .8, two ways: λ", wall(0.8), 1, ".8000"))
+    found.append(("key, cracks by faces: kN", key(0.14, 0.04, 0.01), 1, "≥ 13.1"))
+    return found
+
+
+def search(document: Document, starts: int) -> tuple[MovedJoints, float]:
+    """Return the result of one search and its processor time, s."""
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    start = time.process_time()
+    done = move_joints(scene, assembly, assembly.labels, seconds=SECONDS, starts=starts)
+    return done, time.process_time() - start
+
+
+def proofs() -> list[list[str]]:
+    """Return the rows of the table of proofs."""
+    rows = []
+    boxes = {1: ([-0.15], [0.3]), 2: ([-0.15, -0.05], [0.3, 0.25]), 3: ([-0.1, -0.05, -0.05], [0.3, 0.2, 0.1])}
+    for count, (low, high) in boxes.items():
+        scene = parse_scene(flat_arch(count))
+        assembly = build_assembly(scene)
+        start = time.process_time()
+        done = prove_box(scene, assembly, assembly.labels, (np.array(low), np.array(high)), seconds=300.0)
+        seconds = time.process_time() - start
+        best = ", ".join(f"{value:.4f}" for value in done.parameters)
+        numbers = [f"{done.load_factor:.6g}", f"{done.bound:.6g}", f"{done.gap:.1e}", str(done.boxes)]
+        passed, spent, _ = check_proof(done)
+        checked = f"{spent:.1f}" if passed else "not passed"
+        rows.append([str(count), *numbers, f"{seconds:.1f}", checked, best])
+    return rows
+
+
+def step_times() -> list[list[str]]:
+    """Return the rows of the table of steps: a program over forces and positions, and a proven solve."""
+    rows = []
+    scenes = [("semicircle of 23 voussoirs, quarter load", arch(23, 0.18, 0.35, "quarter"))]
+    scenes += [("wall of 11 courses of 6 bricks, two ways", wall(0.8, 11, 6))]
+    for name, document in scenes:
+        scene = parse_scene(document)
+        assembly = build_assembly(scene)
+        search = GeometrySearch(scene, assembly, assembly.labels)
+        times: list[float] = []
+        clock = time.process_time
+        with one_thread():
+            point = search.first()
+            for _ in range(TRIED):
+                assert point is not None
+                start = clock()
+                new, _ = search._try(point, 0.1 * search.unit)
+                times.append(clock() - start)
+                point = new or point
+        faces = len(assembly.interfaces)
+        sizes = [str(faces), str(len(assembly.by_case)), str(search.variables.basis.shape[1])]
+        rows.append([name, *sizes, f"{np.median(times):.3f}", f"{max(times):.3f}"])
+    return rows
+
+
+def joints() -> None:
+    """What moving joints gains, and how fast positions are proven.
+
+    Structures are those of the trial on version 0.2. Loads of arches act on the middle of the extrados of the voussoir
+    at 45°, weights are 1 kN/m² of elevation. Every value is a proven lower bound on λ, or stands with proof.
+    """
+    rows = []
+    for name, document, starts, wanted in searches():
+        done, seconds = search(document, starts)
+        steps = len(done.points) - len({point.start for point in done.points})
+        solves = done.points[-1].solves
+        again = solve(done.scene)
+        stands = "yes" if all(one.stands_at_zero for one in (again.cases.values() or [again])) else "no"
+        counts = [str(starts), str(steps), str(solves), f"{seconds:.1f}", done.end]
+        rows.append([name, f"{done.start:.5g}", f"{done.value:.6g}", wanted, *counts, stands])
+        print(rows[-1], flush=True)
+    head = "what | start | end | to reach | starts | steps | solves | s | ended | dead load stands"
+    text = "# Joints that move\n\nWritten by `python -m benchmarks.designs joints`; one thread, processor time.\n\n"
+    text += table(head, rows) + "\n\n## Proofs over boxes\n\nFlat arch on piers at 15°, gap asked for 1e-3.\n\n"
+    text += table("parameters | λ found | bound | gap | boxes | s | checked in [s] | best position", proofs())
+    text += "\n\n## Steps\n\nProcessor time of one step: a program over forces and positions, and a proven solve.\n\n"
+    head = "scene | faces | cases | variables | median [s] | largest [s]"
+    write("moving_joints", text + table(head, step_times()))
+
+
 if __name__ == "__main__":
-    main()
+    run_parts(examples=examples, joints=joints)

@@ -3,15 +3,14 @@
 λ over the best single driver of jld on the same scene: its median of the seeds. The front is the volume below λ over at
 least so many dry faces; seeds: the least λ of one driver over its largest, where a scene has several. Evaluations are
 those of one evaluator of jld in one thread; pymoo and nevergrad choose labels as bits, which jld reads as the nearest
-layout that keeps the limits; cpsat is a large neighbourhood search, whose model in OR-tools' CP-SAT cuts the blocks
-around a place of the best layout anew. `python -m benchmarks.drivers SECONDS SEEDS [METHODS [SCENES]]` (lists between
-commas) adds runs to `drivers.csv`; without arguments table and picture are drawn.
+layout that keeps the limits; cpsat was a large neighbourhood search by OR-tools (`docs/notes/tried.md`).
+`python -m benchmarks.drivers SECONDS SEEDS [METHODS [SCENES]]` (lists between commas) adds runs to `drivers.csv`;
+without arguments table and picture are drawn.
 """
 
 from __future__ import annotations
 
 import csv
-import importlib
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -34,7 +33,7 @@ from jld_explore.space.search_space import SearchSpace
 
 WEAK: Final = strength(2e4)
 SINGLE: Final = ("anneal", "genetic", "genetic:best", "hillclimb", "random", "optuna")
-PEERS: Final = ("pymoo", "nevergrad", "cpsat")
+PEERS: Final = ("pymoo", "nevergrad")
 METHODS: Final = ("portfolio", *SINGLE, *PEERS)
 COLUMNS: Final = ("scene", "faces", "method", "seed", "seconds", "load_factor", "front", "evaluations", "share")
 BATCH: Final = 32  # layouts that pymoo and nevergrad ask for at a time
@@ -185,7 +184,7 @@ def of_driver(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) ->
 def bits_of(space: SearchSpace) -> tuple[int, Callable[[Any], Bits]]:
     """How many bits a layout has for pymoo and nevergrad, and the layout nearest to some (one each, or none)."""
     ways = operators(space)
-    return ways.keys, lambda bits: ways.read(np.where(np.asarray(bits, dtype=bool), 0.75, 0.25).tolist())
+    return ways.keys, lambda bits: ways.read(np.where(np.asarray(bits, dtype=bool), 0.75, 0.25)[None])[0]
 
 
 def of_peer(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> Iterator[tuple[Bits, Any]]:
@@ -199,8 +198,6 @@ def of_peer(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> I
         left = iter(found)
         return rows, np.array(found), np.array([next(left) if len(one) else -2.0 for one in made])
 
-    if name == "cpsat":
-        yield from neighbourhoods(space, values, seed)
     if name == "pymoo":
         from pymoo.algorithms.soo.nonconvex.ga import GA
         from pymoo.core.evaluator import Evaluator as Shell
@@ -231,74 +228,6 @@ def of_peer(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> I
         for one, value in zip(chosen, told.tolist(), strict=True):
             optimiser.tell(one, -value)
         yield rows, found
-
-
-def neighbourhoods(space: SearchSpace, values: Callable[[list[Any]], Any], seed: int) -> Iterator[tuple[Bits, Any]]:
-    """Portions of a large neighbourhood search: CP-SAT cuts the blocks around a place of the best layout anew."""
-    # Its model knows the limits on cells; whether a layout is better only evaluation knows, so what it maximises is a
-    # linear model of λ in the joints, fitted to the layouts known, with noise that diversifies.
-    from ortools.sat.python import cp_model
-
-    ways, rng = cast(Any, operators(space)), np.random.default_rng(seed)
-    pairs, cells, (least, most) = ways.graph.pairs, ways.graph.cells, ways.limits.cells
-    ends, near = np.array(pairs), [[b for b, _ in some] for some in ways.graph.links]
-    known: list[Any] = [rng.random(len(pairs)) < rng.random() for _ in range(BATCH)]
-    told: list[float] = []
-
-    class Found(cp_model.CpSolverSolutionCallback):  # type: ignore[misc]
-        def __init__(self, joints: dict[int, Any], base: Any) -> None:
-            super().__init__()
-            self.joints, self.base, self.made = joints, base, list[Any]()
-
-        def on_solution_callback(self) -> None:
-            bits = self.base.copy()
-            bits[list(self.joints)] = [self.boolean_value(one) for one in self.joints.values()]
-            self.made.append(bits)
-
-    rows, found, fresh = values(known)
-    told += fresh.tolist()
-    yield rows, found
-    while True:
-        best = known[int(np.argmax(told))]
-        part = np.array(ways.parts(ways.read(np.where(best, 0.75, 0.25).tolist()))[0])
-        base, inside = part[ends[:, 0]] != part[ends[:, 1]], [int(rng.integers(len(part)))]
-        for a in inside:  # the blocks nearest to a place, up to so many cells
-            if len(inside) > 10 + 20 * rng.random():
-                break
-            own = np.flatnonzero(np.isin(part, part[[a, *near[a]]]))
-            inside += [b for b in own.tolist() if b not in inside]
-        free = set(inside)
-        joints = [k for k, (a, b) in enumerate(pairs) if a in free and b in free]
-        slots = range(len({int(part[a]) for a in inside}) + 2)
-        model = cp_model.CpModel()
-        at = {a: [model.new_bool_var("") for _ in slots] for a in inside}
-        for a in inside:
-            model.add_exactly_one(at[a])
-        for slot in slots:
-            used, size = model.new_bool_var(""), sum(cells[a] * at[a][slot] for a in inside)
-            model.add(size <= int(min(most, len(part))) * used)
-            model.add(size >= max(least, 1) * used)
-        cut = {k: model.new_bool_var("") for k in joints}
-        for k in joints:
-            one, two = (at[a] for a in pairs[k])
-            for p, q in zip(one, two, strict=True):
-                model.add_bool_or(p.negated(), q.negated(), cut[k].negated())  # together: no joint
-                model.add_bool_or(p.negated(), q, cut[k])
-        model.add(sum(cut[k] if not base[k] else 1 - cut[k] for k in joints) >= 1)
-        some = slice(max(0, len(known) - 500), None)
-        bits, value = np.array(known[some], dtype=float), np.array(told[some])
-        bits, rank = bits - bits.mean(axis=0), np.argsort(np.argsort(value)) / len(value) - 0.5
-        weight = bits.T @ np.linalg.solve(bits @ bits.T + len(pairs) * np.eye(len(bits)), rank)
-        weight = weight / max(float(weight.std()), 1e-300) + rng.normal(size=len(weight))
-        model.maximize(sum(int(100 * weight[k]) * cut[k] for k in joints))
-        solver, answer = cp_model.CpSolver(), Found(cut, base)
-        solver.parameters.num_workers, solver.parameters.random_seed = 1, int(rng.integers(1 << 30))
-        solver.parameters.max_deterministic_time = 0.01
-        solver.solve(model, answer)
-        if made := answer.made[-BATCH // 2 :]:
-            rows, found, fresh = values(made)
-            known, told = [*known, *made], [*told, *fresh.tolist()]
-            yield rows, found
 
 
 def run(name: str, method: str, times: list[float], seed: int) -> Iterator[dict[str, Any]]:
@@ -343,7 +272,7 @@ def draw(rows: pd.DataFrame) -> None:
             value: known[value].div(known[value][single].max(axis=1), axis=0).replace([np.inf, -np.inf], np.nan)
             for value in ("load_factor", "front")
         }
-        order = [name for name in METHODS if name in ratio["load_factor"]]
+        order = [name for name in (*METHODS, "cpsat") if name in ratio["load_factor"]]
         body = [
             [scene, f"{known['faces'].loc[scene].max():.0f}", f"{known['load_factor'].loc[scene][single].max():.5g}"]
             + ["" if np.isnan(v) else f"{v:.3f}" for v in ratio["load_factor"].loc[scene][order]]
@@ -383,8 +312,6 @@ def main() -> None:
     path = RESULTS / "drivers.csv"
     if len(sys.argv) > 2:
         methods = sys.argv[3].split(",") if len(sys.argv) > 3 else METHODS
-        if "cpsat" in methods:
-            importlib.import_module("ortools.sat.python.cp_model")  # not after HiGHS, whose names its library has too
         scenes = sys.argv[4].split(",") if len(sys.argv) > 4 else list(SCENES)
         for seed in map(int, sys.argv[2].split(",")):
             for name in scenes:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import multiprocessing
+import re
 import resource
 import time
 import warnings
@@ -17,14 +18,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sp
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter
 
 from benchmarks.common import RESULTS, about, scene, stated, table, write
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
@@ -167,29 +166,26 @@ def _named() -> list[Way]:
     "auto" is the default's own choice.
     """
     return [
-        Way(f"jld, {name}", "jld, other solver", planar if name.startswith("highs") else any_scene, _by_name(name))
+        Way(
+            f"jld, {name}",
+            "jld, other solver",
+            planar if name.startswith("highs") else any_scene,
+            partial(ours, solver=name),
+        )
         for name in KNOWN
         if name not in ("auto", "clarabel", "cvxpy")
     ]
 
 
-def _by_name(name: str) -> Callable[[Assembly], Found]:
-    return lambda assembly: ours(assembly, solver=name)
-
-
 def _polygonal() -> list[Way]:
     ways = []
-    for side, inside in (("inside", True), ("outside", False)):
+    for side in ("inside", "outside"):
         before = ""
         for facets in (4, 8, 16, 32):
-            name = f"{facets} facets {side}"
-            ways.append(Way(name, f"cones as polygons, {side}", spatial, _polygons(facets, inside), before))
+            name, run = f"{facets} facets {side}", partial(polygons, facets=facets, inside=side == "inside")
+            ways.append(Way(name, f"cones as polygons, {side}", spatial, run, before))
             before = name
     return ways
-
-
-def _polygons(facets: int, inside: bool) -> Callable[[Assembly], Found]:
-    return lambda assembly: polygons(assembly, facets, inside)
 
 
 DEFAULT: Final = "jld, default"
@@ -376,101 +372,45 @@ MARKS: Final = {
     "cones as polygons, outside": ("v", "#762a83", 48),
 }
 """Marker, colour and size by family; bracketed families are filled and warm."""
-PLACES: Final = [(side, up) for up in (3.0, -8.0, 13.0, -18.0, 23.0, -28.0, 33.0) for side in (6.0, -6.0)]
-"""Where a name may stand from its mark, points; left of it with a negative first number."""
 
 
 def draw(results: dict[str, tuple[list[Measured], Reference]]) -> Figure:
     """The figure. results: by scene, the routes measured and the reference their errors are taken to."""
     columns = min(3, len(results))
-    rows = -(-len(results) // columns)
-    figure = Figure(figsize=(5.6 * columns, 4.3 * rows + 1.0), dpi=110, layout="constrained")
-    panels: list[Axes] = []
+    figure = Figure(figsize=(5.6 * columns, 4.3 * -(-len(results) // columns) + 1.0), dpi=110, layout="constrained")
+    handles: dict[str, Any] = {}
     for place, (name, (found, reference)) in enumerate(results.items()):
-        ax = figure.add_subplot(rows, columns, place + 1)
-        _panel(ax, found, reference)
-        ax.set_title(name, fontsize=11)
-        if place % columns == 0:
-            ax.set_ylabel("relative error of λ")
-        if place >= len(results) - columns:
-            ax.set_xlabel("processor time, s")
-        panels.append(ax)
-    present = {one.way.family for found, _ in results.values() for one in found}
-    handles = [_handle(family) for family in MARKS if family in present]
-    most = "error at most so much (dashed: half-width of the reference)"
-    handles.append(Line2D([], [], marker="|", color="0.3", linestyle=":", label=most))
-    handles.append(Line2D([], [], color="0.7", label="front of all routes"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=10)
-    figure.draw_without_rendering()  # names are placed by what is near them on the finished page
-    for ax, (found, reference) in zip(panels, results.values(), strict=True):
-        _name(ax, found, reference)
+        ax = figure.add_subplot(-(-len(results) // columns), columns, place + 1, xscale="log", yscale="log")
+        best, steps = math.inf, []
+        shown = [one for one in found if math.isfinite(one.seconds) and math.isfinite(one.found.load)]
+        for k, one in enumerate(sorted(shown, key=lambda one: one.seconds)):
+            (marker, colour, size), (error, most) = MARKS[one.way.family], certain_error(one, reference)
+            proven = one.way.family in BRACKETED
+            words = f"{one.way.family} ({'bracket proven' if proven else 'no bracket'})"
+            look: dict[str, Any] = {"facecolor": colour if proven else "white", "edgecolor": colour}
+            handles[words] = ax.scatter(one.seconds, error, size, marker=marker, linewidth=1.3, zorder=3, **look)
+            if most:
+                ax.plot([one.seconds] * 2, [error, error / 4.0], ":|", color="0.3", lw=1.0, zorder=2)
+            text = re.sub("jld, |CVXPY, | inside| outside", "", one.way.name)
+            at = (6.0, (3.0, -8.0, 13.0, -18.0)[k % 4])
+            ax.annotate(text, (one.seconds, error), at, textcoords="offset points", fontsize=6.5, color=colour)
+            if error < best:
+                steps.append((one.seconds, best := error))
+        if steps:
+            (handles["front of all routes"],) = ax.step(*zip(*steps, strict=True), where="post", color="0.7", lw=1.0)
+        ax.axhline(reference.half_width, color="0.6", lw=0.7, ls="--", zorder=1)
+        ax.grid(True, which="major", color="0.92", lw=0.6)
+        ax.set(title=name, ylabel="relative error of λ", xlabel="processor time, s")
+        late = [one.way.name for one in found if one.failure.startswith("not in")]
+        if late:
+            text = f"not in {LIMIT} s:\n" + "\n".join(late)
+            ax.text(0.98, 0.97, text, transform=ax.transAxes, ha="right", va="top", fontsize=7.0, color="0.35")
+    figure.legend(
+        [*handles.values(), Line2D([], [], marker="|", color="0.3", ls=":")],
+        [*handles, "error at most so much (dashed: half-width of the reference)"],
+        loc="outside lower center", ncols=3, frameon=False, fontsize=10,
+    )  # fmt: skip
     return figure
-
-
-def _handle(family: str) -> Line2D:
-    marker, colour, size = MARKS[family]
-    proven = family in BRACKETED
-    label = f"{family} ({'bracket proven' if proven else 'no bracket'})"
-    face = colour if proven else "white"
-    return Line2D([], [], ls="", marker=marker, color=colour, markerfacecolor=face, markersize=size**0.5, label=label)
-
-
-def _shown(found: list[Measured]) -> list[Measured]:
-    return [one for one in found if math.isfinite(one.seconds) and math.isfinite(one.found.load)]
-
-
-def _panel(ax: Axes, found: list[Measured], reference: Reference) -> None:
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    for one in _shown(found):
-        marker, colour, size = MARKS[one.way.family]
-        error, most = certain_error(one, reference)
-        face = colour if one.way.family in BRACKETED else "white"
-        ax.scatter(one.seconds, error, size, marker=marker, facecolor=face, edgecolor=colour, linewidth=1.3, zorder=3)
-        if most:
-            ax.plot([one.seconds] * 2, [error, error / 4.0], ":", color="0.3", lw=1.0, zorder=2)
-            ax.plot(one.seconds, error / 4.0, "|", color="0.3", ms=4)
-    best, steps = math.inf, []
-    for seconds, error in sorted((one.seconds, certain_error(one, reference)[0]) for one in _shown(found)):
-        if error < best:
-            steps.append((seconds, error))
-            best = error
-    if steps:
-        ax.step(*zip(*steps, strict=True), where="post", color="0.7", lw=1.0, zorder=1)
-    ax.axhline(reference.half_width, color="0.6", lw=0.7, ls="--", zorder=1)
-    ax.grid(True, which="major", color="0.92", lw=0.6)
-    low, high = ax.get_xlim()
-    ax.set_xlim(10.0 ** math.floor(math.log10(low)), high * 1.8)
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_minor_formatter(NullFormatter())
-    late = [one.way.name for one in found if one.failure.startswith("not in")]
-    if late:
-        text = f"not in {LIMIT} s:\n" + "\n".join(late)
-        ax.text(0.98, 0.97, text, transform=ax.transAxes, ha="right", va="top", fontsize=7.0, color="0.35")
-
-
-def _name(ax: Axes, found: list[Measured], reference: Reference) -> None:
-    """Write each route's name beside its mark, at the first of several places that is still free."""
-    dot = 110.0 / 72.0
-    taken: list[tuple[float, float, float, float]] = []
-    for one in _shown(found):
-        error, _ = certain_error(one, reference)
-        text = one.way.name
-        for part in ("jld, ", "CVXPY, ", " inside", " outside"):
-            text = text.replace(part, "")
-        x, y = ax.transData.transform((one.seconds, error))
-        wide = 3.9 * len(text)
-        for right, up in PLACES:
-            left = right if right > 0 else right - wide
-            box = (x / dot + left, y / dot + up, x / dot + left + wide, y / dot + up + 7.5)
-            if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in taken):
-                break
-        taken.append(box)
-        line = {"arrowstyle": "-", "color": "0.7", "lw": 0.5} if abs(up) > 9.0 else None
-        at, colour = (one.seconds, error), MARKS[one.way.family][1]
-        ax.annotate(
-            text, at, (left, up), textcoords="offset points", fontsize=6.5, color=colour, arrowprops=line, zorder=4
-        )
 
 
 def main() -> None:

@@ -23,8 +23,7 @@ from scipy.optimize import linprog
 from cases import ROUTE
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, tolerances
 from jld_core.batch import batch_solver
-from jld_core.fields.lower import LowerBound
-from jld_core.fields.upper import UpperBound
+from jld_core.fields import bounds
 from jld_core.limit import Proof, face_jumps
 from jld_core.limit.analysis import ProofAttempt
 from jld_core.mechanics import YieldSet, equilibrium_matrix, load_vectors, prescribed_friction, scaling_of, yield_set
@@ -108,7 +107,7 @@ def _scaled(result: LimitAnalysisResult) -> tuple[np.ndarray, np.ndarray]:
 
 def fields_of(problem: Any, labels: np.ndarray) -> tuple[Any, Any]:
     """Certified fields of stresses and of velocities of a problem under labels; None for what was not certified."""
-    return LowerBound(problem).bound(labels), UpperBound(problem).bound(labels)
+    return bounds.LowerBound(problem).bound(labels), bounds.UpperBound(problem).bound(labels)
 
 
 # A solver that cannot be believed, for proofs that must not need it to be.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import runpy
 from collections.abc import Callable
 
 
@@ -15,7 +16,5 @@ def leave_out_pictures(replace: Callable[[object, str, object], None] = setattr)
 
 
 if __name__ == "__main__":
-    from jld_explore.__main__ import main
-
     leave_out_pictures()
-    main()
+    runpy.run_module("jld_explore", run_name="__main__")

@@ -1,19 +1,331 @@
 """Values that others published or derived, each with its source, beside ours.
 
-`sources` has one file per source: citation, place, tier, and its values. Each value names a function of `quantities`
+`sources` has one file per source: citation, place, tier, and its values. Each value names a function here
 that finds ours, and how the two compare. `python -m benchmarks.corpus` checks all of them.
 """
 
 from __future__ import annotations
 
+import math
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.corpus.quantities import QUANTITIES
+import numpy as np
+from studies.families import semicircular_arch
+from studies.published_wall import layout
+from studies.scenes import ring_arch, stacked_cubes
 
+from benchmarks.common import ROOT
+from benchmarks.scenes import box
+from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, load_scene, parse_scene, solve
+from jld_core.fields import bounds_by_fields
+from jld_core.geometry.outlines import rectangle_torsion_length
+from jld_practice.reactions import reactions_of_supports, resultant_of_joint, thrust_ranges
+from jld_practice.reactions.thrust import ForceFunction, Resultant
+
+Interval = tuple[float, float]
 HERE: Final = Path(__file__).parent
+
+
+def _scene(name: str) -> Scene:
+    """Load a scene of the corpus, or one of the project's own scenes."""
+    own = HERE / "scenes" / f"{name}.json"
+    return load_scene(own if own.exists() else ROOT / "scenes" / f"{name}.json")
+
+
+def load_factor(scene: str) -> Interval:
+    """λ of a scene under its own labels."""
+    return (solve(build_assembly(_scene(scene))).load_factor,) * 2
+
+
+def tilt_angle(scene: str) -> Interval:
+    """Bracket of the angle of a tilting table at which a scene falls, degrees."""
+    low, high = solve(build_assembly(_scene(scene))).facts["tilt_bracket"]
+    return low, high
+
+
+def published_wall(layout_name: str) -> Interval:
+    """λ of one of the layouts of the study of that name."""
+    return (layout(layout_name).load_factor,) * 2
+
+
+def stands(scene: str) -> Interval:
+    """(1, 1) if a scene stands under its dead load, (0, 0) if it falls, (0, 1) if that is undecided."""
+    assembly = build_assembly(_scene(scene))
+    found = LimitAnalysis(assembly).stands(assembly.labels)
+    return (0.0, 1.0) if found is None else (float(found),) * 2
+
+
+def _range(assembly: Assembly, resultant: Resultant, load: float = 0.0) -> Interval:
+    """Return both ends of a resultant's proven interval; infinite where unbounded."""
+    (found,) = thrust_ranges(assembly, resultants=[resultant], load_factor=load).ranges
+    low, high = found.interval
+    return -math.inf if low is None else low, math.inf if high is None else high
+
+
+def joint_force(scene: str, joint: list[str], component: str = "N", over: float = 1.0) -> Interval:
+    """Proven interval of a resultant across a joint under the dead load, over a unit."""
+    assembly = build_assembly(_scene(scene))
+    (wanted,) = (one for one in resultant_of_joint(assembly, *joint) if one.component == component)
+    low, high = _range(assembly, wanted)
+    return low / over, high / over
+
+
+def reaction(scene: str, supports: list[str], component: str) -> Interval:
+    """Proven interval of one component of the sum of some supports' reactions under the dead load."""
+    assembly = build_assembly(_scene(scene))
+    wanted = [one for one in reactions_of_supports(assembly, supports) if one.component == component]
+    total = ForceFunction(np.sum([one.function.weights for one in wanted], axis=0), wanted[0].function.unit)
+    return _range(assembly, Resultant("supports", component, wanted[0].point, total))
+
+
+def _bisect(stands_at: Callable[[float], bool | None], low: float, high: float, width: float) -> float:
+    """Return the least value at which something stands, to a width."""
+    while high - low > width:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if stands_at(middle) else (middle, high)
+    return high
+
+
+def _stands(scene: Scene) -> bool | None:
+    """Decide whether a scene stands under its dead load."""
+    assembly = build_assembly(scene)
+    return LimitAnalysis(assembly).stands(assembly.labels)
+
+
+def least_thickness(count: int, friction: float, width: float = 1e-7) -> Interval:
+    """Least t/R of a semicircular arch with its weight along the centreline."""
+    found = _bisect(lambda t: _stands(semicircular_arch(count, t, friction)), 0.05, 0.3, width)
+    return found, found
+
+
+def least_thickness_of_ring(pieces: int, cuts: str = "radial") -> Interval:
+    """Least t/R of a semicircular arch under the true weight of its ring."""
+    found = _bisect(lambda t: _stands(ring_arch(pieces, t, 2.0, cuts)), 0.05, 0.2, 1e-6)
+    return found, found
+
+
+def least_friction(count: int, thickness: float) -> Interval:
+    """Least friction coefficient at which a semicircular arch stands."""
+    found = _bisect(lambda mu: _stands(semicircular_arch(count, thickness, mu)), 0.1, 1.0, 1e-6)
+    return found, found
+
+
+def crown_thrust(count: int, thickness: float) -> Interval:
+    """Horizontal thrust of a semicircular arch over weight per unit of angle, R = 1, under its own weight."""
+    assembly = build_assembly(semicircular_arch(count, thickness, 0.9))
+    bearing = [name for name, support in zip(assembly.elements.ids, assembly.elements.support, strict=True) if support]
+    (wanted,) = (one for one in reactions_of_supports(assembly, bearing[:1]) if one.component == "Fx")
+    low, high = sorted(abs(one) / (assembly.total_dead / math.pi) for one in _range(assembly, wanted))
+    return low, high
+
+
+def cubes(
+    count: int,
+    tension: float,
+    shear: float,
+    friction: float = 0.7,
+    base: str = "dry",
+    bending: Any = "uncoupled",
+    degrees: float | None = None,
+) -> Interval:
+    """λ of unit cubes on one another under a horizontal body load."""
+    direction = None if degrees is None else math.radians(degrees)
+    scene = stacked_cubes(count, friction=friction, tension=tension, shear=shear, base=base, direction=direction)
+    return (solve(build_assembly(scene), inner_bending=bending).load_factor,) * 2
+
+
+def column(blocks: int, friction: float) -> Interval:
+    """λ of a column of unit cubes in the plane under a horizontal body load."""
+    rows = ["ab"[k % 2] for k in range(blocks)] + ["#"]
+    document = {
+        "grid": {"cell": [1.0, 1.0], "rows": rows},
+        "materials": {"density": 1.0, "gravity": 1.0, "dry": {"friction_coefficient": friction}},
+        "loads": {"live": [{"body": [1, 0]}]},
+    }
+    return (solve(build_assembly(parse_scene(document))).load_factor,) * 2
+
+
+def _prism(sides: tuple[float, float, float], friction: float, live: list[Any], gravity: Any = 1.0) -> Scene:
+    """Return a prism of weight 1 (scaled by gravity) on a support, in space."""
+    a, b, h = sides
+    return parse_scene(
+        {
+            "elements": [
+                box("ground", (-2 * a, -2 * b, -1.0), (2 * a, 2 * b, 0.0), support=True),
+                box("prism", (-a / 2, -b / 2, 0.0), (a / 2, b / 2, h), density=1.0 / (a * b * h)),
+            ],
+            "materials": {"gravity": gravity, "density": 1.0, "dry": {"friction_coefficient": friction}},
+            "loads": {"live": live},
+        }
+    )
+
+
+def rocking_prism(sides: list[float], friction: float, degrees: float) -> Interval:
+    """λ of a prism under a horizontal body load in some direction."""
+    way = [math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0.0]
+    scene = _prism((sides[0], sides[1], sides[2]), friction, [{"body": way}])
+    return (solve(build_assembly(scene)).load_factor,) * 2
+
+
+def twisted_prism(sides: list[float], friction: float) -> Interval:
+    """λ of a prism of weight 1 under a unit moment about its vertical axis."""
+    scene = _prism((sides[0], sides[1], sides[2]), friction, [{"element": "prism", "moment": [0, 0, 1]}])
+    return (solve(build_assembly(scene)).load_factor,) * 2
+
+
+def block_on_slope(degrees: float, friction: float) -> Interval:
+    """λ of a flat block on a slope pushed down the slope by a body load along it."""
+    tilt = math.radians(degrees)
+    scene = _prism((1.0, 1.0, 0.1), friction, [{"body": [1, 0, 0]}], [math.sin(tilt), 0.0, -math.cos(tilt)])
+    return (solve(build_assembly(scene)).load_factor,) * 2
+
+
+def slab_on_two_supports(component: str) -> Interval:
+    """Reaction of the left of two supports, x 0 to 1 and 3 to 4, of a slab of weight 8, friction 0.5."""
+    scene = parse_scene(
+        {
+            "elements": [
+                box("left", (0, 0, 0), (1, 1, 1), support=True),
+                box("right", (3, 0, 0), (4, 1, 1), support=True),
+                box("slab", (0, 0, 1), (4, 1, 2), weight=8.0),
+            ],
+            "materials": {"dry": {"friction_coefficient": 0.5}},
+            "loads": {"live": [{"element": "slab", "force": [1, 0, 0]}]},
+        }
+    )
+    assembly = build_assembly(scene)
+    (wanted,) = (one for one in reactions_of_supports(assembly, ["left"]) if one.component == component)
+    return _range(assembly, wanted)
+
+
+def keystone(degrees: float, friction: float, end: str) -> Interval:
+    """Least or greatest thrust of a keystone of weight 1 whose faces lean by an angle from the vertical."""
+    t = math.tan(math.radians(degrees))
+    outlines = {
+        "left": [[-3, 0], [-1, 0], [-1 - t, 1], [-3, 1]],
+        "key": [[-1, 0], [1, 0], [1 + t, 1], [-1 - t, 1]],
+        "right": [[1, 0], [3, 0], [3, 1], [1 + t, 1]],
+    }
+    scene = parse_scene(
+        {
+            "elements": [
+                {"id": name, "polygon": outline, "weight": 1.0, "support": name != "key"}
+                for name, outline in outlines.items()
+            ],
+            "materials": {"dry": {"friction_coefficient": friction}},
+            "loads": {"live": [{"element": "key", "force": [0, -1]}]},
+        }
+    )
+    assembly = build_assembly(scene)
+    (wanted,) = (one for one in reactions_of_supports(assembly, ["left"]) if one.component == "Fx")
+    low, high = _range(assembly, wanted)
+    return (low, low) if end == "least" else (high, high)
+
+
+def pushed_wall(height: float, thickness: float, moved: float = 0.0) -> Interval:
+    """Force at mid-height over weight that a wall cracked at its base and mid-height resists, its top held by a strut.
+
+    moved: displacement of mid-height over the thickness. Beyond 0 the halves stand on the edges that they rock about,
+    drawn as faces of 1/10 000 of the thickness; weights act at the centroids of the turned halves.
+    """
+    half, t = 0.5 * height, thickness
+    sin = moved * t / half
+    cos = math.sqrt(1.0 - sin * sin)
+    width = 1e-4 * t if moved else t
+    x, y = t - t * cos + half * sin, half * cos + t * sin  # Mid-height edge, after a turn about the edge of the base.
+    top = [x + 0.5 * t * cos - half * sin, y + half * cos + 0.5 * t * sin]
+    outlines = {
+        "ground": [[-t, -t], [2 * t, -t], [2 * t, 0], [-t, 0]],
+        "lower": [[t - width, 0], [t, 0], [x + width, y], [x, y]],
+        "upper": [[x, y], [x + width, y], [top[0] + t / 2, top[1]], [top[0] - t / 2, top[1]]],
+        "prop": [[-9 * t, top[1]], [-8 * t, top[1]], [-8 * t, top[1] + t], [-9 * t, top[1] + t]],
+    }
+    centroids = {
+        "lower": [t - 0.5 * t * cos + 0.5 * half * sin, 0.5 * half * cos + 0.5 * t * sin],
+        "upper": [x + 0.5 * t * cos - 0.5 * half * sin, y + 0.5 * half * cos + 0.5 * t * sin],
+    }
+    strut = {"from": {"element": "prop", "at": [-8 * t, top[1]]}, "to": {"element": "upper", "at": top}}
+    document = {
+        "elements": [
+            {"id": name, "polygon": outline, "weight": 0.0, "support": name in ("ground", "prop")}
+            for name, outline in outlines.items()
+        ],
+        "materials": {"dry": {"friction_coefficient": 5.0}},
+        "members": [{"kind": "tie", **strut, "tension": 9.0}],
+        "loads": {
+            "dead": [{"element": name, "force": [0, -0.5], "at": point} for name, point in centroids.items()],
+            "live": [{"element": "upper", "force": [1, 0], "at": [x, y]}],
+        },
+    }
+    return (solve(build_assembly(parse_scene(document))).load_factor,) * 2
+
+
+def torsion_length(a: float, b: float) -> Interval:
+    """Torsion length c_T of a rectangle."""
+    return (float(rectangle_torsion_length(np.array([a]), np.array([b]))[0]),) * 2
+
+
+def punch(gap: float = 0.09) -> Interval:
+    """Bracket by fields of the pressure under a strip on a weightless half-plane of shear strength 1."""
+
+    def rectangle(name: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> dict[str, Any]:
+        """Return a rectangle as an element."""
+        return {"id": name, "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], **more}
+
+    scene = parse_scene(
+        {
+            "elements": [
+                rectangle("soil", -2, -1.2, 2, 0),
+                rectangle("bottom", -2, -2, 2, -1.2, support=True),
+                rectangle("left", -3, -1.2, -2, 0, support=True),
+                rectangle("right", 2, -1.2, 3, 0, support=True),
+            ],
+            "materials": {
+                "gravity": 1.0,
+                "density": 0.0,
+                "dry": {"friction_coefficient": 0.5},
+                "inner": {"tensile_strength": 1000.0, "shear_strength": 1.0},
+            },
+            "loads": {"live": [{"element": "soil", "force": [0, -1], "at": [0, 0]}]},
+            "labels": {"inner": [["soil", side] for side in ("bottom", "left", "right")]},
+        }
+    )
+    found = bounds_by_fields(build_assembly(scene), gap=gap, patch=1.0, parts=2)
+    return found.lower, found.upper
+
+
+QUANTITIES: Final[dict[str, Callable[..., Interval]]] = {
+    one.__name__: one
+    for one in (
+        block_on_slope,
+        column,
+        crown_thrust,
+        cubes,
+        joint_force,
+        keystone,
+        least_friction,
+        least_thickness,
+        least_thickness_of_ring,
+        load_factor,
+        published_wall,
+        punch,
+        pushed_wall,
+        reaction,
+        rocking_prism,
+        slab_on_two_supports,
+        stands,
+        tilt_angle,
+        torsion_length,
+        twisted_prism,
+    )
+}
+"""Functions by the name that sources use."""
+
+
 SOURCES: Final = HERE / "sources"
 TIERS: Final = ("closed form", "independent program", "experiment", "ours")
 """Kinds of evidence, the strongest first."""
@@ -45,8 +357,8 @@ class Value:
 
     source: where it stands. place: page, table, equation or file. what: quantity, in words. published: the value; 0
     where the relation is "falls". unit: its unit; empty for a pure number. relation: one of `RELATIONS`. tolerance:
-    relative difference that digits of the source, or its discretisation, leave. find: name of a function of
-    `quantities`. arguments: its arguments. spatial: True for structures in space. slow: True if ours takes more than a
+    relative difference that digits of the source, or its discretisation, leave. find: name of a
+    function here. arguments: its arguments. spatial: True for structures in space. slow: True if ours takes more than a
     few seconds; left out of the tests. why: remark in the page; why it differs, where it does. kind: one of `CLASSES`
     where it differs, else empty. derived: True if the closed form was derived here: it counts as no value of others.
     """

@@ -21,10 +21,8 @@ from command import Command, call, environment
 from jld_core import InputError, Layout, SolveOptions, build_assembly, files, load_scene, parse_scene, solve
 from jld_core.views import facts_of_result
 from jld_explore import ExploreSettings, explore, read_folder, search_space
-from jld_explore.drivers import DRIVERS
+from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.drivers.choice import driver_for
-from jld_explore.drivers.enumeration import size_up_to
-from jld_explore.drivers.optuna import make_sampler
 from jld_explore.evaluation import Records
 from jld_explore.report import reading
 from jld_formats import export
@@ -143,8 +141,9 @@ def test_a_damaged_convergence_is_named(text: str, tmp_path: Path) -> None:
 
 
 def test_seeds_of_any_size() -> None:
-    drawn = [make_sampler("Random", seed)[1] for seed in (2**32, 2**32 + 1, 10**30)]
-    assert len(drawn) == 3
+    scene = parse_scene(grid_document(["aa", "##"]))
+    space = search_space(scene, build_assembly(scene))
+    assert all(len(make_driver("optuna", space, seed).ask(1)) for seed in (2**32, 2**32 + 1, 2**62))
 
 
 def test_a_number_too_small_to_be_held_is_refused(tmp_path: Path) -> None:
@@ -235,7 +234,8 @@ def test_the_driver_that_proves_is_taken_where_the_proof_is_in_reach() -> None:
     def chosen(rows: list[str], **more: Any) -> str:
         scene = parse_scene(grid_document(rows, **{"block_cells": [1, 3], **more}))
         space = search_space(scene, build_assembly(scene))
-        return driver_for(space, 0, SolveOptions(), size_up_to(space, 50), {}, many=False).name
+        size = make_driver("enumeration", space, 0).size_up_to(50)
+        return driver_for(space, 0, SolveOptions(), size, {}, many=False).name
 
     assert chosen(["aa", "aa", "##"]) == "enumeration"
     assert chosen(["aaaa", "aaaa", "aaaa", "####"]) == "exact"

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+import jld_core
 from command import ROOT
-from jld_core import __version__
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yaml"))
 
@@ -74,11 +74,11 @@ def test_hooks_are_those_of_make_check() -> None:
 def test_citation_and_changelog_name_the_version() -> None:
     valid("vendor.citation-file-format", ROOT / "CITATION.cff")
     found = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
-    assert found["version"] == __version__
+    assert found["version"] == jld_core.__version__
     # a version in the making is "(unreleased)", and its citation has no date
     first = re.search(r"^## (\S+) \((\S+)\)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.M)
     released = found.get("date-released")
-    assert first.groups() == (__version__, released.isoformat() if released else "unreleased")
+    assert first.groups() == (jld_core.__version__, released.isoformat() if released else "unreleased")
 
 
 def test_files_and_targets_named_in_contributing_exist() -> None:

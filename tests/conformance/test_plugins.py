@@ -28,9 +28,9 @@ SCENE = SCENES / "flat_beam_arch.json"
 def forget() -> None:
     """Forget which plug-ins were found."""
     from jld_explore.space import counts
-    from jld_formats.formats import formats
+    from jld_formats import formats
 
-    for function in (plugins.entry_points, plugins.load, counts._add_plugins, formats):
+    for function in (plugins.entry_points, plugins.load, counts._add_plugins, formats.formats):
         function.cache_clear()
 
 

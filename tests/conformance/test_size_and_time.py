@@ -17,8 +17,7 @@ from cases import grid_document
 from command import Command
 from jld_core import Scene, build_assembly, parse_scene, samples
 from jld_core.geometry import planar_contacts
-from jld_core.models import cost_estimate, costs
-from jld_core.threads import memory_limit
+from jld_core.models import cost_estimate
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import ending
 from jld_explore.drivers import DRIVERS
@@ -52,7 +51,7 @@ def test_long_analyses_are_announced(tmp_path: Path, monkeypatch: pytest.MonkeyP
     large = build_assembly(parse_scene(growth.document("planar", 80)))
     assert 5.0 < cost_estimate(large).seconds < 60.0
     assert cost_estimate(build_assembly(parse_scene(SCENE))).long is None
-    monkeypatch.setattr(costs, "LONG", 0.0)
+    monkeypatch.setattr("jld_core.models.costs.LONG", 0.0)
     said: list[str] = []
     settings = ExploreSettings(driver="random", budget=1, seconds=9.0, jobs=1, pictures=False)
     explore(parse_scene(SCENE), tmp_path / "out", settings, announce=said.append)
@@ -81,7 +80,7 @@ def test_a_scene_too_large_for_the_memory_is_refused(
     """Of hopeless scenes, contacts are not even built; others are refused by the number of their faces."""
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(content))
-    monkeypatch.setattr(costs, "memory_limit", lambda: limit)
+    monkeypatch.setattr("jld_core.models.costs.memory_limit", lambda: limit)
     if faces.startswith("at least"):
         monkeypatch.delattr("jld_explore.cli.check.build_assembly")
     out = ("--out", tmp_path / "out") if command == "explore" else ()
@@ -118,16 +117,16 @@ def test_memory_that_runs_out_is_one_line(tmp_path: Path, monkeypatch: pytest.Mo
     assert outcome.err.startswith(
         "jld: memory ran out: Unable to allocate 61.0 GiB for an array; expected a scene that"
     )
-    assert ending.memory_limit is memory_limit
-    assert 1e8 < memory_limit() <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    assert 1e8 < ending.memory_limit() <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 @pytest.mark.parametrize("kind", growth.SIZES)
 def test_growth_is_measured_phase_by_phase(kind: str, tmp_path: Path) -> None:
     file = tmp_path / "scene.json"
-    file.write_text(json.dumps(growth.document(kind, 3)))
+    file.write_text(json.dumps(growth.document(kind, 4)))
     told = list(growth.phases(file))
-    assert sorted(one["phase"] for one in told) == sorted(growth.PHASES)
-    found = {"kind": kind, "edge": 3, "seconds": {one["phase"]: one["seconds"] for one in told}}
-    found |= {"memory": {one["phase"]: one["memory"] for one in told}, "cells": 9 if kind == "planar" else 27}
+    expected = ("scene", "contacts", "λ") if kind in growth.DRY_WALLS else growth.PHASES
+    assert sorted(one["phase"] for one in told) == sorted(expected)
+    found = {"kind": kind, "edge": 4, "seconds": {one["phase"]: one["seconds"] for one in told}}
+    found |= {"memory": {one["phase"]: one["memory"] for one in told}}
     assert "over 90 s" in growth.row_of({**found, "memory": {}, "ended": "90 s"})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -15,10 +16,8 @@ import numpy as np
 import pytest
 from tools.imports import rewritten
 
-import jld_core.strengths
-from cases import grid_assembly
-from jld_core import FACTS, InputError, Route
-from jld_core.strengths import CRITERIA, STANDARD, FaceStrengths, StatedCriterion
+from cases import grid_assembly, grid_document
+from jld_core import FACTS, InputError, Route, build_assembly
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "src"
@@ -380,21 +379,21 @@ def test_a_route_states_facts_that_exist() -> None:
     for name, tree in _modules("_ROUTE"):
         for node in ast.walk(tree):
             if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == "_ROUTE" and node.value is not None:
-                route = eval(ast.unparse(node.value), vars(jld_core.strengths))
+                route = eval(ast.unparse(node.value), vars(sys.modules[Route.__module__]))
                 assert set(FACTS) >= route.KNOWS, f"{name}: {route}"
 
 
 @pytest.mark.parametrize("label", ["dry", "inner"])
 def test_a_fact_that_a_route_does_not_know_is_refused(label: str) -> None:
-    assembly = grid_assembly(["ab", "##"])
-    numbers = assembly.strengths(Route("a test"))
-    faces = np.ones(len(numbers.friction), dtype=bool)
-    stated = FaceStrengths(numbers, criteria=(StatedCriterion(label, "hoek_brown", (), faces),))
-    with pytest.raises(InputError, match=rf'^materials.{label}.criterion: "hoek_brown" is unknown to the experiment; '):
-        stated.numbers(Route("the experiment"), faces)
-    assert stated.numbers(Route("programs", STANDARD | CRITERIA), faces) is numbers
-    # of one labelling, only the label that the criterion is for counts
-    assert stated.numbers(Route("the experiment"), faces, np.full(len(faces), label == "inner")) is numbers
+    document = grid_document(["ab", "##"])
+    document["materials"][label] = {"surface": {"hoek_brown": {"compressive_strength": 1e6, "m": 7.0, "s": 0.1}}}
+    assembly = build_assembly(document)
+    route, other = Route("the experiment"), np.full(len(assembly.interfaces), label == "inner")
+    with pytest.raises(InputError, match=rf'^materials.{label}.surface: "surface" is unknown to the experiment; '):
+        assembly.strengths(route)
+    numbers = assembly.strengths(Route("programs", frozenset(FACTS)))
+    # of one labelling, only the label that the surface is for counts
+    assert assembly.strengths(route, other) is numbers
 
 
 def test_a_standard_fact_is_refused_in_the_same_way() -> None:

@@ -13,7 +13,7 @@ from cases import assembly_in_space as spatial_assembly
 from cases import box, dry_and_inner, grid_document
 from command import SCENES, Command
 from jld_core import InputError, build_assembly, load_scene, parse_scene
-from jld_core.build.plausibility import resultant
+from jld_core.views import facts
 
 
 def with_(path: str, value: object) -> dict[str, Any]:
@@ -233,11 +233,11 @@ def test_resultants() -> None:
     centre = assembly.elements.centroid[1]
     loads[1, 3:] = np.cross([1.0 - centre[0], 2.0 - centre[1], 0.0], [0.0, 0.0, 5.0])
     loads[1, 5] += 3.0
-    found = resultant(loads, assembly.elements)
+    found = facts.resultant(loads, assembly.elements)
     assert found.force == pytest.approx([0, 0, 5])
     assert found.moment == pytest.approx(3.0)
     assert found.point[:2] == pytest.approx([1.0, 2.0])
     flat = build_assembly(parse_scene(with_("loads.live", [{"element": "c0r0", "moment": 7.0}])))
-    couple = resultant(flat.live, flat.elements)
+    couple = facts.resultant(flat.live, flat.elements)
     assert couple.cancels
     assert couple.moment == pytest.approx(7.0)

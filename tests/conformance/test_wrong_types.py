@@ -15,11 +15,11 @@ import jld_core
 from cases import grid_document
 from jld_core import InputError, Layout, Model, blocks_csv, build_assembly, load_scene, parse_scene, solve, solve_many
 from jld_core.models import cost_estimate, sensitivities
-from jld_core.models.costs import require_memory
 from jld_core.refinement import refine
 from jld_core.scene import cracks
 from jld_experiment import Joints, Settings, run_experiment
 from jld_explore import ExploreSettings, explore, read_folder, search_space
+from jld_explore.cli import check
 from jld_explore.drivers import make_driver
 from jld_explore.space import count_named, from_string, to_string
 from jld_formats import ImportOptions, export, import_file
@@ -78,7 +78,7 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "refine": (refine, {"scene": scene, "cell": (0.5, 0.5)}),
         "run_experiment": (run_experiment, {"assembly": assembly, "settings": Settings(periods=1.0)}),
         "assembly_order": (assembly_order, {"assembly": assembly, "labels": assembly.labels}),
-        "require_memory": (require_memory, {"structure": assembly}),
+        "check.require_memory": (check.require_memory, {"structure": assembly}),
         "cost_estimate": (cost_estimate, {"assembly": assembly}),
         "count_named": (count_named, {"name": "blocks"}),
         "from_string": (from_string, {"text": "did"}),

@@ -17,7 +17,6 @@ from command import Command
 from jld_core import Assembly, InputError, LimitAnalysis
 from jld_core.batch import batch_solver, build, library
 from jld_core.batch.library import LARGE_TRIES, TRIES
-from jld_core.batch.rows import fits
 from jld_core.limit.case_relaxation import Relaxation
 from proofs import LAST_DIGITS, assert_proven, exact_margin, lanes_of
 
@@ -292,13 +291,13 @@ def test_rows_of_another_shape_are_left_to_other_solvers(kernel: str) -> None:
         cases.stools([cases.OBLONG], materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 50.0}})
     )
     for other in (round_hull, crushed):
-        assert not fits(other.template)
-    with pytest.raises(ValueError, match="another shape"):
-        batch_solver.BatchSolver(round_hull.template, variant=kernel)
+        with pytest.raises(ValueError, match="another shape"):
+            batch_solver.BatchSolver(other.template, variant=kernel)
     # undecided faces whose inner set carries more N than the dry one
     crushable = LimitAnalysis(grid_assembly(*[CASES["crushable wall"][0]], crush_dry=1e4))
-    assert fits(crushable.template)
-    assert not fits(crushable.template, crushable.template.yield_set.hull())
+    batch_solver.BatchSolver(crushable.template, variant=kernel)
+    with pytest.raises(ValueError, match="another shape"):
+        batch_solver.BatchSolver(crushable.template, undecided=crushable.template.yield_set.hull(), variant=kernel)
 
 
 def test_switch(monkeypatch: pytest.MonkeyPatch, kernel: str) -> None:

@@ -8,9 +8,8 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from jld_core import InputError, build_assembly, parse_scene, solve
-from jld_core.build.fill import Backing
+from jld_core.build import loads as made
 from jld_core.scene import FillLoad
-from jld_core.scene.materials import Fill, Strip
 
 _SOIL = {"level": 2.0, "density": 2000.0, "friction_angle": 30.0, "cohesion": 3e3, "surcharge": 5e3}
 
@@ -105,14 +104,15 @@ def _backing(edges, **keys):
     for k, top in enumerate(edges):
         elements.append({"id": f"b{k}", "polygon": [[k, 0], [k + 1, 0], [k + 1, top], [k, top]]})
     document = _scene(elements, [{"element": "b0", "force": [1.0, 0.0]}], fill=keys)
-    assembly = build_assembly(parse_scene(document))
-    return assembly, Backing(Fill(**(_SOIL | keys)), assembly.elements, np.array([0.0, -1.0]), 10.0, 1.5)
+    scene = parse_scene(document)
+    assembly = build_assembly(scene)
+    return assembly, made.Backing(scene.fill, assembly.elements, np.array([0.0, -1.0]), 10.0, 1.5)
 
 
 def test_a_load_spreads_with_depth_and_keeps_its_resultant():
     """Width w + 2 h tan θ below the middle of the load; force and moment of what falls on the structure are exact."""
     assembly, backing = _backing([1.0, 1.5, 1.2, 1.0], dispersal=45.0)
-    loads = backing.spread(FillLoad(on_fill=Strip(at=1.5, width=0.4), weight=700.0), "live[0]")
+    loads = backing.spread(FillLoad(on_fill=made.Strip(at=1.5, width=0.4), weight=700.0), "live[0]")
     # Depth 0.5 at the middle: width 0.4 + 2 · 0.5 = 1.4, from 0.8 to 2.2.
     forces = {assembly.elements.ids[load.element]: load.resultant()[0][1] for load in loads}
     assert forces == pytest.approx({"b0": -100.0, "b1": -500.0, "b2": -100.0})

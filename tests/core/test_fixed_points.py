@@ -27,13 +27,12 @@ from jld_core import (
 from jld_core.geometry import outlines
 from jld_core.limit.options import reason_of
 from jld_core.mechanics import scaling_of
-from jld_core.models import areas_under
+from jld_core.models import areas_under, effective_area
 from jld_core.models.central_path import (
     CentralPath,
     MovingRows,
     area_derivatives,
     barrier_weights,
-    frozen_areas,
     load_axes,
 )
 
@@ -102,7 +101,7 @@ def test_rows_are_those_of_the_frozen_template() -> None:
     y[: 6 * count] = random_forces(count, 8).ravel()
     values, slopes = rows.parameters(y)
     areas = areas_under(analysis.assembly, y[: 6 * count].reshape(-1, 6), labels)
-    program = frozen_areas(analysis.template, areas).program(labels)
+    program = effective_area.frozen_areas(analysis.template, areas).program(labels)
     s = program.structure
     frozen = np.zeros(s.shape)
     for column in range(s.shape[1]):

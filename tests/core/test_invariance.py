@@ -16,7 +16,7 @@ from cases import scene_in_space as scene
 from command import SCENES
 from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry import outlines as polygons
-from jld_core.geometry.clean_regions import clean_parts, intersections
+from jld_core.geometry import planar_contacts, spatial_contacts
 
 ARCH = grid_document(
     ["#aabbcc#", "#aaabcc#"], friction=0.6, live=[{"element": "c3r0", "force": [0, -1]}, {"body": [0.2, 0]}]
@@ -101,14 +101,14 @@ def test_overhanging_solid_rocks_about_its_contact_at_any_angle(degrees: float) 
 def test_spikes_slivers_and_necks_are_no_part_of_a_region() -> None:
     thin = 1e-13
     square = [[0, 0], [1, 0], [1, 0.5], [4, 0.5], [1, 0.5 + thin], [1, 1], [0, 1]]
-    ((shell, holes),) = clean_parts(shapely.Polygon(square), 1e-5)
+    ((shell, holes),) = spatial_contacts.clean_parts(shapely.Polygon(square), 1e-5)
     assert (len(shell), holes) == (4, ())
     assert np.ptp(shell, axis=0) == pytest.approx([1.0, 1.0], abs=1e-12)
     dumbbell = [[0, 0], [1, 0], [1, 0.5], [3, 0.5], [3, 0], [4, 0], [4, 1], [3, 1], [3, 0.5 + thin], [1, 0.5 + thin]]
-    parts = clean_parts(shapely.Polygon([*dumbbell, [1, 1], [0, 1]]), 1e-5)
+    parts = spatial_contacts.clean_parts(shapely.Polygon([*dumbbell, [1, 1], [0, 1]]), 1e-5)
     assert [len(ring) for ring, _ in parts] == [4, 4]
     assert [float(polygons.area(ring[None])[0]) for ring, _ in parts] == pytest.approx([1.0, 1.0], rel=1e-9)
-    assert clean_parts(shapely.box(0.0, 0.0, 1.0, 1e-7), 1e-5) == []
+    assert spatial_contacts.clean_parts(shapely.box(0.0, 0.0, 1.0, 1e-7), 1e-5) == []
 
 
 def test_corners_do_not_depend_on_where_the_outline_begins() -> None:
@@ -149,7 +149,7 @@ def test_polygons_that_share_an_edge_up_to_rounding_share_no_area() -> None:
         [-2.609338242877931, 1.0434529483175925],
         [-3.298004170013834, 0.46955328609545405],
     ]
-    assert intersections([shapely.Polygon(one)], [shapely.Polygon(other)])[0].area <= 1e-12
+    assert planar_contacts.intersections([shapely.Polygon(one)], [shapely.Polygon(other)])[0].area <= 1e-12
     elements = [{"id": "a", "polygon": other}, {"id": "g", "polygon": one, "support": True}]
     built = build_assembly(parse_scene(scene(elements, live=[{"body": [1, 0]}])))
     assert built.interfaces.l1[0] == pytest.approx(np.hypot(0.68866592713, 0.57389966222), rel=1e-9)
@@ -304,3 +304,17 @@ def test_stated_spatial_interfaces_that_cannot_be_meant_are_refused(corners: lis
     with pytest.raises(InputError, match=r"interfaces\[1\]: it covers interfaces\[0\]"):
         build_assembly(parse_scene(scene(elements, interfaces=twice)))
     assert misfits(scene(elements, interfaces=twice[:1])) == []
+
+
+def test_a_warped_face_bounds_both_solids_alike() -> None:
+    """Wherever the loops of its corners begin: the volumes of two solids beside it add up to that of both."""
+    pair = [box("a", (0, 0, 0), (1, 1, 1)), box("b", (0, 0, 1), (1, 1, 2))]
+    pair[0]["vertices"][4][2] = pair[1]["vertices"][0][2] = 1.2
+    found = []
+    for turn in range(4):
+        turned = pair[1] | {"faces": [face[turn:] + face[:turn] for face in pair[1]["faces"]]}
+        document = scene([box("g", (0, 0, -1), (1, 1, 0), support=True), pair[0], turned])
+        assembly = build_assembly(parse_scene(document))
+        assert assembly.elements.volume[1:].sum() == pytest.approx(2.0, rel=1e-12)
+        found.append(solve(assembly).load_factor)
+    assert found == pytest.approx([found[0]] * 4, rel=1e-9)

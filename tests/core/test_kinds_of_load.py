@@ -12,7 +12,7 @@ import pytest
 
 from cases import box, dry_and_inner
 from jld_core import InputError, build_assembly, geometry_sensitivities, parse_scene, resultants, solve
-from jld_core.loads import Traction
+from jld_core.build import loads
 
 
 def squares(low: np.ndarray, high: np.ndarray, count: int) -> tuple[np.ndarray, float]:
@@ -31,7 +31,7 @@ def test_the_resultant_of_a_linear_traction_with_a_hole_is_its_integral() -> Non
     middle = (16.0 * np.array([2.0, 2.0]) - 2.0 * np.array([1.5, 2.0])) / 14.0
     for holes in ([inner], [inner[::-1]]):
         rings = tuple(base + ring @ frame for ring in (outer, *holes))
-        one = Traction(0, rings, base + middle @ frame, mean, slope)
+        one = loads.Traction(0, rings, base + middle @ frame, mean, slope)
         force, moment = np.zeros(3), np.zeros(3)
         for sign, low, high in ((1.0, [0.0, 0.0], [4.0, 4.0]), (-1.0, [1.0, 1.0], [2.0, 3.0])):
             flat, area = squares(np.array(low), np.array(high), 200)

@@ -14,7 +14,6 @@ from benchmarks.hard_cases import UNITS, HardCase, bricks, hard_cases, is_near
 
 from jld_core import LimitAnalysis, SolveOptions, Status
 from jld_core.batch import batch_solver, chosen
-from jld_core.batch.rows import fits
 from jld_core.models import limit_analysis
 from proofs import assert_proven, lanes_of
 
@@ -54,7 +53,7 @@ def test_a_hard_case_is_proven_or_left(case: HardCase) -> None:
 
 def test_a_large_structure_is_left_to_the_solver_for_large_ones() -> None:
     """A wall of 420 bricks, for which a solver made for large ones is the quicker."""
-    assert not fits(LimitAnalysis(bricks(20, 10, *UNITS["kN, m"])).template)
+    assert LimitAnalysis(bricks(20, 10, *UNITS["kN, m"])).batch is None
 
 
 @pytest.mark.sampled(6)

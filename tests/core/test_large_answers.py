@@ -11,13 +11,21 @@ import scipy.sparse as sp
 from benchmarks.large import document
 
 from cases import box
-from jld_core import Assembly, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene
-from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core import (
+    Assembly,
+    Deadline,
+    DeadlinePassed,
+    LimitAnalysis,
+    SolveOptions,
+    Status,
+    build_assembly,
+    parse_scene,
+    solvers,
+)
 from jld_core.limit import State
 from jld_core.linalg import projection
 from jld_core.linalg.projection import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
-from jld_core.solvers import LARGE
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
 from jld_practice.reactions.thrust import least_share, shrunk
@@ -78,7 +86,7 @@ def test_rays_of_large_programs_are_settled_by_repairs(
     content = document("planar", 8) | {"loads": {"live": [{"element": "c0r0", "force": [0, -1]}]}}
     content["materials"]["gravity"] = gravity
     built = build_assembly(parse_scene(content))
-    monkeypatch.setitem(LARGE, False, 1)
+    monkeypatch.setitem(solvers.LARGE, False, 1)
     options = SolveOptions()
     proof = solve_labelling(limit_analysis(built, options), labels, options)
     assert proof.status is status

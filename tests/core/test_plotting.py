@@ -44,7 +44,6 @@ from jld_core import (
 from jld_core import assembly as assembly_of_core
 from jld_core.build import loads
 from jld_core.models import solve_by_fields
-from jld_core.strengths import FaceStrengths
 from jld_practice.laying import assembly_order
 from jld_practice.reactions import settle, thrust_ranges
 from jld_samples import box
@@ -148,7 +147,7 @@ def stack_of_boxes() -> Assembly:
         units=("m", "N"),
         elements=elements,
         interfaces=faces,
-        face_strengths=FaceStrengths(
+        face_strengths=assembly_of_core.FaceStrengths(
             Strengths(np.full(2, 0.5), nothing, nothing, *np.full((2, 2), np.inf), *np.zeros((2, 2)))
         ),
         dead_loads=Loads.of_resultants(six),

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -14,9 +11,7 @@ import cases
 from cases import CASES, grid_assembly
 from jld_core import InputError, LimitAnalysis, LimitAnalysisResult, SolveOptions, Status, solve
 from jld_core.limit import result_of
-from jld_core.limit.analysis import FALLBACKS, insert_before
 from jld_core.models import limit_analysis, solve_labelling
-from jld_core.models.rigid_blocks import FALLBACKS_BY_CONDENSE
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import SOLVERS, ClarabelSolver, HighsSolver, RawSolution, Solver, installed_solvers
 from proofs import reference_load_factor
@@ -187,43 +182,3 @@ def test_proofs_are_about_the_assembly_whatever_was_modelled(options: SolveOptio
     assert template.live @ proof.motion.velocity == pytest.approx(1.0, rel=1e-9)
     result = result_of(template, assembly.labels, options, proof, elapsed=0.0)
     assert result.load_factor == pytest.approx(solve(assembly, **vars(options)).load_factor, rel=1e-9)
-
-
-def test_rigid_blocks_are_tried_first_and_last() -> None:
-    assert FALLBACKS_BY_CONDENSE["off"] == FALLBACKS
-    names = [fallback.name for fallback in FALLBACKS_BY_CONDENSE["auto"]]
-    assert [name for name in names if "rigid" not in name and name != "loaded part"] == [
-        fallback.name for fallback in FALLBACKS
-    ]
-    assert names[0].startswith("rigid")
-    assert names[-1].startswith("rigid")
-
-
-def test_a_fallback_is_inserted_by_name() -> None:
-    names = [one.name for one in insert_before(FALLBACKS, "repair", replace(FALLBACKS[0], name="new"))]
-    assert names == [name for one in FALLBACKS for name in (["new"] if one.name == "repair" else []) + [one.name]]
-    assert len(set(names)) == len(names)
-    with pytest.raises(ValueError, match="nowhere"):
-        insert_before(FALLBACKS, "nowhere", FALLBACKS[0])
-
-
-def test_no_repair_after_a_proof() -> None:
-    assembly = grid_assembly(["aab", "abb", "###"])
-    analysis = LimitAnalysis(assembly)
-    asked: list[tuple[str, Status]] = []
-
-    def watched(fallback: Any) -> Any:
-        def run(attempt: Any) -> None:
-            asked.append((fallback.name, attempt.proof.status))
-            fallback.run(attempt)
-
-        return replace(fallback, run=run)
-
-    watched_fallbacks = tuple(watched(fallback) for fallback in FALLBACKS)
-    order = [fallback.name for fallback in FALLBACKS]
-    for labels in np.random.default_rng(0).random((20, len(assembly.interfaces))) < 0.5:
-        asked.clear()
-        analysis.prove(labels, watched_fallbacks)
-        assert [name for name, _ in asked] == [name for name in order if name in dict(asked)]
-        assert all(status is Status.UNCERTIFIED for name, status in asked if name in order[:5])
-    assert len(asked) < len(watched_fallbacks)

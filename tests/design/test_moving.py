@@ -22,8 +22,6 @@ from jld_practice.design import (
     with_crushing,
 )
 from jld_practice.design.run import move_in_rounds, moved_trial
-from jld_practice.design.tessellations import with_materials_of
-from jld_practice.design.trials import UNPROVEN
 
 FRICTION = 0.9
 
@@ -52,14 +50,6 @@ def test_blocks_fail_in_uniaxial_compression_at_the_closed_form(wall: Scene, fri
     assert kept.crush_dry == pytest.approx(0.1 * expected, rel=1e-12)
 
 
-def test_faces_that_crush_are_weaker_and_the_materials_come_back(wall: Scene) -> None:
-    """λ falls with crushing, and returns with the materials as stated."""
-    plain, weak = solve(wall).load_factor, solve(with_crushing(wall, 1e-2)).load_factor
-    assert weak < 0.95 * plain
-    again = with_materials_of(with_crushing(wall, 1e-2), wall)
-    assert solve(again).load_factor == pytest.approx(plain, rel=1e-9)
-
-
 def test_a_moved_layout_is_weighed_with_its_own_materials(wall: Scene) -> None:
     """λ by fields is at most μ, by sliding of the whole wall; the layout gains over the one that stays."""
     labels = build_assembly(wall).labels
@@ -78,7 +68,7 @@ def test_results_of_earlier_rounds_are_kept(wall: Scene, tmp_path: Path) -> None
     """The winner after the rounds has the largest proven λ of all layouts that were moved, and more than at first."""
     assembly = build_assembly(wall)
     faces = solve(wall).bracket
-    stated = Trial("bond", "stated", wall, solve(wall).load_factor, faces, UNPROVEN, "")
+    stated = Trial("bond", "stated", wall, solve(wall).load_factor, faces, (-np.inf, np.inf), "")
     options = DesignOptions(seconds=20.0, jobs=1)
     work = Design(options, Outline(wall, ()), tmp_path, [Tessellation("bond", "bond", wall)], [stated])
     work.layouts["bond"] = [assembly.labels]

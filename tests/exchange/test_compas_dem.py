@@ -16,7 +16,7 @@ from command import SCENES, call
 from jld_core import InputError, Layout, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.limit import displacement
 from jld_formats import export, import_file
-from jld_formats.dem_solver import NAME, dem_solve, jld_solver, solve_document
+from jld_formats.dem_solver import dem_solve, jld_solver, solve_document
 
 PROBLEM = Path(__file__).parent / "data" / "compas_dem_problem.json"
 """Written by compas_dem 0.6: three blocks on one another, loads of every kind, and a support that sinks."""
@@ -378,7 +378,7 @@ def test_templates_are_solved_by_their_own_classes(name: str) -> None:
     results = problem.solve()
     assert type(results).__name__ == "Results"
     assert results.metadata["status"] == "collapse"
-    assert problem._solver.name == NAME
+    assert problem._solver.name == "JLD"
     direct = dem_solve(problem, model)
     assert direct.metadata["load_factor"] == pytest.approx(results.metadata["load_factor"], rel=1e-9)
     text = compas.json_dumps(results)

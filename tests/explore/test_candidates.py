@@ -12,7 +12,7 @@ import pytest
 from cases import all_inner, grid_document
 from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_explore import SearchSpace, search_space
-from jld_explore.space import feasible, symmetry
+from jld_explore.space import feasible
 
 ROOT = Path(__file__).parents[2]
 SQUARE = ["ab", "cd", "##"]
@@ -217,7 +217,7 @@ def test_points_of_large_scenes_are_matched_by_a_tree(monkeypatch: pytest.Monkey
     rows = ["." + "a" * 6 + "."] * 3 + ["#" * 8]
     document = grid_document(rows, live=[{"element": "c3r0", "force": [0, -1]}, {"element": "c4r0", "force": [0, -1]}])
     by_distances = space_of(document).symmetry
-    monkeypatch.setattr(symmetry, "_FEW", 0)
+    monkeypatch.setattr("jld_explore.space.symmetry._FEW", 0)
     by_tree = space_of(document).symmetry
     assert len(by_tree) == 2
     for one, other in ((by_distances.elements, by_tree.elements), (by_distances.faces, by_tree.faces)):

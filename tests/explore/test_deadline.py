@@ -45,7 +45,7 @@ from jld_explore.evaluation import Evaluator, EvaluatorSettings, field_evaluator
 from jld_explore.space import feasible, from_string
 from jld_explore.steps import step
 from jld_geometry import move_by_fields, move_joints
-from jld_views import page_of_study, search_pictures, write_report
+from jld_views import page_of_study, write_pictures, write_report
 
 
 def test_a_deadline_counts_from_its_start() -> None:
@@ -589,22 +589,22 @@ def test_drawing_is_kept_back_from_the_limit() -> None:
 def test_pictures_are_begun_only_if_they_end_in_time(tmp_path: Path) -> None:
     scene = parse_scene(grid_document(["ab", "cd", "##"]))
     done = explore(scene, tmp_path / "out", driver="enumeration", pictures=False, seconds=60.0)
-    written, missing = search_pictures.write_pictures(done, deadline=Deadline(1.0))
+    written, missing = write_pictures(done, deadline=Deadline(1.0))
     assert (written, len(missing)) == ([], 5)
-    written, missing = search_pictures.write_pictures(done, deadline=Deadline(6.0), busy=6.0)
+    written, missing = write_pictures(done, deadline=Deadline(6.0), busy=6.0)
     assert (written, len(missing)) == ([], 5)
 
 
 def test_the_picture_of_fields_has_a_time_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It refined for 2 s whatever the limit, so that a search of 10 s ended 2.1 s late."""
     asked: list[float] = []
-    monkeypatch.setattr(search_pictures, "_field_picture", lambda _, seconds: asked.append(seconds))
+    monkeypatch.setattr("jld_views.search_pictures._field_picture", lambda _, seconds: asked.append(seconds))
     monkeypatch.setattr("jld_views.figures.save_figure", lambda *_: None)
     document = grid_document(["ab", "##"]) | {"cracks": {"kind": "fields"}}
     done = explore(parse_scene(document), tmp_path / "out", driver="enumeration", pictures=False, seconds=30.0)
-    missing = search_pictures.write_pictures(done, deadline=Deadline(4.0), fields=3.0)[1]
+    missing = write_pictures(done, deadline=Deadline(4.0), fields=3.0)[1]
     assert (asked, "best.png" in missing) == ([], True)
-    assert "best.png" not in search_pictures.write_pictures(done, deadline=Deadline(60.0), fields=0.5)[1]
+    assert "best.png" not in write_pictures(done, deadline=Deadline(60.0), fields=0.5)[1]
     assert asked == [0.5]
 
 

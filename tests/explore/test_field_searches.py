@@ -24,8 +24,7 @@ from jld_core.refinement import crack_cells
 from jld_explore import Exploration, ExploreSettings, Interrupted, Progress, explore, read_folder, search_space
 from jld_explore.drivers.field_exact import FieldExact
 from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conflict
-from jld_explore.evaluation import field_evaluator
-from jld_explore.evaluation import pool as task_pool
+from jld_explore.evaluation import Pool, field_evaluator
 from jld_explore.report import words
 from jld_explore.space import from_string
 from jld_explore.steps.field_check import _findings, plan_check
@@ -69,7 +68,9 @@ def test_the_proof_agrees_with_the_race_of_all(proven: Exploration, tmp_path: Pa
 
 def test_a_proof_does_not_depend_on_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same labellings are asked for, and the same bound is proven, whatever the number of jobs."""
-    monkeypatch.setattr(task_pool, "make_executor", ThreadPoolExecutor)  # processes take seconds to start
+    monkeypatch.setattr(
+        "jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor
+    )  # processes take seconds to start
     scene = parse_scene(document())
     assembly = build_assembly(scene)
     space, told = search_space(scene, assembly), []
@@ -306,7 +307,7 @@ def test_conflicts_of_finer_meshes_hold_for_all_layouts_that_have_them() -> None
     scene = parse_scene(document())
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
-    refuter, tasks = FieldRefuter(space, None), task_pool.Pool(1)
+    refuter, tasks = FieldRefuter(space, None), Pool(1)
     meshes = refuter.common(0)
     threshold = 0.9 * [meshes.step() for _ in range(6)][-1].bound
     refuter.refute_on([meshes])
@@ -357,10 +358,10 @@ def test_a_task_whose_process_died_is_done_here(monkeypatch: pytest.MonkeyPatch)
             future.set_exception(TimeoutError())
             return future
 
-    monkeypatch.setattr(task_pool, "make_executor", Dying)
-    pool = task_pool.Pool(2)
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", Dying)
+    pool = Pool(2)
     assert list(pool.run(divmod, [(7, 2), (9, 4)])) == [(3, 1), (2, 1)]
-    monkeypatch.setattr(task_pool, "make_executor", ThreadPoolExecutor)
+    monkeypatch.setattr("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
     with pytest.raises(ZeroDivisionError):
         list(pool.run(divmod, [(7, 0), (9, 4)]))
     pool.close()
@@ -462,7 +463,9 @@ def test_summary_text_of_a_race(raced: Exploration) -> None:
 
 
 def test_jobs_do_not_matter(raced: Exploration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(task_pool, "make_executor", ThreadPoolExecutor)  # processes take seconds to start
+    monkeypatch.setattr(
+        "jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor
+    )  # processes take seconds to start
     other = searched_of_cracks(tmp_path / "out", FIELDS_OF_CRACKS, jobs=2)
     columns = [name for name in raced.results.columns if name != "seconds"]
     pd.testing.assert_frame_equal(raced.results[columns], other.results[columns])

@@ -16,7 +16,6 @@ from benchmarks.claims.geometry import Move, random_move
 from cases import all_inner, grid_document
 from jld_core import Assembly, Floats, build_assembly, load_scene, parse_scene
 from jld_core.fields import ConeProgram, bounds, bounds_by_fields, governing_bounds
-from jld_core.fields.upper import Settling
 from jld_core.models import solve_by_fields
 from proofs import fields_of
 
@@ -459,13 +458,13 @@ def test_an_answer_that_is_not_solved_is_asked_for_again(
 def test_a_field_is_settled_where_opening_costs(fields: bounds.Fields, monkeypatch: pytest.MonkeyPatch) -> None:
     """Velocities with slips of 1e-6 where nothing moves are settled, those of the solver are not; λ is the same."""
     upper, settled = fields.upper, []
-    original = Settling.settled
+    original = bounds.Settling.settled
 
-    def watched(self: Settling, velocity: np.ndarray, dry: np.ndarray) -> np.ndarray:
+    def watched(self: bounds.Settling, velocity: np.ndarray, dry: np.ndarray) -> np.ndarray:
         settled.append(True)
         return original(self, velocity, dry)
 
-    monkeypatch.setattr(Settling, "settled", watched)
+    monkeypatch.setattr(bounds.Settling, "settled", watched)
     answer = upper.propose(LABELS)
     velocity = answer.point[: 6 * len(fields.mesh)].reshape(-1, 3, 2)
     found = upper.certify(velocity, LABELS, answer.objective)

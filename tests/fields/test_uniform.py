@@ -14,7 +14,6 @@ from jld_core import Bits, Floats, build_assembly, parse_scene
 from jld_core.fields import bounds as field_bounds
 from jld_core.fields import mesh as field_mesh
 from jld_core.fields import problem as field_problem
-from jld_core.fields.forms import Material, normal_map, tensors
 from proofs import fields_of
 
 SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [0.1, -0.05]])
@@ -22,7 +21,7 @@ TENSION = 0.7
 COHESION = 1.0
 
 
-def problem(material: Material, stress: tuple[float, float, float], parts: int) -> field_problem.Problem:
+def problem(material: field_problem.Material, stress: tuple[float, float, float], parts: int) -> field_problem.Problem:
     """A free square under tractions of a uniform stress (σx, σy, τxy)."""
     fan = np.array([[k, (k + 1) % 4, 4] for k in range(4)])
     none = np.zeros(0)
@@ -75,7 +74,7 @@ def assert_bounds(given: field_problem.Problem, labels: Bits, factor: float, rel
 def test_uniform_stress(
     friction: float, crushing: float, x: float, y: float, xy: float, factor: float, parts: int
 ) -> None:
-    given = problem(Material(TENSION, COHESION, friction, crushing), (x, y, xy), parts)
+    given = problem(field_problem.Material(TENSION, COHESION, friction, crushing), (x, y, xy), parts)
     assert_bounds(given, np.zeros(0, dtype=bool), factor, 1e-6)
 
 
@@ -83,7 +82,7 @@ def test_uniform_stress(
 @pytest.mark.parametrize("crushing", [np.inf, 2.0])
 def test_support_function_is_the_largest_power_over_the_set(friction: float, crushing: float) -> None:
     """D(e, g) is sup m e + R g, found here by sampling the boundary of the set."""
-    material = Material(TENSION, COHESION, friction, crushing)
+    material = field_problem.Material(TENSION, COHESION, friction, crushing)
     rng = np.random.default_rng(1)
     trace, shear = rng.normal(size=200), abs(rng.normal(size=200))
     m = np.concatenate([np.linspace(-min(crushing, 400.0), TENSION, 200_001)])
@@ -101,7 +100,7 @@ def test_support_function_is_the_largest_power_over_the_set(friction: float, cru
 
 def test_slack_is_the_distance_to_yield() -> None:
     """Slack on, inside and outside the three conditions."""
-    material = Material(TENSION, COHESION, 0.75, 3.0)
+    material = field_problem.Material(TENSION, COHESION, 0.75, 3.0)
     points = np.array([[TENSION, 0.0, 0.0], [0.0, 0.3, 0.4], [-3.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
     assert material.slack(points) == pytest.approx([0.0, 0.2, 0.0, -1.3])
     assert material.sine == pytest.approx(0.6)
@@ -156,7 +155,7 @@ CASES_IN_SPACE = [
 
 @pytest.mark.parametrize(("friction", "crushing", "stress", "factor"), CASES_IN_SPACE)
 def test_uniform_stress_in_space(friction: float, crushing: float, stress: Floats, factor: float) -> None:
-    given = replace(cube(0), material=Material(TENSION, COHESION, friction, crushing))
+    given = replace(cube(0), material=field_problem.Material(TENSION, COHESION, friction, crushing))
     outside = given.sides.b < 0
     pull = np.where(outside[:, None, None], (given.sides.normal @ stress)[:, None], 0.0).repeat(3, axis=1)
     assert_bounds(replace(given, pull=pull), np.zeros(1, dtype=bool), factor, 1e-4)
@@ -165,7 +164,7 @@ def test_uniform_stress_in_space(friction: float, crushing: float, stress: Float
 @pytest.mark.parametrize(("friction", "crushing"), [(0.0, np.inf), (0.3, np.inf), (0.75, 2.0)])
 def test_support_function_is_the_largest_power_over_the_set_in_space(friction: float, crushing: float) -> None:
     """D(tr ε, Σ|ε_i|) is the largest Σ σ_i ε_i, found here by a linear program over the principal stresses."""
-    material = Material(TENSION, COHESION, friction, crushing)
+    material = field_problem.Material(TENSION, COHESION, friction, crushing)
     rows, right = [*np.eye(3)], [TENSION] * 3
     if np.isfinite(crushing):
         rows, right = [*rows, *(-np.eye(3))], right + [crushing] * 3
@@ -184,15 +183,6 @@ def test_support_function_is_the_largest_power_over_the_set_in_space(friction: f
         else:
             assert found.fun is not None
             assert power == pytest.approx(-found.fun, rel=1e-9, abs=1e-9)
-
-
-def test_tensors_and_tractions() -> None:
-    """Vectors of tensors keep products, and σ n is the same by both routes."""
-    rng = np.random.default_rng(3)
-    vectors, normals = rng.normal(size=(5, 6)), rng.normal(size=(5, 3))
-    full = tensors(vectors)
-    assert np.allclose((full * full).sum(axis=(1, 2)), (vectors**2).sum(axis=1))
-    assert np.allclose(np.einsum("kij,kj->ki", full, normals), np.einsum("kij,kj->ki", normal_map(normals), vectors))
 
 
 @pytest.mark.parametrize("times", [0, 1, 4])

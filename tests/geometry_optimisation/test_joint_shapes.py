@@ -17,8 +17,6 @@ from cases import dry_and_inner
 from command import Command
 from jld_core import InputError, Scene, build_assembly, parse_scene, solve
 from jld_geometry import Incline, Key, Sine, shape_joints, shaped_scene
-from jld_geometry import joint_shapes as shape_search
-from jld_geometry import moving as shaping
 from jld_studio import StudioSession
 
 LENGTH, PRESS, FRICTION, THICK = 0.4, 4000.0, 0.4, 0.2
@@ -106,7 +104,7 @@ def test_teeth_belong_to_their_blocks() -> None:
 
 
 def test_a_search_finds_a_better_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shape_search, "_LAST", 0.3)  # a coarse search, for time
+    monkeypatch.setattr("jld_geometry.joint_shapes._LAST", 0.3)  # a coarse search, for time
     scene = two_blocks()
     assembly = build_assembly(scene)
     done = shape_joints(scene, assembly, assembly.labels, Key(0.025, 0.35, 0.05))
@@ -126,7 +124,7 @@ def test_a_stopped_search_writes_the_best_shape(tmp_path: Path, jld: Command, mo
         if len(told) == 3:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(shaping.streams, "say", tell)
+    monkeypatch.setattr("jld_explore.cli.streams.say", tell)
     done = jld("move", file, "-o", out, "--joint", "key:0.025,0.35,0.05")
     assert done.code == 3
     assert f"the best so far is in {out}" in done.err
@@ -135,7 +133,7 @@ def test_a_stopped_search_writes_the_best_shape(tmp_path: Path, jld: Command, mo
 
 
 def test_a_search_changes_a_falling_slope(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shape_search, "_LAST", 0.3)
+    monkeypatch.setattr("jld_geometry.joint_shapes._LAST", 0.3)
     scene = two_blocks()
     assembly = build_assembly(scene)
     tried = shape_joints(scene, assembly, assembly.labels, Incline(-0.1)).trials
@@ -146,8 +144,8 @@ def test_a_search_changes_a_falling_slope(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_command(tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     file, out = tmp_path / "key.json", tmp_path / "out.json"
-    monkeypatch.setattr(shaping, "_GAP", 0.9)  # reached on a coarse mesh
-    monkeypatch.setattr(shaping, "_SECONDS", 60.0)
+    monkeypatch.setattr("jld_geometry.moving._GAP", 0.9)  # reached on a coarse mesh
+    monkeypatch.setattr("jld_geometry.moving._SECONDS", 60.0)
     file.write_text(two_blocks().model_dump_json(exclude_defaults=True))
     done = jld("move", file, "-o", out, "--joint", "sine:0.05,1", "--seconds", "0", "--json")
     assert done.code == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ import pytest
 import jld_core as jc
 from command import Command
 from jld_explore.verification import verify
-from jld_maps.benchmark import PROBLEMS
 
+PROBLEMS = Path(str(files("jld_maps"))) / "problems"
 RECORDS: dict[str, Any] = json.loads((PROBLEMS / "records.json").read_text("utf-8"))
 
 

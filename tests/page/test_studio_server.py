@@ -29,8 +29,7 @@ from jld_views import page_data
 
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
-from jld_studio import Jobs, StudioSession, server, session  # noqa: E402
-from jld_studio.jobs import MOST, ORDERS  # noqa: E402
+from jld_studio import Jobs, StudioSession, server  # noqa: E402
 from local_studio import TOKEN, Local  # noqa: E402
 
 
@@ -111,7 +110,7 @@ def test_blocks_are_bracketed_at_once_and_refined(local: Local, monkeypatch: pyt
     """The coarsest mesh first, then narrower brackets, as `bounds_by_fields` has them, until time is up."""
     # no other test asks for this strength, so that no mesh is kept
     for name in ("SECONDS", "STEP"):  # a busy machine would end refinement early
-        monkeypatch.setattr(session, name, 60.0)
+        monkeypatch.setattr(f"jld_studio.session.{name}", 60.0)
     asked = {"page": "d", "revision": 1, "labelling": letters(local), "changes": soft(5.1e3)}
     answers = [local.api("fields", asked)[1] for _ in range(3)]
     assert [one["more"] for one in answers] == [True] * 3
@@ -121,7 +120,7 @@ def test_blocks_are_bracketed_at_once_and_refined(local: Local, monkeypatch: pyt
     assert answers[-1]["bracket"] == pytest.approx([alone.lower, alone.upper], rel=1e-9)
     for one, after in pairwise(answers):
         assert one["bracket"][0] < after["bracket"][0] < after["bracket"][1] < one["bracket"][1]
-    monkeypatch.setattr(session, "SECONDS", answers[-1]["seconds"])
+    monkeypatch.setattr("jld_studio.session.SECONDS", answers[-1]["seconds"])
     assert local.api("fields", asked)[1] == {**answers[-1], "more": False}
 
 
@@ -392,7 +391,7 @@ def test_a_search_that_cannot_start_takes_no_place(tmp_path: Path, monkeypatch: 
     jobs = Jobs(tmp_path / "studio")
     with monkeypatch.context() as patch:
         patch.setattr("jld_studio.jobs.sys.executable", str(tmp_path / "missing"))
-        for _ in range(MOST + 1):
+        for _ in range(5):
             with pytest.raises(FileNotFoundError):
                 jobs.start("explore", small_scene(), {"seconds": 1.0})
 
@@ -425,13 +424,13 @@ def test_a_full_disk_at_the_end_of_a_search_is_reported(tmp_path: Path, monkeypa
     while "No space left" not in job.error and time.monotonic() < until:
         time.sleep(0.02)
     assert job.state == "done"
-    assert job.error.startswith(str(tmp_path / "studio" / "explore-1" / ORDERS))
+    assert job.error.startswith(str(tmp_path / "studio" / "explore-1" / "order.json"))
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "{}", '{"kind": "bake", "orders": {}}', "[" * 100_000])
 def test_damaged_settings_of_a_search_are_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "explore-1").mkdir()
-    (tmp_path / "explore-1" / ORDERS).write_text(text)
+    (tmp_path / "explore-1" / "order.json").write_text(text)
     with pytest.raises(InputError, match=r"order\.json: it is damaged .*; expected the file as it was"):
         Jobs(tmp_path)
 
@@ -440,7 +439,7 @@ def test_a_damaged_summary_does_not_hide_other_searches(tmp_path: Path) -> None:
     for number in (1, 2):
         results = tmp_path / f"explore-{number}" / "results"
         results.mkdir(parents=True)
-        (results.parent / ORDERS).write_text(json.dumps({"kind": "explore", "orders": {}, "done": True}))
+        (results.parent / "order.json").write_text(json.dumps({"kind": "explore", "orders": {}, "done": True}))
         (results / "summary.json").write_text('{"best": 1.5}' if number == 1 else '{"best":')
     one, two = (job.told() for job in Jobs(tmp_path).listed())
     assert (one["summary"]["best"], one["error"]) == (1.5, "")

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import pytest
-from benchmarks.corpus import CLASSES, Value, read
+from benchmarks.corpus import CLASSES, QUANTITIES, Value, read
 from benchmarks.corpus.__main__ import PAGE, of_others, row
-from benchmarks.corpus.quantities import QUANTITIES
 
 VALUES = read()
 ROWS = [

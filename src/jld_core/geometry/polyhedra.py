@@ -124,7 +124,7 @@ def solids(
 
     Notes
     -----
-    Volumes follow from the divergence theorem on fans of triangles; faces need not be plane.
+    Volumes follow from the divergence theorem on triangles about the mean corner of each face, which need not be plane.
     """
     vertices, faces = list(vertices), list(faces)
     surface = lay_out(vertices, faces)
@@ -215,7 +215,9 @@ def _divergence(surface: Surface, vertices: list[Floats]) -> tuple[Floats, Float
     base = np.array([v[0] for v in vertices])
     owner = surface.element[surface.face]
     about = base[owner]
-    first = surface.points[surface.vertex[surface.start[surface.face]]] - about
+    # the mean of its corners, so that a warped face bounds both its elements alike, wherever its loops begin
+    middle = np.add.reduceat(surface.points[surface.vertex], surface.start) / surface.count[:, None]
+    first = middle[surface.face] - about
     one, two = surface.points[surface.vertex] - about, surface.points[surface.after] - about
     share = np.einsum("ij,ij->i", first, np.cross(one, two)) / 6.0
     count = len(vertices)

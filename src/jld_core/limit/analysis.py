@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,6 +39,9 @@ _SCHUR: Final = (
 )
 EARLY_FROM: Final = 5000
 """Number of equations from which a solver may stop at a bracket of relative width `EARLY`."""
+
+# Batch solvers of assemblies in use, by their id: a search analyses one for its λ, for what stands and for mechanisms.
+_made: Final[dict[int, dict[tuple[str, bool], BatchSolver]]] = {}
 
 
 class Analysis(Protocol):
@@ -654,6 +658,7 @@ class LimitAnalysis:
         start = time.process_time()
         self.assembly, self.gap, self.single_labelling = assembly, gap, single_labelling
         self.options = Model(inner_bending=inner_bending, condense="off", solver=solver, gap=gap, seconds=seconds)
+        self._own_template = template is None
         if template is None:
             scaling = scaling_of(assembly)
             template = Template(assembly, scaling, yield_set(assembly, scaling, self.options.inner_bending))
@@ -672,6 +677,18 @@ class LimitAnalysis:
         """Return the batch solver; None with a named solver, without library, or for unsupported rows."""
         if self.options.solver != "auto" or chosen() is None or not fits(self.template):
             return None
+        if not self._own_template:
+            return self._new_batch()
+        if id(self.assembly) not in _made:
+            weakref.finalize(self.assembly, _made.pop, id(self.assembly), None)
+        made = _made.setdefault(id(self.assembly), {})
+        key = f"{chosen()} {self.options.inner_bending}", self.single_labelling
+        if key not in made:
+            made[key] = self._new_batch()
+        return made[key]
+
+    def _new_batch(self) -> BatchSolver:
+        """Return a new batch solver."""
         plain = self.repair.expansion() if self.single_labelling else None
         opening = self.repair.opening() if plain is None else plain
         return BatchSolver(

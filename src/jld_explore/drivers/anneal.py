@@ -28,7 +28,7 @@ _LAST_TEMPERATURE: Final = 1e-3  # temperature at the end of a cycle, relative t
 
 _FIRST_CYCLE: Final = 10  # labellings evaluated in the first cycle, per face that can change
 
-_TRIES: Final = 4  # changes of the labelling of a chain that are evaluated together
+_TRIES: Final = 4  # changes of the labelling of a chain that are evaluated together, of every other chain at a time
 
 # Number of first cycles with half as many chains and twice as many changes each. The other chains are drawn at random
 # after these cycles.
@@ -60,6 +60,7 @@ class _Chain:
 
     def move_to(self, labelling: Bits, energy: float, case: int) -> None:
         self.labelling, self.energy, self.case, self.parts, self.moving = labelling, energy, case, None, None
+        self.changes = []
 
 
 class AnnealOptions(DriverOptions):
@@ -75,8 +76,9 @@ class Anneal(Searcher):
     def __init__(self, space: SearchSpace, seed: int = 0, chains: int = 16, aim: Aim = "best") -> None:
         # A layout fails where its mechanism moves: a change merges blocks across a moving face, cuts a block without
         # one, or crosses labellings. Each cycle is twice as long as the one before. The population finds optima that
-        # combine parts; chains find those that need many small steps.
-        super().__init__(space, seed, _TRIES * chains)
+        # combine parts; chains find those that need many small steps. While changes of one half of the chains are
+        # evaluated, those of the other half are made.
+        super().__init__(space, seed, max(1, _TRIES * chains // 2))
         self._follow = Following(space, self.operators)
         self._chain_count = chains
         self._chains = [_Chain() for _ in range(max(1, chains // 2) if _GREEDY_CYCLES else chains)]
@@ -88,7 +90,8 @@ class Anneal(Searcher):
         self._population.register = self.register
         self._of_population: set[bytes] = set()
         self._population_best = math.inf
-        self._turn, self._turns_behind = 0, _TURNS_BEHIND
+        self._turn, self._turns_behind, self._half = 0, _TURNS_BEHIND, 1
+        self._prepared: Bits | None = None
 
     @cached_property
     def _movements(self) -> list[Movements]:
@@ -98,10 +101,17 @@ class Anneal(Searcher):
     def settings(self) -> dict[str, Any]:
         return {"chains": self._chain_count, **self._population.settings}
 
+    def prepare(self) -> None:
+        if self._prepared is None and self._turn and self._enumeration is None:
+            self._prepared = self._next()
+
     def propose(self) -> Bits:
+        rows, self._prepared = self._next() if self._prepared is None else self._prepared, None
+        return rows
+
+    def _next(self) -> Bits:
         # Every chain gives changes of its labelling, chains without one random labellings. In some turns the genetic
         # population gives a generation instead.
-        self._accept_changes()
         self._advance_cycle()
         self._turn += 1
         if self._turn % (_TURNS_AHEAD if self._population_best <= self._best[0] else self._turns_behind) == 0:
@@ -117,12 +127,15 @@ class Anneal(Searcher):
         return rows
 
     def _changed(self) -> Bits:
-        """Return new changes (k, m) of every chain; a chain without any restarts at random."""
-        with_labelling = [number for number, chain in enumerate(self._chains) if chain.labelling is not None]
+        """Return new changes (k, m) of the other half of the chains; a chain without any restarts at random."""
+        self._half = 1 - self._half
+        half = list(range(len(self._chains)))[self._half :: 2] or [0]
+        self._accept_changes(half)
+        with_labelling = [number for number in half if self._chains[number].labelling is not None]
         batches = [self._none]
         if with_labelling:
             self._compute_mechanisms(with_labelling)
-        tries = self.size // len(self._chains)
+        tries = max(1, self.size // len(half))
         lacking = dict.fromkeys(with_labelling, tries)
         for _ in range(_ATTEMPTS):
             checkpoint()
@@ -138,7 +151,7 @@ class Anneal(Searcher):
         for number, count in lacking.items():
             if count == tries:
                 self._chains[number] = _Chain()
-        lost = [number for number, chain in enumerate(self._chains) if chain.labelling is None]
+        lost = [number for number in half if self._chains[number].labelling is None]
         if lost:
             drawn = self.fresh(self.draw, len(lost) * tries)
             self._owner.update((name, lost[k % len(lost)]) for k, name in enumerate(keys(drawn)))
@@ -189,10 +202,10 @@ class Anneal(Searcher):
                 for chain, moving, parts in zip(lacking, movements.of(rows), self._follow.parts(rows), strict=True):
                     chain.moving, chain.parts = moving, parts
 
-    def _accept_changes(self) -> None:
-        """Move every chain to its best evaluated change, or reject that change."""
+    def _accept_changes(self, half: list[int]) -> None:
+        """Move every chain of a half to its best evaluated change, or reject that change."""
         # a weaker change is accepted with probability exp(−Δλ / T)
-        for chain in self._chains:
+        for chain in (self._chains[number] for number in half):
             if chain.changes:
                 energy, case, row = min(chain.changes, key=lambda one: one[0])
                 worse = energy - chain.energy
@@ -220,7 +233,8 @@ class Anneal(Searcher):
         return float(_FIRST_TEMPERATURE * (_LAST_TEMPERATURE / _FIRST_TEMPERATURE) ** part * max(size, 1e-300))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        # Chains accept or reject their changes at the next call of `propose`.
+        # Chains accept or reject their changes when their half is changed again.
+        self.prepare()
         bred: list[int] = []
         for k, (key, labels, found) in enumerate(zip(keys(labellings), labellings, evaluations, strict=True)):
             rank, loss = sort_key(found)

@@ -179,6 +179,9 @@ class Driver(ABC):
     def close(self) -> None:  # noqa: B027
         """Release files and workers; called once after the last `ask`."""
 
+    def prepare(self) -> None:  # noqa: B027
+        """Work for the next `ask` while labellings are evaluated; `tell` must give the same without it."""
+
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:  # noqa: B027
         """Take over the evaluations of labellings (k, m) of a resumed study, which `tell` passes again."""
 

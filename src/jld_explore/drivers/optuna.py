@@ -123,7 +123,7 @@ class Optuna(Searcher):
         rows: list[Bits] = []
         for _ in range(2 * self.size):
             trial = self._study.ask(self._space)
-            row = self.operators.read([trial.params[name] for name in self._space])
+            row = self.operators.read(np.array([[trial.params[name] for name in self._space]]))[0]
             if not len(row):
                 self._copy.add(self._study.tell(trial, state=TrialState.PRUNED), {})
                 continue
@@ -168,7 +168,7 @@ class Optuna(Searcher):
         """Add a finished trial for labels (m,) that no trial proposed."""
         from optuna.trial import TrialState, create_trial
 
-        params = dict(zip(self._space, self.operators.write(labels), strict=True))
+        params = dict(zip(self._space, self.operators.write(labels[None])[0].tolist(), strict=True))
         collapsed = found.status is Status.COLLAPSE
         frozen = create_trial(
             state=TrialState.COMPLETE if collapsed else TrialState.PRUNED,

@@ -64,6 +64,8 @@ class _Climb:
     changes: list[tuple[float, int, Bits]] = field(default_factory=list)  # energy, load case, labels evaluated since
     better: list[Bits] = field(default_factory=list)  # changes of the labelling before that were better than it
     before: Bits | None = None  # (m,) that labelling
+    # a labelling and changes of it that were made before its own changes were known, with their origins
+    prepared: tuple[Bits, Bits, list[tuple[str, int]]] | None = None
     fallen: Bits = field(default_factory=lambda: np.empty((0, 0), dtype=bool))  # (k, m) the labellings evaluated last
     idle: int = 0  # evaluations since the last progress
     spent: int = 0  # evaluations in all
@@ -116,6 +118,16 @@ class Portfolio(Anneal):
     @property
     def settings(self) -> dict[str, Any]:
         return {"aim": self.aim, **super().settings}
+
+    def prepare(self) -> None:
+        if self._climb is None and self._left > 0.0:
+            super().prepare()
+        for climb in (self._climb, self._ascent):
+            if climb is None or climb.labelling is None or climb.prepared is not None:
+                continue
+            if climb.idle <= climb.patience and climb.energy < _NO_LOAD_FACTOR:
+                count = min(self._together + climb.idle, _MOST * self._together)
+                climb.prepared = climb.labelling, *self._candidates(climb, climb.labelling, count)
 
     def propose(self) -> Bits:
         self._learn()
@@ -221,9 +233,16 @@ class Portfolio(Anneal):
             return self._none
         if climb.energy >= _NO_LOAD_FACTOR:
             return self._walked(climb)
-        batches = [self._merged(climb)]
+        batches, prepared, climb.prepared = [self._merged(climb)], climb.prepared, None
         # making changes costs about as much for many as for few, and a climb at rest loses nothing by many
         lacking = min(self._together + climb.idle, _MOST * self._together) - len(batches[0])
+        if prepared is not None and lacking > 0:
+            base, rows, origins = prepared
+            if base is not climb.labelling:
+                rows, of = self._carried(rows, base, climb.labelling)
+                origins = [origins[k] for k in of.tolist()]
+            batches.append(self._admitted(climb, rows, origins, lacking))
+            lacking -= len(batches[-1])
         for _ in range(4):
             checkpoint()
             if lacking <= 0:
@@ -265,16 +284,24 @@ class Portfolio(Anneal):
         climb.better = []
         if len(better) < 2 or before is None:
             return self._none
-        base, found = np.array(self.operators.write(before)), []
-        written = [np.array(self.operators.write(row)) for row in better]
+        (base, *written), merges = self.operators.write(np.array([before, *better])), []
         for number in sorted({2, min(3, len(better)), max(2, len(better) // 2), len(better)}):
             merged, taken = base.copy(), np.zeros(len(base), dtype=bool)
             for one in written[:number]:
                 fresh = (one != base) & ~taken
                 merged[fresh], taken = one[fresh], taken | fresh
-            jitter = 0.1 * np.array(self.rng.reals(len(base)))
-            found.append(self.operators.read((merged + jitter).tolist()))
-        return self._admitted(climb, np.concatenate(found), [("merge", 1)] * sum(map(len, found)))
+            merges.append(merged)
+        found = self._read(np.array(merges))[0]
+        return self._admitted(climb, found, [("merge", 1)] * len(found))
+
+    def _carried(self, rows: Bits, base: Bits, labels: Bits) -> tuple[Bits, Ints]:
+        """Change labels (m,) as rows (k, m) change a base (m,), where both agree: labellings, and the row of each."""
+        before, here, *after = self.operators.write(np.concatenate([base[None], labels[None], rows]))
+        return self._read(np.where((np.array(after) != before) & (here == before), after, here))
+
+    def _read(self, written: Floats) -> tuple[Bits, Ints]:
+        """Return labellings of keys (k, keys) whose blocks are joined in random order, and the row of each."""
+        return self.operators.read(written + 0.1 * np.reshape(self.rng.reals(written.size), written.shape))
 
     def _admitted(self, climb: _Climb, rows: Bits, origins: list[tuple[str, int]], most: int | None = None) -> Bits:
         """Register new labellings among rows (k, m), the most promising if there are too many, with their origins."""
@@ -353,6 +380,7 @@ class Portfolio(Anneal):
         climb.changes = []
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        self.prepare()
         names = keys(labellings)
         source = np.where([name in self._of_population for name in names], 1, 2)
         super().tell(labellings, evaluations)

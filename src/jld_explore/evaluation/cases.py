@@ -317,7 +317,7 @@ class VoidCellsEvaluator(LabellingEvaluator):
 _KEPT: Final = 64  # states and motions that are tested with every labelling
 _FEW: Final = 2  # states and motions from which on what they leave open goes to the batch solver first
 _SLICE: Final = 4096  # labellings of one call of the batch solver
-_SHARED: Final = 32  # labellings from which on threads share such a call
+_SHARED: Final = 16  # labellings from which on threads share such a call
 
 _LONGER: Final = 4.0  # how much longer than λ it may take to decide whether a layout stands
 
@@ -360,6 +360,14 @@ class Standing:
         if self._falls_only:
             found[found == 1.0] = math.nan
         return np.asarray(found)
+
+    def foresee(self, labellings: Bits, evaluations: Sequence[Evaluation], deadline: Deadline | None) -> None:
+        """Decide for labellings (k, m), in any thread, what `told` will ask of the batch solver."""
+        rows = [k for k, one in enumerate(evaluations) if one.status in (Status.COLLAPSE, Status.LOCKED)]
+        labels = labellings[rows] if self._cells is None else self._cells(labellings[rows])
+        carries = (np.array([evaluations[k].low for k in rows]) >= 0.0) & self._by_load_factor
+        for case in self._cases if rows else ():
+            case.foresee(labels, carries.copy(), math.inf if deadline is None else deadline.remaining())
 
     def told(
         self, labellings: Bits, evaluations: Sequence[Evaluation], deadline: Deadline | None = None
@@ -406,7 +414,8 @@ class _Case:
         )  # of each state: faces beyond their yield set, if dry and if inner
         self._cost = np.empty((0, 2, faces))  # of each motion: dissipation if dry and if inner
         self._known: dict[bytes, float] = {}  # answers by packed labels, as tables ask again
-        self._begun = False  # whether all that is dry in the first labellings was looked at
+        self._dry = np.zeros(faces, dtype=bool)  # all that is dry in labellings that were open, while it stands
+        self._wider = True  # while it does
         self._gain = np.empty(0)  # of each motion: dissipation below which it proves a fall
 
     def of(self, labellings: Bits, carries: Bools, deadline: Deadline | None, until: Deadline | None) -> Floats:
@@ -419,17 +428,17 @@ class _Case:
         found = np.full(len(labellings), math.nan)
         self._test(labellings, found, 0, 0)
         open_rows, late = np.isnan(found), deadline is not None and deadline.passed()
-        if not self._begun and np.count_nonzero(open_rows) > _FEW and not late:
+        if self._wider and np.count_nonzero(open_rows) > _FEW and not late:
             # what is dry in any of them: where that stands with room, as most walls do, all are settled at once
-            self._begun = True
-            self._learn(labellings[open_rows].any(axis=0), labellings, found, until)
+            self._dry |= labellings[open_rows].any(axis=0)
+            self._wider = isinstance(self._learn(self._dry, labellings, found, until), State)
         asked = False
         for k in range(len(labellings)):
             if not math.isnan(found[k]):
                 continue
             if deadline is not None and deadline.passed():
                 break
-            if not asked and len(self._bad) + len(self._cost) >= _FEW:
+            if not asked and self._many:
                 asked = True
                 self._by_batch_solver(
                     labellings, carries, found, math.inf if deadline is None else deadline.remaining()
@@ -440,6 +449,18 @@ class _Case:
             if proof is not None:
                 found[k] = self._known[np.packbits(labellings[k]).tobytes()] = float(isinstance(proof, State))
         return found
+
+    @property
+    def _many(self) -> bool:
+        """True once so much was asked that the batch solver, which takes long to make, is worth it."""
+        return len(self._bad) + len(self._cost) >= _FEW or bool(self._dry.any())
+
+    def foresee(self, labellings: Bits, carries: Bools, seconds: float) -> None:
+        """Decide labellings (k, m) that nothing settles yet by the batch solver alone; carries: as in `of`."""
+        if not self._every and self._many:
+            found = np.full(len(labellings), math.nan)
+            self._test(labellings, found, 0, 0)
+            self._by_batch_solver(labellings, carries, found, seconds, threads=1)
 
     def _learn(self, labels: Bits, labellings: Bits, found: Floats, until: Deadline | None) -> State | Motion | None:
         """Find what decides labels (m,), and settle labellings (k, m) by it; `found` (k,) is changed."""
@@ -455,14 +476,17 @@ class _Case:
 
     def _test(self, labellings: Bits, found: Floats, states: int, motions: int) -> None:
         """Settle labellings (k, m) by states and motions from given positions on; `found` (k,) is changed."""
-        for bad in self._bad[states:]:
+        if len(bad := self._bad[states:]):
             rows = np.flatnonzero(np.isnan(found))
-            found[rows[~np.where(labellings[rows], *bad).any(axis=1)]] = 1.0
-        for cost, gain in zip(self._cost[motions:], self._gain[motions:], strict=True):
+            dry, (if_dry, if_inner) = labellings[rows].astype(np.float32), bad.swapaxes(0, 1).astype(np.float32)
+            found[rows[(dry @ if_dry.T + (1.0 - dry) @ if_inner.T == 0.0).any(axis=1)]] = 1.0  # counts, hence exact
+        for cost, gain in zip(self._cost[motions:], self._gain[motions:], strict=False):  # another thread may add one
             rows = np.flatnonzero(np.isnan(found))
             found[rows[np.where(labellings[rows], *cost).sum(axis=1) < gain]] = 0.0
 
-    def _by_batch_solver(self, labellings: Bits, carries: Bools, found: Floats, seconds: float) -> None:
+    def _by_batch_solver(
+        self, labellings: Bits, carries: Bools, found: Floats, seconds: float, threads: int | None = None
+    ) -> None:
         """Settle open labellings (k, m) by λ in both directions; `found` and `carries` (k,) are changed."""
         # states of λ ≥ 0 and of λ ≤ 0 prove that λ = 0 between them is admissible
         batch, until = self._analysis.batch, time.perf_counter() + seconds
@@ -478,22 +502,23 @@ class _Case:
             if time.perf_counter() > until:
                 return
             unknown = rows[~carries[rows]]
-            carries[unknown] = self._solved(batch, labellings[unknown]).low >= 0.0
-            answer = self._solved(reverse, labellings[rows])
+            carries[unknown] = self._solved(batch, labellings[unknown], threads).low >= 0.0
+            answer = self._solved(reverse, labellings[rows], threads)
             found[rows[carries[rows] & (answer.low >= 0.0)]] = 1.0
             found[rows[answer.verdict == FALLS]] = 0.0
             self._known |= dict(zip(keys[low : low + _SLICE].tolist(), found[rows].tolist(), strict=True))
 
-    def _solved(self, batch: BatchSolver, labellings: Bits) -> BatchResults:
+    def _solved(self, batch: BatchSolver, labellings: Bits, threads: int | None) -> BatchResults:
         """Bound λ of labellings (k, m) until above 0, many of them in several threads."""
 
         def solved(rows: Bits) -> BatchResults:
             return batch.solve(rows, thresholds=np.zeros(len(rows)))
 
-        if self._threads == 1 or len(labellings) < _SHARED:
+        threads = threads or self._threads
+        if threads == 1 or len(labellings) < _SHARED:
             return solved(labellings)
-        with ThreadPoolExecutor(self._threads) as pool:
-            return BatchResults.joined(list(pool.map(solved, np.array_split(labellings, self._threads))))
+        with ThreadPoolExecutor(threads) as pool:
+            return BatchResults.joined(list(pool.map(solved, np.array_split(labellings, threads))))
 
     def _add(self, proof: State | Motion) -> None:
         if len(self._bad) + len(self._cost) >= _KEPT:
@@ -506,6 +531,6 @@ class _Case:
             return
         margins = np.array([sets.margin(proof.jumps, labels) for labels in self._both])
         cost = np.array([sets.dissipation(proof.jumps, labels) for labels in self._both])
-        self._cost = np.concatenate([self._cost, np.where(margins >= 0.0, cost, np.inf)[None]])
         gain = float(self._analysis.template.dead @ proof.velocity) - max(ROUNDING, proof.noise)
         self._gain = np.append(self._gain, gain)
+        self._cost = np.concatenate([self._cost, np.where(margins >= 0.0, cost, np.inf)[None]])

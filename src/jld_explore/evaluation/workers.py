@@ -41,6 +41,7 @@ _of_thread = threading.local()  # An evaluator is for one thread, but workers of
 _of_process: Final[
     dict[str, SharedEvaluator]
 ] = {}  # Last evaluator of this process by digest; other threads make twins of it.
+_of_search: Final[dict[str, tuple[Any, ...]]] = {}  # What the last specification of this process was made of.
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,10 @@ class WorkerSpec:
         content = cloudpickle.dumps((make, assembly, settings))  # pickle refuses functions defined in a program
         # Include the batch solver in the digest, since results depend on it.
         kernel = (chosen() or "none").encode()
-        return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
+        digest = hashlib.sha256(kernel + content).hexdigest()
+        _of_search.clear()
+        _of_search[digest] = make, assembly, settings
+        return cls(content, digest, os.getpid())
 
     def evaluator(self) -> LabellingEvaluator:
         """Return the evaluator of this thread, made at the first call; InputError for another version."""
@@ -68,7 +72,7 @@ class WorkerSpec:
                     raise ParameterError(
                         "cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one"
                     )
-                make, assembly, settings = pickle.loads(self.content)
+                make, assembly, settings = _of_search.get(self.digest) or pickle.loads(self.content)
                 evaluator = make(assembly, settings)
                 _of_process.clear()
                 if isinstance(evaluator, SharedEvaluator):
@@ -118,8 +122,8 @@ _MOST_PER_TASK: Final = 64  # largest number of labellings per task
 # Largest number of faces over all labellings of a task for the batch solver, which takes about a second
 _MOST_FACES_PER_TASK: Final = 200_000
 
-# Smallest number of labellings of a task for the batch solver; fewer leave SIMD lanes idle
-_FEWEST_PER_TASK: Final = 32
+# Labellings of a task for the batch solver come in such numbers: others leave SIMD lanes idle
+_LANES: Final = 8
 
 # Largest useful number of threads in one process; code outside a solver waits for the interpreter lock
 MOST_THREADS: Final = 2
@@ -139,10 +143,17 @@ def batch_size(faces: int, requested: int) -> int:
     return int(np.clip(min(3000 // max(faces, 1), -(-requested // _FEWEST_TASKS)), 1, _MOST_PER_TASK))
 
 
-def _timed_batch(task: tuple[Any, ...]) -> tuple[tuple[int, list[Evaluation]], float]:
-    """Return the result of `evaluate_batch`, and the processor time of its thread, s."""
+def _timed_batch(task: tuple[Any, ...], then: Then | None) -> tuple[tuple[int, list[Evaluation]], float]:
+    """Return the result of `evaluate_batch` after what is done with it, and the processor time of its thread, s."""
     begun = time.thread_time()
-    return evaluate_batch(*task), time.thread_time() - begun
+    found = evaluate_batch(*task)
+    if then is not None:
+        _, _, labellings, deadline, *_ = task
+        then(labellings[: len(found[1])], found[1], deadline)
+    return found, time.thread_time() - begun
+
+
+Then = Callable[[Bits, list[Evaluation], Deadline | None], None]  # work on evaluations in the thread that made them
 
 
 class Workers:
@@ -157,7 +168,9 @@ class Workers:
         *,
         batch: bool = False,  # stay in this process: the batch solver settles nearly all labellings
         ahead: int = 0,  # runs that begin before the results of an earlier one are requested, see `Driver.ahead`
+        then: Then | None = None,
     ) -> None:
+        self._then = then
         self.spec, self.jobs, self.faces, self.hang_seconds = spec, jobs, faces, hang_seconds
         self.deaths = 0
         client = client_of_cluster()
@@ -221,7 +234,7 @@ class Workers:
         known = self._seconds_of_tasks > 0.0
         if self._single_thread is not None and known and own > _BUSY_SHARE * self._seconds_of_tasks:
             pool = self._single_thread
-        return [partial(self._result, pool.submit(_timed_batch, task)) for task in tasks]
+        return [partial(self._result, pool.submit(_timed_batch, task, self._then)) for task in tasks]
 
     def _result(self, task: Future[tuple[tuple[int, list[Evaluation]], float]]) -> tuple[int, list[Evaluation]]:
         """Wait for a task and record its time; return batch number and evaluations."""
@@ -262,7 +275,7 @@ class Run:
         if workers.batch:
             # Use as few tasks as threads for this run, so that threads seldom wait.
             most = max(_MOST_PER_TASK, _MOST_FACES_PER_TASK // workers.faces)
-            size = max(_FEWEST_PER_TASK, min(most, -(-len(labellings) // workers.threads_of_run)))
+            size = min(most, _LANES * -(-len(labellings) // (_LANES * workers.threads_of_run)))
         # The labelling to be evaluated in any case is a separate task, independent of the deadline.
         starts = (
             [0, *range(1, len(labellings), size)] if self._first_required else list(range(0, len(labellings), size))

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from jld_core import plugins
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
@@ -238,6 +240,8 @@ class Study:
                     offered, self._offered = self._offered, None
                     recorded.collect(recorded.submit(offered))
                     continue
+                with suppress(DeadlinePassed), plugins.guarded("jld.drivers", driver.name), self.deadline.enforced():
+                    driver.prepare()
                 pending = waiting.popleft()
                 evaluations = recorded.collect(pending)
                 self.solved = recorded.solved
@@ -298,6 +302,7 @@ class Study:
             hang_seconds=max(HANG_SECONDS, _HANGS * cost_estimate(self.assembly).seconds),
             batch=self._make is evaluator_of and settings.batched and spec.settles_nearly_all,
             ahead=self.driver.ahead,
+            then=None if self.space.void is not None else self.standing.foresee,
         )
 
     @property

@@ -7,7 +7,7 @@ from math import inf
 
 import numpy as np
 
-from jld_core.arrays import Bits, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.cutting import Cutter, Repair
 from jld_explore.space import feasible
@@ -67,14 +67,15 @@ class FreeBits:
         rows = [self.cross(one[None], other[None], rng) for one, other in zip(first, second, strict=True)]
         return np.concatenate([first[:0], *rows]), np.repeat(np.arange(len(rows)), [len(row) for row in rows])
 
-    def read(self, keys: list[float]) -> Bits:
-        row = self.space.fixed.copy()
-        row[self._faces] = np.asarray(keys) > 0.5
-        seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
-        return self._repaired(row[None], BufferedRandom(seed))
+    def read(self, keys: Floats) -> tuple[Bits, Ints]:
+        rows = np.repeat(self.space.fixed[None], len(keys), axis=0)
+        rows[:, self._faces] = keys > 0.5
+        seeds = [np.random.default_rng(np.frombuffer(one.tobytes(), dtype=np.uint32)) for one in keys]
+        found = [self._repaired(row[None], BufferedRandom(seed)) for row, seed in zip(rows, seeds, strict=True)]
+        return np.concatenate([rows[:0], *found]), np.repeat(np.arange(len(found)), [len(one) for one in found])
 
-    def write(self, labelling: Bits) -> list[float]:
-        return [0.75 if labelling[face] else 0.25 for face in self._faces]
+    def write(self, labellings: Bits) -> Floats:
+        return np.where(labellings[:, self._faces], 0.75, 0.25)
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])

@@ -311,15 +311,24 @@ class Segmentations:
                 return found
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
-    def read(self, keys: list[float]) -> Bits:
-        # the seed derives from the keys, so that the same keys give the same repair
-        seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
-        part = self._assemble(keys, THRESHOLD, BufferedRandom(seed))
-        return self.labels([] if part is None else [part])
+    def read(self, keys: Floats) -> tuple[Bits, Ints]:
+        found, of = (self.labels([]), np.empty(0, dtype=np.int64))
+        if self._batches is not None:
+            found, of = self._batches.read_some(keys)
+        parts, rest = [], []
+        for k in np.setdiff1d(np.arange(len(keys)), of).tolist():
+            # the seed derives from the keys, so that the same keys give the same repair
+            seed = np.random.default_rng(np.frombuffer(keys[k].tobytes(), dtype=np.uint32))
+            part = self._assemble(keys[k].tolist(), THRESHOLD, BufferedRandom(seed))
+            if part is not None:
+                parts.append(part)
+                rest.append(k)
+        return np.concatenate([found, self.labels(parts)]), np.append(of, np.array(rest, dtype=np.int64))
 
-    def write(self, labelling: Bits) -> list[float]:
-        part = self.parts(labelling[None])[0]
-        return [0.75 if part[a] != part[b] else 0.25 for a, b in self.graph.pairs]
+    def write(self, labellings: Bits) -> Floats:
+        part = blocks_of(self.space.graph, labellings)[:, self.graph.first]
+        a, b = np.array(self.graph.pairs, dtype=np.int64).reshape(-1, 2).T
+        return np.where(part[:, a] != part[:, b], 0.75, 0.25)
 
     def random(self, rng: BufferedRandom) -> Parts | None:
         low, high = self.limits.parts
@@ -535,11 +544,11 @@ class Operators(Protocol):
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         """Return one child of each couple (k, m), then one change of each single parent (i, m)."""
 
-    def read(self, keys: list[float]) -> Bits:
-        """Convert keys in [0, 1] to a labelling (1, m), or (0, m); equal keys give an equal labelling."""
+    def read(self, keys: Floats) -> tuple[Bits, Ints]:
+        """Convert keys (k, keys) in [0, 1] to labellings (j, m), and the row (j,) of each; equal ones to equal ones."""
 
-    def write(self, labelling: Bits) -> list[float]:
-        """Return keys of a labelling (m,), from which `read` makes the same labelling again."""
+    def write(self, labellings: Bits) -> Floats:
+        """Return keys (k, keys) of labellings (k, m), from which `read` makes the same labellings again."""
 
 
 def operators(space: SearchSpace) -> Operators:
