@@ -339,12 +339,13 @@ class _Propagation:
                 self._assign(-literal, -1)
         if conflict is None:
             conflict = self._propagate()
-        found = None if conflict is None else self._why(conflict)
+        clauses = None if conflict is None else self._why(conflict)
+        # take back what the lemma's negation has assigned
         for literal in self._trail[mark:]:
             del self._reason[literal]
         del self._trail[mark:]
         self._head = mark
-        return found
+        return clauses
 
     def _assign(self, literal: int, name: int) -> None:
         """Make a literal true, with the clause that implies it as reason (−1: assumed)."""
@@ -360,8 +361,9 @@ class _Propagation:
             watching = self._watches.get(false)
             if not watching:
                 continue
-            kept: list[int] = []
+            kept: list[int] = []  # clauses that go on watching the false literal
             for place, name in enumerate(watching):
+                # the watched literals are the first two; the false one comes second
                 clause = clauses[name]
                 if clause[0] == false:
                     clause[0], clause[1] = clause[1], clause[0]
