@@ -235,25 +235,9 @@ def design_outline(
     busy = busy_factor(deadline.elapsed(), time.process_time())
     until = deadline.earlier(_WRITING[0] * options.seconds + busy * _WRITING[1])
     try:
-        _cut(work, deadline, say)
-        folder.mkdir(parents=True, exist_ok=True)
-        _search_all(work, until, say)
-        work.seconds = deadline.elapsed()
-        write_design(work, pictures=False)
-        _bound_usual(work, until)
-        _move_best(work, until, say)
-        _refine_promising(work, until, say)
-        if work.winner is not None:
-            work.checks = check_winner(work, until.within(2.0 * _CHECKS * options.seconds), say)
+        _take_steps(work, deadline, until, say)
     except Interrupted as stop:
-        if not work.trials and not folder.exists():
-            stop.words = _NOTHING
-            raise
-        work.stop = "interrupted"
-        work.seconds = deadline.elapsed()
-        folder.mkdir(parents=True, exist_ok=True)
-        write_design(work)
-        stop.words = f"stopped; the best so far is in {folder}" if work.winner else "stopped; no layout was found yet"
+        stop.words = _write_best_so_far(work, deadline)
         raise
     work.seconds = deadline.elapsed()
     if work.winner is None:
@@ -266,6 +250,30 @@ def design_outline(
     # a picture takes seconds on a busy machine
     write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
     return work
+
+
+def _take_steps(work: Design, deadline: Deadline, until: Deadline, say: Say) -> None:
+    """Cut, search, move, refine and check, with a first page as soon as searches end."""
+    _cut(work, deadline, say)
+    work.folder.mkdir(parents=True, exist_ok=True)
+    _search_all(work, until, say)
+    work.seconds = deadline.elapsed()
+    write_design(work, pictures=False)
+    _bound_usual(work, until)
+    _move_best(work, until, say)
+    _refine_promising(work, until, say)
+    if work.winner is not None:
+        work.checks = check_winner(work, until.within(2.0 * _CHECKS * work.options.seconds), say)
+
+
+def _write_best_so_far(work: Design, deadline: Deadline) -> str:
+    """Write what an interrupted design has found, if anything, and say so."""
+    if not work.trials and not work.folder.exists():
+        return _NOTHING
+    work.stop, work.seconds = "interrupted", deadline.elapsed()
+    work.folder.mkdir(parents=True, exist_ok=True)
+    write_design(work)
+    return f"stopped; the best so far is in {work.folder}" if work.winner else "stopped; no layout was found yet"
 
 
 def _cut(work: Design, deadline: Deadline, say: Say) -> None:
@@ -351,15 +359,15 @@ def _bound_usual(work: Design, until: Deadline) -> None:
 def _search_all(work: Design, until: Deadline, say: Say) -> None:
     """Search the labels of every tessellation in equal times; bound their best by fields."""
     fitting = [one for one in work.tessellations if one.scene is not None and one.name in work.screened]
-    left = until.remaining()
-    total = max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
+    seconds_left = until.remaining()
+    total = max(_SEARCHES * seconds_left, min(_LEAST * len(fitting), _SHORT * seconds_left))
     if not _moves(work):  # searches get that time as well
         refining = _REFINING if work.outline.scene.dimension == 2 else 0.0
-        total = (1.0 - _CHECKS - refining) * left
+        total = (1.0 - _CHECKS - refining) * seconds_left
     # in a short time the most promising tessellations are searched, instead of all with a few layouts each
     fitting = sorted(fitting, key=lambda one: -work.screened[one.name].load_factor)
-    least = max((work.screened[one.name].search_seconds for one in fitting), default=_LEAST)
-    fitting = fitting[: max(1, round(total / min(least, _LEAST)))]
+    seconds_each = max((work.screened[one.name].search_seconds for one in fitting), default=_LEAST)
+    fitting = fitting[: max(1, round(total / min(seconds_each, _LEAST)))]
     whole = until.within(total)
     for number, one in enumerate(fitting):
         each = whole.within(whole.remaining() / (len(fitting) - number))
@@ -437,18 +445,19 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
     deadline = until.earlier(_CHECKS * work.options.seconds)
     with Pool(jobs) as pool:
         for wave in range(_WAVES):
-            least = work.winner.proven if work.winner is not None else -math.inf
-            open_ones = [one for one in work.ranked if one.scene.dimension == 2 and one.fields[1] > least]
+            proven = work.winner.proven if work.winner is not None else -math.inf
+            open_ones = [one for one in work.ranked if one.scene.dimension == 2 and one.fields[1] > proven]
             # the winner, and what may carry most
             promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.upper_estimate)[: max(1, jobs) - 1]
             seconds = deadline.remaining() / (_WAVES - wave)
             if seconds < 1.0 or not promising:
                 return
-            found = pool.run(refined_bounds, [(one.scene, _REFINED * seconds) for one in promising])
-            for one, (low, high) in zip(promising, found, strict=True):
-                better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
-                work.trials = [better if trial is one else trial for trial in work.trials]
-                say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
+            bounds = pool.run(refined_bounds, [(one.scene, _REFINED * seconds) for one in promising])
+            for refined, (low, high) in zip(promising, bounds, strict=True):
+                low, high = max(low, refined.fields[0]), min(high, refined.fields[1])
+                better = replace(refined, fields=(low, high))
+                work.trials = [better if trial is refined else trial for trial in work.trials]
+                say(f"{refined.tessellation:<12} {refined.kind}: by fields {low:.4g} to {high:.4g}")
 
 
 @one_thread()

@@ -107,23 +107,30 @@ def aligned_cells(field: TriangleStresses, size: float) -> AlignedCells:
     heads = _fitted(field, gradient, area * weight, direction)
     beds = _fitted(field, gradient, area * weight, across)
     lines: list[shapely.LineString] = []
-    deviation, total = 0.0, 0.0
+    deviation, total = 0.0, 0.0  # sum of angles of head joints by weight, and of weights
     for number in range(int(part.max()) + 1):
-        own = field.triangles[part == number]
-        for values, normal in ((heads, direction[part == number]), (beds, None)):
-            ends, triangle = _level_lines(field.points, own, values, size)
-            lines += list(shapely.linestrings(ends))
-            if normal is not None and len(ends):
-                along = ends[:, 1] - ends[:, 0]
-                length = np.hypot(*along.T)
-                share = length * strength[part == number][triangle]
-                turned = np.abs(np.einsum("sd,sd->s", along, normal[triangle])) / np.maximum(length, 1e-300)
-                deviation += float(share @ np.arcsin(np.minimum(turned, 1.0)))
-                total += float(share.sum())
+        of_part = part == number
+        triangles = field.triangles[of_part]
+        head_joints, triangle = _level_lines(field.points, triangles, heads, size)
+        bed_joints, _ = _level_lines(field.points, triangles, beds, size)
+        lines += [*shapely.linestrings(head_joints), *shapely.linestrings(bed_joints)]
+        if len(head_joints):
+            angle, length = _deviations(head_joints, direction[of_part][triangle])
+            share = length * strength[of_part][triangle]
+            deviation += float(share @ angle)
+            total += float(share.sum())
     if len(lines) > arrangement.MOST:
         raise InputError("cell", f"that makes {len(lines):.3g} pieces of joints", f"at most {arrangement.MOST}")
     cells = _halved(_cells(field, lines, size), field, direction, _LARGEST * size**2)
     return AlignedCells(cells, deviation / total if total > 0.0 else 0.0)
+
+
+def _deviations(segments: Floats, direction: Floats) -> tuple[Floats, Floats]:
+    """Return the angles (s,) between segments (s, 2, 2) and the normals of directions (s, 2), and the lengths (s,)."""
+    along = segments[:, 1] - segments[:, 0]
+    length = np.hypot(*along.T)
+    sine = np.abs(np.einsum("sd,sd->s", along, direction)) / np.maximum(length, 1e-300)
+    return np.arcsin(np.minimum(sine, 1.0)), np.asarray(length)
 
 
 def _matrix(triangles: Ints, blocks: Floats, count: int) -> csr_matrix:
@@ -158,10 +165,10 @@ def _oriented(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
         for pair in ((a, b), (b, c), (c, a)):
             edges.setdefault((min(pair), max(pair)), []).append(number)
     beside: list[list[int]] = [[] for _ in triangles]
-    for both in edges.values():
-        if len(both) == 2:
-            beside[both[0]].append(both[1])
-            beside[both[1]].append(both[0])
+    for users in edges.values():
+        if len(users) == 2:
+            beside[users[0]].append(users[1])
+            beside[users[1]].append(users[0])
     part = np.full(len(triangles), -1, dtype=np.int64)
     number = 0
     for root in np.argsort(-weight, kind="stable").tolist():
@@ -169,15 +176,15 @@ def _oriented(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
             continue
         heap = [(-float(weight[root]), root, root)]
         while heap:
-            _, here, before = heapq.heappop(heap)
-            if part[here] >= 0:
+            _, triangle, before = heapq.heappop(heap)
+            if part[triangle] >= 0:
                 continue
-            part[here] = number
-            if float(direction[here] @ direction[before]) < 0.0:
-                direction[here] *= -1.0
-            for other in beside[here]:
+            part[triangle] = number
+            if float(direction[triangle] @ direction[before]) < 0.0:
+                direction[triangle] *= -1.0
+            for other in beside[triangle]:
                 if part[other] < 0:
-                    heapq.heappush(heap, (-float(weight[other]), other, here))
+                    heapq.heappush(heap, (-float(weight[other]), other, triangle))
         number += 1
     return part
 
@@ -205,14 +212,16 @@ def _level_lines(points: Floats, triangles: Ints, values: Floats, size: float) -
     points: (p, 2). triangles: (t, 3). values: (p,).
     """
     # The levels divide the range of the values in equal parts.
-    own = values[triangles]
-    low, high = float(own.min()), float(own.max())
+    at_corners = values[triangles]
+    low, high = float(at_corners.min()), float(at_corners.max())
     levels = np.linspace(low, high, max(1, round((high - low) / size)) + 1)[1:-1]
     segments, owner = [np.zeros((0, 2, 2))], [np.zeros(0, dtype=np.int64)]
     for level in levels.tolist():
         # a level through a node passes beside it
-        apart = np.where(np.abs(own - level) < 1e-9 * (high - low), 1e-9 * (high - low), own - level)
+        apart = at_corners - level
+        apart = np.where(np.abs(apart) < 1e-9 * (high - low), 1e-9 * (high - low), apart)
         cut = np.flatnonzero((apart.min(axis=1) < 0.0) & (apart.max(axis=1) > 0.0))
+        # the corner that lies alone on its side of the level: the line crosses both of its edges
         d = apart[cut]
         lone = np.where((d > 0.0).sum(axis=1) == 1, (d > 0.0).argmax(axis=1), (d < 0.0).argmax(axis=1))
         row = np.arange(len(cut))
@@ -247,12 +256,13 @@ def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float
             if piece.length > _ALONG * _BESIDE * size
         ]
         # what is left of such a joint ends in a cell, and is no border of cells
-        left = shapely.difference(straight, shapely.union_all(along)) if along else straight
-        chains += [_extended(one, near, _PAST * _OUTSIDE * size) for one in shapely.get_parts(left) if not one.is_empty]
+        rest = shapely.difference(straight, shapely.union_all(along)) if along else straight
+        pieces = [piece for piece in shapely.get_parts(rest) if not piece.is_empty]
+        chains += [_extended(piece, near, _PAST * _OUTSIDE * size) for piece in pieces]
     around = shapely.boundary(body.buffer(_OUTSIDE * size, join_style="mitre"))
     noded = shapely.union_all([around, *chains], grid_size=1e-9 * extent)
-    found = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(noded))))
-    return [one for one in found if body.contains(one.representative_point())]
+    polygons = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(noded))))
+    return [polygon for polygon in polygons if body.contains(polygon.representative_point())]
 
 
 def _extended(line: shapely.LineString, near: shapely.Geometry, length: float) -> shapely.LineString:
@@ -274,9 +284,9 @@ def _halved(
     """
     tree = shapely.STRtree(shapely.polygons(field.points[field.triangles]))
     done: list[shapely.Polygon] = []
-    left = cells[::-1]
-    while left:
-        cell = left.pop()
+    waiting = cells[::-1]
+    while waiting:
+        cell = waiting.pop()
         if cell.area <= largest:
             done.append(cell)
             continue
@@ -297,7 +307,7 @@ def _halved(
             for part in shapely.get_parts(shapely.intersection(cell, half))
             if part.geom_type == "Polygon"
         ]
-        left += parts[::-1]
+        waiting += parts[::-1]
     return done
 
 
