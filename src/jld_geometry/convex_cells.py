@@ -52,31 +52,38 @@ class ConvexCell:
             return self, None
         if (height >= 0.0).all():
             return None, self
+        places, crossing = self._crossings(height)
+        loops_inside, loops_outside = (self._clipped(height, crossing, sign) for sign in (-1.0, 1.0))
+        on_plane = [*np.flatnonzero(height == 0.0).tolist(), *crossing.values()]
+        cap = _around(places[on_plane], on_plane, normal)
+        return _cell(places, [*loops_inside, cap]), _cell(places, [*loops_outside, cap[::-1]])
+
+    def _crossings(self, height: Floats) -> tuple[Floats, dict[tuple[int, int], int]]:
+        """Return vertices with the points in which edges cross height 0, and the number of each by its edge."""
         points, crossing = list(self.vertices), dict[tuple[int, int], int]()
-        kept: tuple[list[list[int]], list[list[int]]] = ([], [])
         for loop in self.faces:
-            sides: tuple[list[int], list[int]] = ([], [])
-            for one, other in zip(loop, (*loop[1:], loop[0]), strict=True):
-                for side, sign in zip(sides, (-1.0, 1.0), strict=True):
-                    if sign * height[one] >= 0.0:
-                        side.append(one)
-                if height[one] * height[other] < 0.0:
-                    key = (min(one, other), max(one, other))
-                    if key not in crossing:
-                        low, high = key
-                        share = height[low] / (height[low] - height[high])
-                        crossing[key] = len(points)
-                        points.append((1.0 - share) * self.vertices[low] + share * self.vertices[high])
-                    for side in sides:
-                        side.append(crossing[key])
-            for side, found, sign in zip(sides, kept, (-1.0, 1.0), strict=True):
-                beyond = [k for k in side if k < len(height) and sign * height[k] > 0.0]
-                if len(side) > 2 and (beyond or any(k >= len(height) for k in side)):
-                    found.append(side)
-        on = [*np.flatnonzero(height == 0.0).tolist(), *crossing.values()]
-        cap = _around(np.array(points)[on], on, normal)
-        places = np.array(points)
-        return _cell(places, [*kept[0], cap]), _cell(places, [*kept[1], cap[::-1]])
+            for start, end in zip(loop, (*loop[1:], loop[0]), strict=True):
+                low, high = edge = (min(start, end), max(start, end))
+                if height[start] * height[end] < 0.0 and edge not in crossing:
+                    share = height[low] / (height[low] - height[high])
+                    crossing[edge] = len(points)
+                    points.append((1.0 - share) * self.vertices[low] + share * self.vertices[high])
+        return np.array(points), crossing
+
+    def _clipped(self, height: Floats, crossing: dict[tuple[int, int], int], sign: float) -> list[list[int]]:
+        """Return the parts of faces on the side of height 0 that `sign` tells, without those that only touch it."""
+        parts = []
+        for loop in self.faces:
+            part: list[int] = []
+            for start, end in zip(loop, (*loop[1:], loop[0]), strict=True):
+                if sign * height[start] >= 0.0:
+                    part.append(start)
+                if height[start] * height[end] < 0.0:
+                    part.append(crossing[min(start, end), max(start, end)])
+            beyond = any(k >= len(height) or sign * height[k] > 0.0 for k in part)
+            if len(part) > 2 and beyond:
+                parts.append(part)
+        return parts
 
 
 def _around(points: Floats, names: list[int], normal: Floats) -> list[int]:
@@ -96,24 +103,24 @@ def _cell(places: Floats, loops: list[list[int]]) -> ConvexCell:
 
 def inside(cell: ConvexCell, planes: Sequence[Plane]) -> ConvexCell | None:
     """Return the part of a cell inside all planes; None if it is empty."""
-    left: ConvexCell | None = cell
+    remaining: ConvexCell | None = cell
     for plane in planes:
-        if left is not None:
-            left = left.cut(plane)[0]
-    return left
+        if remaining is not None:
+            remaining = remaining.cut(plane)[0]
+    return remaining
 
 
 def subtract(cell: ConvexCell, planes: Sequence[Plane]) -> tuple[ConvexCell | None, list[ConvexCell]]:
     """Cut a cell by successive planes; return the part inside all, and the parts cut off."""
-    left: ConvexCell | None = cell
+    remaining: ConvexCell | None = cell
     parts = []
     for plane in planes:
-        if left is None:
+        if remaining is None:
             break
-        left, outside = left.cut(plane)
+        remaining, outside = remaining.cut(plane)
         if outside is not None:
             parts.append(outside)
-    return left, parts
+    return remaining, parts
 
 
 # Difference of distances of corners, relative to the larger element, up to which two elements are equal

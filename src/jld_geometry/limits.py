@@ -302,31 +302,15 @@ def spatial_residual_rates(
     """
     # Corner forces, shear and torque over the torsion length of every face are held. Rows are forces and moments about
     # the present centroids, column 3·vertex + axis, all in scene units, as `residual_rates` in the plane.
-    elements, faces = assembly.elements, assembly.interfaces
-    row_of = np.full(len(elements), -1, dtype=np.int64)
+    elements = assembly.elements
+    row_of = np.full(len(elements), -1, dtype=np.int64)  # number of each free element, −1 for supports
     row_of[elements.free] = np.arange(len(elements.free))
     total = sp.lil_array((6 * len(elements.free), mesh.places.size))
     for face, vertices in enumerate(mesh.polygons):
-        if not used[vertices].any() or not forces[face].any():
-            continue
-        polygon = mesh.places[vertices] - faces.origin[face]
-        gaps = np.zeros(len(polygon))
-        if mechanism is not None:
-            velocity, spin = face_motion(assembly, face, mechanism)
-            gaps = (velocity + spun(spin, polygon)) @ faces.normal[face]
-        rates = held_forces(assembly, face, polygon, forces[face], gaps).rates(polygon)
-        columns = _columns(vertices)
-        for element, sign in ((int(faces.a[face]), -1.0), (int(faces.b[face]), 1.0)):
-            if row_of[element] < 0:
-                continue
-            arm = faces.origin[face] - elements.centroid[element]
-            turned = np.cross(arm, rates[..., :3])
-            moments = rates[..., 3:] + turned
-            block = sign * np.concatenate([rates[..., :3], moments], axis=-1).reshape(-1, 6).T
-            first = 6 * int(row_of[element])
-            total[first : first + 6, columns] += block
+        if used[vertices].any() and forces[face].any():
+            _add_joint_rates(total, assembly, face, mesh.places[vertices], vertices, forces[face], mechanism, row_of)
     loads = assembly.dead_loads + load_factor * assembly.live_loads
-    growing, riding = shape_loads(loads, assembly.elements)
+    growing, riding = shape_loads(loads, elements)
     for element in elements.free.tolist():
         corner = mesh.corners[element]
         if not used[corner].any():
@@ -338,6 +322,35 @@ def spatial_residual_rates(
         moment = np.cross(shift.T, riding[element]).T
         total[first : first + 6, columns] += np.concatenate([force, moment])
     return sp.csr_array(total)
+
+
+def _add_joint_rates(
+    total: sp.lil_array,
+    assembly: Assembly,
+    face: int,
+    corners: Floats,
+    vertices: Ints,
+    forces: Floats,
+    mechanism: Floats | None,
+    row_of: Ints,
+) -> None:
+    """Add the rates of the forces (6,) of one joint with corners (k, 3) at `vertices` (k,) to both of its elements."""
+    elements, faces = assembly.elements, assembly.interfaces
+    polygon = corners - faces.origin[face]
+    gaps = np.zeros(len(polygon))
+    if mechanism is not None:
+        velocity, spin = face_motion(assembly, face, mechanism)
+        gaps = (velocity + spun(spin, polygon)) @ faces.normal[face]
+    rates = held_forces(assembly, face, polygon, forces, gaps).rates(polygon)
+    columns = _columns(vertices)
+    for element, sign in ((int(faces.a[face]), -1.0), (int(faces.b[face]), 1.0)):
+        if row_of[element] < 0:
+            continue
+        arm = faces.origin[face] - elements.centroid[element]
+        moments = rates[..., 3:] + np.cross(arm, rates[..., :3])
+        block = sign * np.concatenate([rates[..., :3], moments], axis=-1).reshape(-1, 6).T
+        first = 6 * int(row_of[element])
+        total[first : first + 6, columns] += block
 
 
 def _columns(vertices: Ints) -> Ints:

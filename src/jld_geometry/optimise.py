@@ -86,7 +86,7 @@ def _best_of_starts(
     search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
 ) -> tuple[Evaluated, str]:
     """Optimise from every start, then from the best end; return best point and reason."""
-    best: tuple[Evaluated, str] | None = None
+    best: tuple[Evaluated, str] | None = None  # with the reason of its end
 
     def report(number: int, point: Evaluated, predicted: float, radius: float) -> None:
         bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
@@ -103,20 +103,20 @@ def _best_of_starts(
             first = search.standing(start, run.deadline)
         if first is None:
             continue
-        own = partial(report, number)
-        own(first, first.objective, search.trust.first * search.unit)
-        end = search.improve(first, run.until, own, search.trust.coarse)
+        report_start = partial(report, number)
+        report_start(first, first.objective, search.trust.first * search.unit)
+        end = search.improve(first, run.until, report_start, search.trust.coarse)
         # a geometry as strong as one before, up to the width of brackets, is no reason to move farther
-        least = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
-        if best is None or end[0].objective > least:
-            best, polish, run.best = end, own, end[0].values
+        needed = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
+        if best is None or end[0].objective > needed:
+            best, report_best, run.best = end, report_start, end[0].values
         if end[1] == "locked":
             break  # no load is too large: nothing is left to find
     if best is None:
         problem = "it does not stand under its dead load, nor does any position of its joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
     if best[1] == "stationary" or (best[1] == "time" and run.until < run.deadline):
-        return search.improve(best[0], run.deadline, polish, search.trust.gain)
+        return search.improve(best[0], run.deadline, report_best, search.trust.gain)
     return best
 
 
@@ -214,11 +214,11 @@ class _ProgramRates:
         rows, columns, values = [], [], []
         active = self.template.yield_set.active(self.solved.labels)
         for j, entries in enumerate(self._faces):
-            own = np.flatnonzero((entries.column == column) & active[entries.face, j])
-            rows.append(entries.row[own])
-            columns.append(3 * entries.face[own] + j)
-            factor = self.template.scaling.face[entries.face[own], j] / self._row[entries.row[own]]
-            values.append(factor * entries.value[own])
+            moved = np.flatnonzero((entries.column == column) & active[entries.face, j])
+            rows.append(entries.row[moved])
+            columns.append(3 * entries.face[moved] + j)
+            factor = self.template.scaling.face[entries.face[moved], j] / self._row[entries.row[moved]]
+            values.append(factor * entries.value[moved])
         live = self._live[:, [column]].toarray().ravel() * self.template.scaling.load / self._row
         touched = np.flatnonzero(live)
         rows.append(touched)
@@ -241,6 +241,7 @@ def _may_jump(result: LimitAnalysisResult, mesh: VertexMesh, data: _ProgramRates
     held = solved.held.copy()
     held[: structure.equalities] = True
     tight = solved.program.matrix.tocsr()[np.flatnonzero(held)].toarray()
+    # right null vectors change the optimal forces, left ones the multipliers
     left, values, right = np.linalg.svd(tight)
     rank = int(np.sum(values > _NULL * values.max(initial=1.0)))
     assembly, columns = template.assembly, 3 * len(mesh.ends)
@@ -280,11 +281,11 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
         if result.governing is None or result.status is not Status.COLLAPSE:
             return None
         required = float(result.assembly.required[names.index(result.governing)])
-        one = geometry_sensitivities(result.cases[result.governing], one_sided=one_sided)
-        if one is None:
+        of_case = geometry_sensitivities(result.cases[result.governing], one_sided=one_sided)
+        if of_case is None:
             return None
-        rates = (values / required for values in (one.derivative, one.left, one.right))
-        return GeometrySensitivities(one.vertices, *rates)
+        rates = (values / required for values in (of_case.derivative, of_case.left, of_case.right))
+        return GeometrySensitivities(of_case.vertices, *rates)
     plain = result.model.supports_bounds_over_labellings and result.model.inner_bending == "uncoupled"
     plain = plain and not result.assembly.pressed and not result.assembly.members
     plain = plain and result.assembly.members.bond is None

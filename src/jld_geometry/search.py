@@ -118,16 +118,16 @@ class GeometrySearch:
         variables, limits = self.variables, self.evaluator.limits
         held = limits.equal.copy()
         for _ in range(_RESTORATIONS):
-            found = limits.at(variables.places(values))
-            lacks = np.where(limits.equal, abs(found.values), limits.least - found.values)
+            present = limits.at(variables.places(values))
+            lacks = np.where(limits.equal, abs(present.values), limits.least - present.values)
             held |= lacks > 0.1 * _RESTORED
             rows = np.flatnonzero(held)
             if lacks.max(initial=0.0) <= _RESTORED:
                 return values
             target = np.where(limits.equal, 0.0, limits.least)[rows]
-            slopes = (found.rates[rows] @ variables.jacobian(values)).toarray()
+            slopes = (present.rates[rows] @ variables.jacobian(values)).toarray()
             matrix = np.vstack([slopes, variables.ties])
-            right = np.concatenate([target - found.values[rows], np.zeros(len(variables.ties))])
+            right = np.concatenate([target - present.values[rows], np.zeros(len(variables.ties))])
             values = values + np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
         return None
 
@@ -161,9 +161,9 @@ class GeometrySearch:
                 continue
             point, radius = new, min(self.trust.growth * radius, self.trust.largest * self.unit)
             if point.objective > 0.0:
-                found = self.evaluate(point.values, None)
-                if found is not None:
-                    return found
+                standing = self.evaluate(point.values, None)
+                if standing is not None:
+                    return standing
         return None
 
     def improve(
@@ -240,7 +240,7 @@ class GeometrySearch:
         answer = self.evaluator.step(point, still, still, self.goal, objective)
         if answer is None:
             return point
-        states = [replace(one, forces=own) for one, own in zip(point.states, answer.forces, strict=True)]
+        states = [replace(state, forces=forces) for state, forces in zip(point.states, answer.forces, strict=True)]
         return replace(point, states=states)
 
     def shaken(self, number: int, best: Floats | None) -> Floats | None:
