@@ -274,9 +274,9 @@ def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = F
         rows[first:, -1] = 1.0
     objective = np.zeros(count + 1)
     objective[-1] = 0.0 if standing else 1.0
-    least, most = np.full(count + 1, -np.inf), np.full(count + 1, np.inf)
-    least[-1] = -1.0
-    return _solved(rows, objective, low, least, most, count)
+    x_low, x_high = np.full(count + 1, -np.inf), np.full(count + 1, np.inf)
+    x_low[-1] = -1.0
+    return _solved(rows, objective, low, x_low, x_high, count)
 
 
 def _opening(forces: Floats) -> Floats | None:

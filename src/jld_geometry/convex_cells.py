@@ -149,11 +149,11 @@ def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
     """Reorder the corners `other` to match an equal outline `one`; None if they are not equal."""
     if len(one) != len(other):
         return None
-    wanted = _distances(places[one])
+    distances = _distances(places[one])
     for way in (other, other[::-1]):
         for shift in range(len(way)):
             turned = np.roll(way, -shift)
-            if abs(_distances(places[turned]) - wanted).max() <= _EQUAL * wanted.max():
+            if abs(_distances(places[turned]) - distances).max() <= _EQUAL * distances.max():
                 return turned
     return None
 
@@ -223,11 +223,11 @@ class VertexMesh:
         """True (v,) for the vertices on the boundary of the structure."""
         edges = self.edges[1]
         known = {(int(i), int(j)) for i, j in edges}
-        found = np.zeros(len(self.places), dtype=bool)
+        on = np.zeros(len(self.places), dtype=bool)
         for i, j in sorted(known):
             if (j, i) not in known:
-                found[[i, j]] = True
-        return found
+                on[[i, j]] = True
+        return on
 
 
 def vertex_mesh(assembly: Assembly) -> VertexMesh:
@@ -249,8 +249,8 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
     for k in range(len(shapes)):
         loop = number[count[k] : count[k + 1]]
         loop = loop[loop != np.roll(loop, 1)]
-        own = np.flatnonzero((faces.a == k) | (faces.b == k))
-        loops.append(_refined(loop, ends[own], places, reach))
+        of_element = np.flatnonzero((faces.a == k) | (faces.b == k))
+        loops.append(_refined(loop, ends[of_element], places, reach))
     return VertexMesh(places, tuple(loops), ends)
 
 

@@ -51,13 +51,13 @@ class FieldMesh:
         base, _ = fields_loads.loaded_mesh(assembly)
         distance, nearest = cKDTree(vertices.places).query(base.points)
         nearest = np.asarray(nearest, dtype=np.int64)
-        own = np.flatnonzero(np.asarray(distance) <= SAME * assembly.size)
+        at_vertex = np.flatnonzero(np.asarray(distance) <= SAME * assembly.size)
         ends = _ends(setting.loads.tractions)
         loaded = np.empty(0, dtype=np.int64)
         if len(ends):
             loaded = np.unique(np.asarray(cKDTree(base.points).query(ends)[1], dtype=np.int64))
-            loaded = loaded[~np.isin(loaded, own)]
-        follow = _weights(base, own, nearest[own], loaded, len(vertices.places))
+            loaded = loaded[~np.isin(loaded, at_vertex)]
+        follow = _weights(base, at_vertex, nearest[at_vertex], loaded, len(vertices.places))
         return cls(setting, base, setting.coarse, follow, _interpolation(base, setting.coarse), loaded)
 
     def refined(self, mesh: fields_mesh.Mesh) -> FieldMesh:
@@ -147,9 +147,9 @@ def _interpolation(coarse: fields_mesh.Mesh, mesh: fields_mesh.Mesh) -> sp.csr_a
     share = 1.0 + np.einsum("nki,nki->nk", away, coarse.gradient[root])
     share[abs(share) < _ROUNDING] = 0.0
     entries = (share.ravel(), (np.repeat(nodes, 3), coarse.simplices[root].ravel()))
-    found = sp.csr_array(entries, shape=(len(mesh.points), len(coarse.points)))
-    found.eliminate_zeros()
-    return found
+    weights = sp.csr_array(entries, shape=(len(mesh.points), len(coarse.points)))
+    weights.eliminate_zeros()
+    return weights
 
 
 # Predicted gain, relative to the objective, below which a point is stationary: meshes are not more exact

@@ -64,14 +64,14 @@ class Sine:
     def teeth(self) -> list[tuple[Floats, int]]:
         """Return outline (k, 2) and side of each half wave, along and across a face of length 1."""
         # A tooth of side 1 reaches into the second element, one of side −1 into the first.
-        found, count = [], 2 * self.waves
+        outlines, count = [], 2 * self.waves
         share = np.linspace(0.0, 1.0, _SEGMENTS + 1)
         for k in range(count):
             side = 1 if k % 2 == 0 else -1
             across = side * self.amplitude * np.sin(np.pi * share)
             across[[0, -1]] = 0.0
-            found.append((np.column_stack([(k + share) / count, across]), side))
-        return found
+            outlines.append((np.column_stack([(k + share) / count, across]), side))
+        return outlines
 
     def check(self) -> None:
         if not (self.amplitude > 0.0 and self.waves >= 1):
@@ -169,31 +169,31 @@ class SolidJoint:
             root: Plane = (-side * self._normal, float(-side * self._normal @ self._start))
             whole = inside(self._box(), [*profile, *ends, root])
             order = [*([] if isinstance(shape, Key) else self._around(outline, side)), *profile, *ends]
-            teeth, rest = list[ConvexCell](), list[ConvexCell]()
+            teeth, remaining = list[ConvexCell](), list[ConvexCell]()
             for cell in cells[receiver]:
                 tooth, parts = _taken(cell, order)
                 teeth += [] if tooth is None else [tooth]
-                rest += parts
+                remaining += parts
             volume = 0.0 if whole is None else whole.volume
             if whole is None or sum(one.volume for one in teeth) < volume * (1.0 - _SAME):
                 names = [elements.ids[k] for k in (giver, receiver)]
                 problem = f"a tooth of {names[0]!r} does not fit into {names[1]!r}"
                 raise InputError("joint", problem, "a smaller depth, amplitude or slope, or fewer joints")
-            cells[receiver] = rest
+            cells[receiver] = remaining
             cells[giver] += teeth
 
     def _profile(self, outline: Floats) -> list[Plane]:
         """Return the planes of a tooth (k, 2) except its root, the farthest from the root first."""
         middle, planes = outline.mean(axis=0), []  # with their distance from the root
-        for one, other in itertools.pairwise([*outline, outline[0]]):
-            if one[1] == other[1] == 0.0:
+        for start, end in itertools.pairwise([*outline, outline[0]]):
+            if start[1] == end[1] == 0.0:
                 continue  # the root
-            edge = other - one
+            edge = end - start
             normal = np.array([edge[1], -edge[0]]) / math.hypot(*edge)
-            if (middle - one) @ normal > 0.0:
+            if (middle - start) @ normal > 0.0:
                 normal = -normal
-            far = abs(one[1]) + abs(other[1])
-            planes.append((far, self._plane(normal, one)))
+            far = abs(start[1]) + abs(end[1])
+            planes.append((far, self._plane(normal, start)))
         return [plane for _, plane in sorted(planes, key=lambda plane: -plane[0])]
 
     def _around(self, outline: Floats, side: int) -> list[Plane]:
@@ -214,21 +214,21 @@ class SolidJoint:
         # A tooth reaches as far as the joint, and its ends follow the faces of the element that receives it.
         elements, polygon = self._assembly.elements, self._polygon
         middle, planes, reach = polygon.mean(axis=0), [], _PLANE * self._assembly.size
-        for one, other in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-            out = np.cross(other - one, self._normal)
+        for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            out = np.cross(end - start, self._normal)
             out /= np.linalg.norm(out)
-            out = -out if (middle - one) @ out > 0.0 else out
-            if ((polygon - one) @ out > reach).any():
+            out = -out if (middle - start) @ out > 0.0 else out
+            if ((polygon - start) @ out > reach).any():
                 names = " and ".join(repr(elements.ids[k]) for k in self._sides)
                 raise InputError("joint", f"the face between {names} is not convex", "convex faces between elements")
-            planes.append((out, float(out @ one)))
+            planes.append((out, float(out @ start)))
             if abs(out @ self._run) < abs(out @ self._along):
                 continue  # a side along which the tooth runs: the whole profile has to fit
             for loop in elements.faces[receiver]:
                 corners = elements.shape[receiver][list(loop)]
                 normal = np.cross(corners[1] - corners[0], corners[2] - corners[1])
                 normal /= np.linalg.norm(normal)
-                on = abs((np.array([one, other]) - corners[0]) @ normal).max() <= reach
+                on = abs((np.array([start, end]) - corners[0]) @ normal).max() <= reach
                 if on and abs(normal @ self._normal) < 1.0 - _ACROSS:
                     planes.append((normal, float(normal @ corners[0])))
         return planes
@@ -495,10 +495,10 @@ def _improve(
     kept: list[tuple[Shape, float]], value: Callable[[Shape], float], trials: list[tuple[Shape, float]], until: float
 ) -> str:
     """Search from the shape in `kept`, replace it by stronger ones; return why it ended."""
-    best, most = kept[0]
+    best, best_load = kept[0]
     names = [one.name for one in fields(best) if isinstance(getattr(best, one.name), float)]
     step = _FIRST
-    while step >= _LAST and most < math.inf:
+    while step >= _LAST and best_load < math.inf:
         start = best
         for name in names:
             for sign in (1.0, -1.0):
@@ -509,12 +509,12 @@ def _improve(
                 changed = changed if abs(changed) >= _NOTHING else 0.0
                 trial = type(best)(**{**vars(best), name: changed})
                 try:
-                    found = value(trial)
+                    load = value(trial)
                 except InputError:
                     trials.append((trial, math.nan))  # a tooth does not fit: a trial without a value
                     continue
-                if found > most or (math.isnan(most) and not math.isnan(found)):
-                    best, most = kept[0] = trial, found
+                if load > best_load or (math.isnan(best_load) and not math.isnan(load)):
+                    best, best_load = kept[0] = trial, load
                     break
         if best == start:
             step *= 0.5

@@ -229,7 +229,7 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
     """Return place (2,), first and last vertex, and half width of point loads on outlines."""
     # An edge is given by its first and last vertex. Loads inside elements are left out; half widths are 0 where none is
     # stated.
-    found = []
+    loads = []
     for entry in loads_that_move(scene):
         if not isinstance(entry, PointLoad) or entry.at is None:
             continue
@@ -244,8 +244,8 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
         on = np.flatnonzero((off <= reach) & (along >= -reach) & (along <= length + reach))
         if len(on):
             k = int(on[0])
-            found.append((point, int(corners[k]), int(np.roll(corners, -1)[k]), 0.5 * (entry.width or 0.0)))
-    return found
+            loads.append((point, int(corners[k]), int(np.roll(corners, -1)[k]), 0.5 * (entry.width or 0.0)))
+    return loads
 
 
 def loads_that_move(scene: Scene) -> list[scene_loads.LoadEntry]:
@@ -425,14 +425,14 @@ class SpatialLimits:
             share[k] = volume / self._volumes[k]
             rates[[k], _columns(self._mesh.corners[k])] = by_corner.ravel() / self._volumes[k]
         slopes = sp.csr_array(rates)
-        found = [(share[self._elements] - LEAST_AREA, sp.csr_array(slopes[self._elements]))]
+        limits = [(share[self._elements] - LEAST_AREA, sp.csr_array(slopes[self._elements]))]
         low, high = self._move.block_mass
         mass, by_place = np.asarray(self._masses @ share), sp.csr_array(self._masses @ slopes)
         if low:
-            found.append((mass / low - 1.0, sp.csr_array(by_place * (1.0 / low))))
+            limits.append((mass / low - 1.0, sp.csr_array(by_place * (1.0 / low))))
         if high is not None:
-            found.append((1.0 - mass / high, sp.csr_array(by_place * (-1.0 / high))))
-        return found
+            limits.append((1.0 - mass / high, sp.csr_array(by_place * (-1.0 / high))))
+        return limits
 
 
 def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Floats]:
@@ -474,11 +474,11 @@ def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: scene_move.Mo
     _require_corners(mesh, assembly, {vertex for vertex, _ in chosen})
     vertices = np.array([one[0] for one in chosen], dtype=np.int64)
     ways = np.array([one[1] for one in chosen]).reshape(-1, 3)
-    found = Variables(mesh.places, vertices, ways, np.full_like(ways, np.nan), np.zeros((0, len(vertices))))
-    found = Variables(**{**vars(found), "ties": ties_of(found, assembly, move)})
-    if not found.basis.shape[1]:
+    variables = Variables(mesh.places, vertices, ways, np.full_like(ways, np.nan), np.zeros((0, len(vertices))))
+    variables = Variables(**{**vars(variables), "ties": ties_of(variables, assembly, move)})
+    if not variables.basis.shape[1]:
         raise InputError("move", "no corner of a joint can move", 'joints with four edges across, or "along"')
-    return found
+    return variables
 
 
 def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: set[int]) -> list[tuple[int, Floats]]:
@@ -487,7 +487,7 @@ def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: se
     # another.
     faces, owner, edges = assembly.interfaces, *mesh.edges
     count = np.bincount(np.concatenate(mesh.polygons), minlength=len(mesh.places))
-    found = []
+    corners = []
     for face, polygon in enumerate(mesh.polygons):
         for vertex in polygon.tolist():
             if held[vertex] or vertex in taken or count[vertex] != 1:
@@ -500,18 +500,18 @@ def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: se
                     way = mesh.places[across[0]] - mesh.places[vertex]
                     ways.append(way / np.linalg.norm(way))
             if len(ways) == 2 and np.linalg.norm(ways[1] - ways[0]) > 1.0:
-                found.append((vertex, (ways[1] - ways[0]) / float(np.linalg.norm(ways[1] - ways[0]))))
-    return found
+                corners.append((vertex, (ways[1] - ways[0]) / float(np.linalg.norm(ways[1] - ways[0]))))
+    return corners
 
 
 def _require_corners(mesh: SpatialMesh, assembly: Assembly, moving: set[int]) -> None:
     """Raise InputError for a moving joint that is not a whole face of both elements."""
     faces = assembly.interfaces
     for face, polygon in enumerate(mesh.polygons):
-        own = set(polygon.tolist())
-        if not own & moving:
+        corners = set(polygon.tolist())
+        if not corners & moving:
             continue
         for element in (int(faces.a[face]), int(faces.b[face])):
-            if not any(set(ring.tolist()) == own for ring in mesh.rings[element]):
+            if not any(set(ring.tolist()) == corners for ring in mesh.rings[element]):
                 problem = f"the joint of {assembly.pair(face)} is no whole face of {assembly.elements.ids[element]!r}"
                 raise InputError("move", problem, "joints that are whole faces of both elements in space")

@@ -95,12 +95,12 @@ def direction_of(text: str | None) -> Floats | None:
     if text is None:
         return None
     try:
-        found = np.array([float(part) for part in text.split(",")])
+        direction = np.array([float(part) for part in text.split(",")])
     except ValueError:
-        found = np.zeros(0)
-    if found.shape != (3,) or not np.isfinite(found).all() or not found.any():
+        direction = np.zeros(0)
+    if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
         raise ParameterError("direction", f"{text!r} is no direction", "X,Y,Z, as 0,1,0")
-    return found
+    return direction
 
 
 def move_shape(

@@ -153,8 +153,10 @@ def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> l
     document = scene.model_dump(mode="json", exclude_defaults=True)
     if any(set(entry) > {"elements", "polygon", "label"} for entry in document.pop("interfaces")):
         return []  # stated strengths of single interfaces would be lost
-    found = parse_scene({**document, "labels": {"default": "dry"}})
-    again = solve_rigid(build_robust(found) if result.assembly.has_low_values else build_assembly(found)).load_factor
+    unstated = parse_scene({**document, "labels": {"default": "dry"}})
+    again = solve_rigid(
+        build_robust(unstated) if result.assembly.has_low_values else build_assembly(unstated)
+    ).load_factor
     if abs(again - result.load_factor) <= tolerances.GAP * abs(result.load_factor):
         return []
     return [f"contacts found anew give λ = {again:.6g}: joints touch where none did before, or no longer do"]
@@ -292,8 +294,8 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
     if result.status is not Status.COLLAPSE or not plain or result.forces is None or result.mechanism is None:
         return None
     if result.assembly.dimension == 3:
-        found = spatial_rates(result, result.forces, result.mechanism)
-        return None if found is None else GeometrySensitivities(found[0], *[found[1]] * 3)
+        of_vertices = spatial_rates(result, result.forces, result.mechanism)
+        return None if of_vertices is None else GeometrySensitivities(of_vertices[0], *[of_vertices[1]] * 3)
     return _planar(result, result.forces, result.mechanism, one_sided)
 
 

@@ -220,8 +220,8 @@ def _add_shape(rows: _Rows, region: Region) -> None:
     rows.add("equal", placed(slopes[equal]), -values[equal])
     rows.add("equal", placed(sp.csr_array(region.ties)), np.zeros(len(region.ties)))
     # a limit that was missed by rounding, or by the curvature of the last step, may stay as it is
-    least = np.minimum(region.least, values)
-    rows.add("linear", placed(-slopes[bounded]), (values - least)[bounded])
+    lower = np.minimum(region.least, values)
+    rows.add("linear", placed(-slopes[bounded]), (values - lower)[bounded])
     unit = sp.csr_array(sp.eye_array(count))
     rows.add("linear", placed(unit), region.high)
     rows.add("linear", placed(-unit), -region.low)

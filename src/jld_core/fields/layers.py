@@ -203,14 +203,14 @@ def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
     for index, facet in enumerate(surface.facets):
         if facet.cell not in layers:
             continue
-        found = [
+        cut_regions = [
             piece
             for face, region in zip(facet.faces, surface.covered(facet), strict=True)
             for piece in pieces(surface, index, region, layers, face)
         ]
         for region in (*surface.free(facet), *surface.loaded(index)):
-            found += pieces(surface, index, region, layers)
-        places += [facet.placed(shapely.get_coordinates(piece)) for piece in found]
+            cut_regions += pieces(surface, index, region, layers)
+        places += [facet.placed(shapely.get_coordinates(piece)) for piece in cut_regions]
     return np.concatenate(places)
 
 
@@ -311,7 +311,7 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
     after, next_height = np.roll(outline, -1, axis=0), np.roll(height, -1)
-    found = []
+    halves = []
     for sign in (-1.0, 1.0):
         piece, edge = [], []
         for a, b, h, k in zip(outline, after, height, next_height, strict=True):
@@ -323,8 +323,8 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
                 piece.append(a + (b - a) * (h / (h - k)))
                 edge.append(piece[-1])
         inside = bool((sign * height > 0.0).any())
-        found.append((np.array(piece) if inside else np.zeros((0, 3)), np.array(edge).reshape(-1, 3)))
-    return found
+        halves.append((np.array(piece) if inside else np.zeros((0, 3)), np.array(edge).reshape(-1, 3)))
+    return halves
 
 
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:

@@ -165,8 +165,8 @@ def units_of(assembly: Assembly, material: Material) -> Units:
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:
     density = units.length / units.stress
-    own, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
-    crushing = np.where(np.isnan(own.crush), np.inf, own.crush)
+    dry_strengths, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
+    crushing = np.where(np.isnan(dry_strengths.crush), np.inf, dry_strengths.crush)
     pull = np.zeros((2, len(sides), mesh.dimension, mesh.dimension))
     for index, traction in enumerate(loads.tractions):
         rows = np.flatnonzero((sides.tag == patch_tag(index)) & (mesh.cell[sides.a] == traction.cell))
@@ -174,7 +174,9 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
     return Problem(
         units=units,
         material=material.scaled(units.stress),
-        joints=Joints(np.nan_to_num(own.friction, nan=0.0), own.shear / units.stress, crushing / units.stress),
+        joints=Joints(
+            np.nan_to_num(dry_strengths.friction, nan=0.0), dry_strengths.shear / units.stress, crushing / units.stress
+        ),
         mesh=replace(mesh, points=(mesh.points - units.origin) / units.length),
         dead=loads.dead[mesh.root] * density,
         live=loads.live[mesh.root] * (density * units.load),

@@ -20,14 +20,14 @@ _MOST: Final = 500.0
 
 def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Geometry]) -> Any:
     """Intersect pairs of regions (n,), each on a rounding grid about its own middle; empty where nothing is shared."""
-    one, two = np.asarray(first, dtype=object), np.asarray(second, dtype=object)
-    boxes = np.nan_to_num(np.stack([shapely.bounds(one), shapely.bounds(two)])).reshape(2, -1, 2, 2)
+    regions_1, regions_2 = np.asarray(first, dtype=object), np.asarray(second, dtype=object)
+    boxes = np.nan_to_num(np.stack([shapely.bounds(regions_1), shapely.bounds(regions_2)])).reshape(2, -1, 2, 2)
     middle = 0.5 * (boxes[:, :, 0].max(axis=0) + boxes[:, :, 1].min(axis=0))
     size = (boxes[:, :, 1] - boxes[:, :, 0]).max(axis=2).min(axis=0)
     reach = abs(boxes - middle[None, :, None]).max(axis=(0, 2, 3))
     unit = np.maximum(size, reach / _MOST)
     unit[unit == 0.0] = 1.0
-    scaled = [_moved(regions, -middle / unit[:, None], 1.0 / unit) for regions in (one, two)]
+    scaled = [_moved(regions, -middle / unit[:, None], 1.0 / unit) for regions in (regions_1, regions_2)]
     return _moved(shapely.intersection(*scaled, grid_size=_GRID), middle, unit)
 
 
@@ -60,7 +60,7 @@ Rings = tuple[Floats, tuple[Floats, ...]]
 
 def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
     """Split a region into parts without details narrower than `reach`: shell and holes, by mean corner."""
-    found = []
+    parts_with_holes = []
     for part in _polygons(region):
         for piece in _without_necks(part, reach):
             shell = measures.corners(_ring(piece.exterior), reach)
@@ -69,8 +69,8 @@ def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
                 continue
             holes = [ring for ring in piece.interiors if 2.0 * shapely.Polygon(ring).area > reach * ring.length]
             inner = tuple(_turned(measures.corners(_ring(hole), reach), -1.0) for hole in holes)
-            found.append((_turned(shell, 1.0), inner))
-    return sorted(found, key=lambda rings: tuple(rings[0].mean(axis=0)))
+            parts_with_holes.append((_turned(shell, 1.0), inner))
+    return sorted(parts_with_holes, key=lambda rings: tuple(rings[0].mean(axis=0)))
 
 
 def _polygons(region: shapely.Geometry) -> list[shapely.Polygon]:

@@ -112,23 +112,23 @@ def corners(polygon: Floats, tolerance: float) -> Floats:
         off = np.minimum(_off_segment(points, before, after), _off_segment(after, before, points))
         off = np.minimum(off, _off_segment(before, points, after))
         # Remove the corner with the smallest distance first, so that the result does not depend on the first corner.
-        least = int(np.argmin(off))
-        if off[least] > tolerance:
+        flattest = int(np.argmin(off))
+        if off[flattest] > tolerance:
             break
-        points = np.delete(points, least, axis=0)
+        points = np.delete(points, flattest, axis=0)
     return points
 
 
 def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
     """Join a polygon (k, d) and its holes to one closed outline, by bridges between nearest corners."""
-    outline, left = shell, list(holes)
-    while left:
-        apart = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in left]
+    outline, waiting = shell, list(holes)
+    while waiting:
+        apart = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in waiting]
         nearest = int(np.argmin([table.min() for table in apart]))
-        here, there = np.unravel_index(int(np.argmin(apart[nearest])), apart[nearest].shape)
-        hole = left.pop(nearest)
-        around = np.concatenate([hole[there:], hole[: there + 1]])
-        outline = np.concatenate([outline[: here + 1], around, outline[here:]])
+        at_outline, at_hole = np.unravel_index(int(np.argmin(apart[nearest])), apart[nearest].shape)
+        hole = waiting.pop(nearest)
+        around = np.concatenate([hole[at_hole:], hole[: at_hole + 1]])
+        outline = np.concatenate([outline[: at_outline + 1], around, outline[at_outline:]])
     return outline
 
 
@@ -168,7 +168,7 @@ def hull(polygon: Floats) -> Floats:
 def hulls(polygons: Sequence[Floats]) -> list[Floats]:
     """Return the convex hulls of counter-clockwise polygons (k, 2)."""
     # Convex polygons, the common case, are recognised in stacks and returned unchanged.
-    found = list(polygons)
+    outlines = list(polygons)
     for chosen, stack in by_corner_count(polygons):
         edge = np.roll(stack, -1, axis=1) - stack
         onward = np.roll(edge, -1, axis=1)
@@ -178,8 +178,8 @@ def hulls(polygons: Sequence[Floats]) -> list[Floats]:
         angle = np.arctan2(turn, np.einsum("nkj,nkj->nk", edge, onward)).sum(axis=1)
         convex = np.all(turn > 1e-12 * size[:, None] ** 2, axis=1) & (angle < 3.0 * np.pi)
         for index in chosen[~convex].tolist():
-            found[index] = hull(polygons[index])
-    return found
+            outlines[index] = hull(polygons[index])
+    return outlines
 
 
 def hull_rows(hull_: Floats) -> Floats:
@@ -255,15 +255,15 @@ def facets_of(corners: Floats, faces: tuple[tuple[int, ...], ...], step: float) 
     corners: (k, 3). faces: corners of each face in order. step: grid width to which corners are rounded.
     """
     places = [tuple(place) for place in np.floor(corners / step + PLACE).astype(np.int64).tolist()]
-    found = []
+    facets = []
     for loop in faces:
         ring = corners[list(loop)]
         vector = area_vector(ring)
         area = float(np.linalg.norm(vector))
         normal = vector / area
         middle = ring.mean(axis=0)
-        found.append(Facet(ring, middle, normal, float(middle @ normal), area, frozenset(places[k] for k in loop)))
-    return found
+        facets.append(Facet(ring, middle, normal, float(middle @ normal), area, frozenset(places[k] for k in loop)))
+    return facets
 
 
 def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
@@ -276,31 +276,31 @@ def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
             del seen[facet.corners]
         else:
             seen[facet.corners] = facet
-    found: list[Floats] = []
+    faces: list[Floats] = []
     for members in _planes(list(seen.values()), reach):
         if len(members) > 1:
-            found += _united(members, reach)
+            faces += _united(members, reach)
         elif members[0].area > reach * members[0].length:
             plane = across(members[0].normal)
             flat = straightened(members[0].ring @ plane.T, reach)
-            found.append(flat @ plane + members[0].offset * members[0].normal)
-    return found
+            faces.append(flat @ plane + members[0].offset * members[0].normal)
+    return faces
 
 
 def _planes(facets: Sequence[Facet], reach: float) -> list[list[Facet]]:
     """Group facets by the plane they lie in, with normals of either sense."""
     normals = np.array([facet.normal for facet in facets])
     middles = np.array([facet.middle for facet in facets])
-    found, left = [], np.ones(len(facets), dtype=bool)
+    groups, ungrouped = [], np.ones(len(facets), dtype=bool)
     for k, facet in enumerate(facets):
-        if not left[k]:
+        if not ungrouped[k]:
             continue
         parallel = abs(abs(normals @ facet.normal) - 1.0) < 1e-9
-        here = left & parallel & (abs(middles @ facet.normal - facet.offset) < reach)
-        here[k] = True
-        left &= ~here
-        found.append([facets[j] for j in np.flatnonzero(here).tolist()])
-    return found
+        in_plane = ungrouped & parallel & (abs(middles @ facet.normal - facet.offset) < reach)
+        in_plane[k] = True
+        ungrouped &= ~in_plane
+        groups.append([facets[j] for j in np.flatnonzero(in_plane).tolist()])
+    return groups
 
 
 def _united(facets: Sequence[Facet], reach: float) -> list[Floats]:
@@ -316,14 +316,14 @@ def _united(facets: Sequence[Facet], reach: float) -> list[Floats]:
     if turned.any():
         front, back = outer[0], shapely.union_all(polygons[turned], grid_size=grid)
         outer = [shapely.difference(*pair, grid_size=grid) for pair in ((front, back), (back, front))]
-    found = []
+    loops_in_space = []
     for part in [part for region in outer for part in shapely.get_parts(region)]:
         if part.geom_type != "Polygon" or part.area <= reach * part.length:
             continue
         for ring in [part.exterior, *part.interiors]:
             loop = straightened(shapely.get_coordinates(ring)[:-1], reach)
-            found.append(loop @ plane + offset * normal)
-    return found
+            loops_in_space.append(loop @ plane + offset * normal)
+    return loops_in_space
 
 
 # Distance within which corners of congruent blocks coincide, relative to the size of the structure
@@ -463,10 +463,10 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
     # A tenth of the time of a general union.
     edges: dict[tuple[_Corner, _Corner], tuple[float, float]] = {}
     for polygon in polygons:
-        for there, back, point in polygon:
+        for edge, back, point in polygon:
             # An edge that two polygons share occurs in both directions.
             if edges.pop(back, None) is None:
-                edges[there] = point
+                edges[edge] = point
     after = {start: (end, point) for (start, end), point in edges.items()}
     if len(after) < len(edges):
         return None  # the boundaries touch in a corner

@@ -218,11 +218,11 @@ def _divergence(surface: Surface, vertices: list[Floats]) -> tuple[Floats, Float
     # the mean of its corners, so that a warped face bounds both its elements alike, wherever its loops begin
     middle = np.add.reduceat(surface.points[surface.vertex], surface.start) / surface.count[:, None]
     first = middle[surface.face] - about
-    one, two = surface.points[surface.vertex] - about, surface.points[surface.after] - about
-    share = np.einsum("ij,ij->i", first, np.cross(one, two)) / 6.0
+    start, end = surface.points[surface.vertex] - about, surface.points[surface.after] - about
+    share = np.einsum("ij,ij->i", first, np.cross(start, end)) / 6.0
     count = len(vertices)
     volume = np.bincount(owner, weights=share, minlength=count)
-    moment = 0.25 * share[:, None] * (first + one + two)
+    moment = 0.25 * share[:, None] * (first + start + end)
     total = np.column_stack([np.bincount(owner, weights=moment[:, k], minlength=count) for k in range(3)])
     safe = np.where(volume == 0.0, 1.0, volume)
     return np.asarray(volume), np.asarray(base + total / safe[:, None])
@@ -312,11 +312,11 @@ def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints
     key = low * width + high
     order = np.argsort(key, kind="stable")
     neighbours = np.flatnonzero(key[order][1:] == key[order][:-1])
-    one, two = surface.face[order[neighbours]], surface.face[order[neighbours + 1]]
+    face, beside = surface.face[order[neighbours]], surface.face[order[neighbours + 1]]
     norm = np.linalg.norm(vector, axis=1)
     # Test coplanarity with the normal of the larger face: its rounding error is smaller.
-    swap = norm[one] < norm[two]
-    larger, smaller = np.where(swap, two, one), np.where(swap, one, two)
+    swap = norm[face] < norm[beside]
+    larger, smaller = np.where(swap, beside, face), np.where(swap, face, beside)
     cosine = np.einsum("ij,ij->i", vector[larger], vector[smaller])
     straight = cosine > _STRAIGHT * norm[larger] * norm[smaller]
     larger, smaller = larger[straight], smaller[straight]
@@ -347,17 +347,17 @@ def _boundary(surface: Surface, members: Ints, vector: Floats) -> tuple[Floats, 
     for u, v in edges:
         if (v, u) not in inside:
             onward.setdefault(u, []).append(v)
-    found: list[tuple[float, Floats]] = []
+    loops_by_area: list[tuple[float, Floats]] = []
     for begin in list(onward):
         while onward[begin]:
-            loop, here = [begin], onward[begin].pop()
-            while here != begin:
-                loop.append(here)
-                here = onward[here].pop()
+            loop, node = [begin], onward[begin].pop()
+            while node != begin:
+                loop.append(node)
+                node = onward[node].pop()
             points = surface.points[loop]
-            found.append((float(area_vector(points) @ vector), points))
-    found.sort(key=lambda entry: -entry[0])
-    return tuple(points for _, points in found)
+            loops_by_area.append((float(area_vector(points) @ vector), points))
+    loops_by_area.sort(key=lambda entry: -entry[0])
+    return tuple(points for _, points in loops_by_area)
 
 
 PARALLEL: Final = 1e-9
@@ -432,8 +432,8 @@ def distance_to(shape: Floats, faces: _Loops, point: Floats) -> float:
     """Return the distance of a point (d,) from an outline (k, 2) or a solid (k, 3), 0 inside."""
     if shape.shape[1] == 2:
         ends = np.roll(shape, -1, axis=0)
-        one, two = shape - point, ends - point
-        turn = np.arctan2(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0], np.einsum("ij,ij->i", one, two))
+        starts, after = shape - point, ends - point
+        turn = np.arctan2(starts[:, 0] * after[:, 1] - starts[:, 1] * after[:, 0], np.einsum("ij,ij->i", starts, after))
         return 0.0 if abs(turn.sum()) > np.pi else float(_off_segments(point, shape, ends).min())
     corners = np.array([[loop[0], *pair] for loop in faces for pair in pairwise(loop[1:])])
     triangles = shape[corners] - point

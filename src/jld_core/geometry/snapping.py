@@ -53,11 +53,11 @@ def snap_paths(
     place = corners[np.unique(node_of, return_index=True)[1]]
     rings = [without_spikes(node_of[first[k] : first[k + 1]].tolist(), closed=closed[k]) for k in range(len(paths))]
     place, rings, node_of = _onto_edges(place, rings, node_of, closed, tolerance)
-    rings, own = _with_hanging(place, rings, closed, tolerance)
+    rings, originals = _with_hanging(place, rings, closed, tolerance)
     if not keep_nodes:
         rings = [
             _without_straight(place, ring, mask, closed=shut)
-            for ring, mask, shut in zip(rings, own, closed, strict=True)
+            for ring, mask, shut in zip(rings, originals, closed, strict=True)
         ]
     rings = [without_spikes(ring, closed=shut) for ring, shut in zip(rings, closed, strict=True)]
     shift = np.linalg.norm(place[node_of] - corners, axis=1)
@@ -396,8 +396,8 @@ def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, orig
         which = np.flatnonzero(amount == count)
         planes = plane[first[which, None] + np.arange(count)]
         rows = normal[planes]
-        rest = np.einsum("nki,nki->nk", origin[planes] - place[which, None], rows)
-        step = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=_RANK), rest)
+        off = np.einsum("nki,nki->nk", origin[planes] - place[which, None], rows)
+        step = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=_RANK), off)
         near = np.linalg.norm(step, axis=1) <= _FAR * tolerance  # others stay
         moved[which[near]] += step[near]
     return moved

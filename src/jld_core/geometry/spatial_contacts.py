@@ -111,43 +111,44 @@ def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[Spat
 
     Source: docs/method.md (1.1), with normals from element faces.
     """
-    one, two = _opposite_facets(facets, *pairs)
-    if not len(one):
+    facet_a, facet_b = _opposite_facets(facets, *pairs)
+    if not len(facet_a):
         return []
     frames = FacetFrames.on(facets)
-    rectangle = frames.rectangle[one] & frames.rectangle[two]
-    found: list[tuple[int, SpatialContact]] = []
+    rectangle = frames.rectangle[facet_a] & frames.rectangle[facet_b]
+    contacts: list[tuple[int, SpatialContact]] = []
     quick = np.flatnonzero(rectangle)
-    settled = np.zeros(len(one), dtype=bool)
+    settled = np.zeros(len(facet_a), dtype=bool)
     if quick.size:
-        aligned, hits = _cut_rectangles(facets, frames, one[quick], two[quick])
+        aligned, hits = _cut_rectangles(facets, frames, facet_a[quick], facet_b[quick])
         settled[quick[aligned]] = True
-        found += [(int(quick[position]), contact) for position, contact in hits]
-    rest = np.flatnonzero(~settled)
-    found += [
-        (int(rest[position]), contact) for position, contact in _cut_polygons(facets, frames, one[rest], two[rest])
+        contacts += [(int(quick[position]), contact) for position, contact in hits]
+    others = np.flatnonzero(~settled)
+    contacts += [
+        (int(others[position]), contact)
+        for position, contact in _cut_polygons(facets, frames, facet_a[others], facet_b[others])
     ]
-    found.sort(key=lambda entry: entry[0])
-    return [contact for _, contact in found]
+    contacts.sort(key=lambda entry: entry[0])
+    return [contact for _, contact in contacts]
 
 
 def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
     """Find facets that face one another, overlap in projection and nearly touch."""
     # Contacts are left out. Facets nearly touch that are apart by less than `tolerances.NEAR` of the smaller one's
     # size. So do facets that touch at one end and open by less than `tolerances.WEDGE` of it at the other.
-    one, two = _opposite_facets(facets, *pairs, tolerances.WEDGE)
-    size = np.minimum(facets.size[one], facets.size[two])
-    cosine = np.einsum("ij,ij->i", facets.normal[one], facets.normal[two])
+    facet_a, facet_b = _opposite_facets(facets, *pairs, tolerances.WEDGE)
+    size = np.minimum(facets.size[facet_a], facets.size[facet_b])
+    cosine = np.einsum("ij,ij->i", facets.normal[facet_a], facets.normal[facet_b])
     parallel = cosine < -1.0 + tolerances.WEDGE**2
-    parallel[parallel] = ~_touches_throughout(facets, one[parallel], two[parallel], size[parallel])
-    one, two, size = one[parallel], two[parallel], size[parallel]
-    if not len(one):
+    parallel[parallel] = ~_touches_throughout(facets, facet_a[parallel], facet_b[parallel], size[parallel])
+    facet_a, facet_b, size = facet_a[parallel], facet_b[parallel], size[parallel]
+    if not len(facet_a):
         return []
     frames = FacetFrames.on(facets)
-    first, second = (regions_in_planes(facets, frames, which, one) for which in (one, two))
+    first, second = (regions_in_planes(facets, frames, which, facet_a) for which in (facet_a, facet_b))
     shared = intersections(first, second)
-    wide = np.flatnonzero(shapely.area(shared) > (tolerances.NEAR * size) ** 2).tolist()
-    misses = (_near_miss(facets, frames, one[k], two[k], shared[k], size[k]) for k in wide)
+    overlapping = np.flatnonzero(shapely.area(shared) > (tolerances.NEAR * size) ** 2).tolist()
+    misses = (_near_miss(facets, frames, facet_a[k], facet_b[k], shared[k], size[k]) for k in overlapping)
     return sorted((miss for miss in misses if miss is not None), key=lambda miss: (miss.a, miss.b))
 
 
@@ -155,7 +156,7 @@ def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> B
     """Return a mask (p,) of facet pairs without a gap; size: of the smaller facet."""
     # All four corners of the second facet lie within half the tolerance of the plane of the first. The mask is False if
     # the second facet has holes or not four corners.
-    found = np.zeros(len(one), dtype=bool)
+    touches = np.zeros(len(one), dtype=bool)
     row, stack = facets.four
     four = np.flatnonzero(row[two] >= 0)
     if len(four):
@@ -163,8 +164,8 @@ def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> B
         arm = corners - facets.origin[one[four], None]
         height = np.abs(np.einsum("nki,ni->nk", arm, facets.normal[one[four]])).max(axis=1)
         # Half of the tolerance leaves room for rounding.
-        found[four] = height <= 0.5 * tolerances.FACE * size[four]
-    return found
+        touches[four] = height <= 0.5 * tolerances.FACE * size[four]
+    return touches
 
 
 def _near_miss(
@@ -176,13 +177,13 @@ def _near_miss(
     points = facets.origin[one] + flat @ axes
     gap = (facets.origin[two] - points) @ slope / (slope @ normal)
     crossing = gap[1:].min() * gap[1:].max() < 0.0
-    most, least = float(abs(gap[1:]).max()), 0.0 if crossing else float(abs(gap[1:]).min())
-    touching = least <= tolerances.FACE * size
-    if most <= tolerances.FACE * size or most > (tolerances.WEDGE if touching else tolerances.NEAR) * size:
+    widest, narrowest = float(abs(gap[1:]).max()), 0.0 if crossing else float(abs(gap[1:]).min())
+    touching = narrowest <= tolerances.FACE * size
+    if widest <= tolerances.FACE * size or widest > (tolerances.WEDGE if touching else tolerances.NEAR) * size:
         return None
     angle = float(np.degrees(np.arccos(min(1.0, -float(normal @ slope))))) if touching else 0.0
     place = points[0] + 0.5 * gap[0] * normal
-    return NearMiss(int(facets.element[one]), int(facets.element[two]), most, place, angle)
+    return NearMiss(int(facets.element[one]), int(facets.element[two]), widest, place, angle)
 
 
 def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances.FACE) -> tuple[Ints, Ints]:
@@ -272,7 +273,7 @@ def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> 
     first, second = regions_in_planes(facets, frames, one, one), regions_in_planes(facets, frames, two, one)
     shared = intersections(first, second)
     size = np.minimum(facets.size[one], facets.size[two])
-    found = []
+    contacts = []
     for position in np.flatnonzero(shapely.area(shared) > 0.0).tolist():
         a, b, reach = one[position], two[position], tolerances.FACE * size[position]
         normal, origin = facets.normal[a], facets.origin[a]
@@ -287,8 +288,8 @@ def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> 
             lift = 0.5 * gap.mean() * normal
             inner = tuple(origin + hole @ axes + lift for hole in holes)
             contact = SpatialContact(int(facets.element[a]), int(facets.element[b]), points + lift, normal, inner)
-            found.append((position, contact))
-    return found
+            contacts.append((position, contact))
+    return contacts
 
 
 def merge_points(points: Floats, tolerance: float) -> Ints:
@@ -329,7 +330,7 @@ def merge_points(points: Floats, tolerance: float) -> Ints:
 
 def _clusters(points: Floats, tolerance: float) -> Ints:
     """Return the cluster (n,) of each point (n, d); clusters are further apart than the tolerance."""
-    one, two = [], []
+    firsts, seconds = [], []
     # Coordinates that differ by less than half a box lie in one box of one of two grids shifted by half a box.
     with np.errstate(over="ignore"):
         scaled = points / max(2.01 * tolerance, 1e-300)
@@ -337,9 +338,9 @@ def _clusters(points: Floats, tolerance: float) -> Ints:
         box = np.floor(scaled + np.array(shift))
         order = np.lexsort(box.T)
         same = np.flatnonzero(np.all(box[order[1:]] == box[order[:-1]], axis=1))
-        one.append(order[same])
-        two.append(order[same + 1])
-    return components(len(points), np.concatenate(one), np.concatenate(two))
+        firsts.append(order[same])
+        seconds.append(order[same + 1])
+    return components(len(points), np.concatenate(firsts), np.concatenate(seconds))
 
 
 def _first_within(points: Floats, tolerance: float) -> Ints:

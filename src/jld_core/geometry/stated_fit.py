@@ -135,12 +135,12 @@ def judge_fits(fits: Sequence[tuple[str, str, Fit]], tolerance: float | None, un
         # what no tolerance takes first, then the largest misfit
         far, misfit, where, problem = max(wrong, key=lambda misfit: misfit[:2])
         count = len({key for _, _, key, _ in wrong})
-        more = f", the largest misfit of {count} interfaces" if count > 1 and not far else ""
+        others = f", the largest misfit of {count} interfaces" if count > 1 and not far else ""
         accept = "" if far else f', or a "tolerance" above {misfit:.2g}'
         expected = f"an interface on the common boundary of its elements{accept}"
         if far:
             raise InputError(where, problem, expected)
-        raise Misfit(where, problem + more, expected, misfit)
+        raise Misfit(where, problem + others, expected, misfit)
     return tuple(warnings)
 
 
@@ -213,17 +213,17 @@ class NearMiss:
 
 def refuse_overlaps(pairs: Sequence[Overlap], expected: str, within: float) -> tuple[str, ...]:
     """Return a warning about overlaps up to `within`; Misfit for more, naming up to ten pairs."""
-    most = max((pair.depth for pair in pairs), default=0.0)
-    if not pairs or most <= within:
-        return (f"{len(pairs)} pairs of elements overlap, by up to {most:.3g}",) if pairs else ()
+    deepest = max((pair.depth for pair in pairs), default=0.0)
+    if not pairs or deepest <= within:
+        return (f"{len(pairs)} pairs of elements overlap, by up to {deepest:.3g}",) if pairs else ()
     named = [f"by {pair.depth:.3g} at ({_point(pair.place)})" for pair in pairs]
     first = pairs[0]
-    rest = [f"{p.a!r} and {p.b!r} {how}" for p, how in zip(pairs[1:_NAMED], named[1:_NAMED], strict=True)]
-    more = len(pairs) - _NAMED
-    problem = f"they overlap {named[0]}" + ("; so do " + ", ".join(rest) if rest else "")
-    problem += f" and {more} more pairs" if more > 0 else ""
+    also = [f"{p.a!r} and {p.b!r} {how}" for p, how in zip(pairs[1:_NAMED], named[1:_NAMED], strict=True)]
+    unnamed = len(pairs) - _NAMED
+    problem = f"they overlap {named[0]}" + ("; so do " + ", ".join(also) if also else "")
+    problem += f" and {unnamed} more pairs" if unnamed > 0 else ""
     where = f"elements {first.a!r} and {first.b!r}"
-    raise Misfit(where, problem, f'{expected}, or a "tolerance" above {most:.2g}', most)
+    raise Misfit(where, problem, f'{expected}, or a "tolerance" above {deepest:.2g}', deepest)
 
 
 def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple[str, ...]:

@@ -224,15 +224,15 @@ def triangulate_region(points: Floats, loops: Sequence[Sequence[int]]) -> list[t
     number = {
         tuple(p): k for loop, ring in zip(loops, rings, strict=True) for k, p in zip(loop, ring.tolist(), strict=True)
     }
-    found = []
+    triangles = []
     for triangle in shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:])).geoms:
         a, b, c = shapely.get_coordinates(triangle)[:3]
         if (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0] < 0.0:
             b, c = c, b
         named = (number[tuple(a.tolist())], number[tuple(b.tolist())], number[tuple(c.tolist())])
         if len(set(named)) == 3:
-            found.append(named)
-    return found
+            triangles.append(named)
+    return triangles
 
 
 def _fans(ring: Floats) -> bool:

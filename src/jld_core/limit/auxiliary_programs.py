@@ -187,21 +187,25 @@ def _slack_sum_program(
     matrix = program.matrix.tocsr()[:, :columns]
     tips = slack_rows(s)
     # columns: point, slacks, slacks of first rows of cones
-    count, more = len(tips), len(s.cones) if heads else 0
-    pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count + more))
+    count, heads_count = len(tips), len(s.cones) if heads else 0
+    pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count + heads_count))
     first_cone = s.equalities + s.linear
     with_slacks = sp.hstack([matrix, pick]).tocsr()
-    bound = sp.hstack([sp.csr_array((count + more, columns)), sp.eye_array(count + more)])
-    above = [sp.hstack([matrix[s.heads], sp.csr_array((more, count)), sp.eye_array(more)])] if more else []
+    bound = sp.hstack([sp.csr_array((count + heads_count, columns)), sp.eye_array(count + heads_count)])
+    above = (
+        [sp.hstack([matrix[s.heads], sp.csr_array((heads_count, count)), sp.eye_array(heads_count)])]
+        if heads_count
+        else []
+    )
     box = []
     if np.isfinite(largest):
-        point = sp.hstack([sp.eye_array(columns), sp.csr_array((columns, count + more))])
+        point = sp.hstack([sp.eye_array(columns), sp.csr_array((columns, count + heads_count))])
         box = [point, -point]
     rows = sp.vstack([with_slacks[:first_cone], bound, -bound, *above, *box, with_slacks[first_cone:]])
-    ends = [rhs[:first_cone], np.full(count, cap), np.ones(more), np.zeros(count + 2 * more)]
+    ends = [rhs[:first_cone], np.full(count, cap), np.ones(heads_count), np.zeros(count + 2 * heads_count)]
     ends += [np.full(len(box) * columns, largest), rhs[first_cone:]]
-    objective = np.concatenate([np.zeros(columns), -np.ones(count + more)])
-    inequalities = s.linear + 2 * count + 3 * more + len(box) * columns
+    objective = np.concatenate([np.zeros(columns), -np.ones(count + heads_count)])
+    inequalities = s.linear + 2 * count + 3 * heads_count + len(box) * columns
     return pack(rows, np.concatenate(ends), objective, s.equalities, inequalities, s.cones, s.places, program.bodies)
 
 
@@ -212,11 +216,11 @@ def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
     matrix = program.matrix.tocsr()[:, :columns]
     yields = matrix[s.equalities + 1 :]
     linear = s.linear - 1
-    least = np.zeros(yields.shape[0])
-    least[:linear] = 1.0
+    at_least = np.zeros(yields.shape[0])
+    at_least[:linear] = 1.0
     starts = linear + beginnings(s.cones)
-    least[starts] = 1.0
-    point = least_multipliers(matrix[: s.equalities], yields, least, linear, s.cones, s)
+    at_least[starts] = 1.0
+    point = least_multipliers(matrix[: s.equalities], yields, at_least, linear, s.cones, s)
     residual = sp.hstack([matrix[: s.equalities].T, yields.T]) @ point
     multipliers = point[s.equalities :]
     if not np.all(np.isfinite(residual)) or abs(residual).max(initial=0.0) > 1e-6:

@@ -58,17 +58,17 @@ class YieldSetFaces:
 
     def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:
         """Evaluate a measure of jumps (k, q) at faces (k,), at most one jump per face in each pass."""
-        found = np.empty(len(faces))
+        values = np.empty(len(faces))
         count = len(self.strengths)
         labels = np.full(count, self.dry)
         order = np.argsort(faces, kind="stable")
         turn = np.arange(len(faces)) - np.searchsorted(faces[order], faces[order])
         for each in range(int(turn.max(initial=-1)) + 1):
-            here = order[turn == each]
+            of_turn = order[turn == each]
             table = np.zeros((count, jumps.shape[1]))
-            table[faces[here]] = jumps[here]
-            found[here] = measure(table, labels)[faces[here]]
-        return found
+            table[faces[of_turn]] = jumps[of_turn]
+            values[of_turn] = measure(table, labels)[faces[of_turn]]
+        return values
 
 
 @dataclass(frozen=True)
@@ -529,12 +529,12 @@ class _Block:
         """Add the column of a force (3,) at a side: equilibrium of the part, and the shared face."""
         parts = self._parts
         at = self._place[int(parts.side_part[side])]
-        found = [(at + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
+        entries = [(at + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
         face = int(parts.side_shared[side])
         if face >= 0:
             known = self._shared[Q * face]
-            found += [(known + k, value) for k, value in enumerate((parts.sign[side] * force).tolist())]
-        self._keep(found, row)
+            entries += [(known + k, value) for k, value in enumerate((parts.sign[side] * force).tolist())]
+        self._keep(entries, row)
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
         # The columns are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column
@@ -554,12 +554,12 @@ class _Block:
         """Return the entries (row, value) of a force at a joint in the equilibrium of both parts."""
         parts = self._parts
         ends = ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b))
-        found: dict[int, float] = {}
+        sums: dict[int, float] = {}
         for part, arm in ends:
             at = self._place[int(part[joint])]
             for k, value in enumerate((arm[joint] @ force).tolist()):
-                found[at + k] = found.get(at + k, 0.0) + value
-        return list(found.items())
+                sums[at + k] = sums.get(at + k, 0.0) + value
+        return list(sums.items())
 
     def _keep(self, found: list[tuple[int, float]], row: int | None = None) -> None:
         """Store a column without its zero entries.
@@ -656,10 +656,10 @@ class ConeProgram(AllBlocksProgram):
         pattern = self._template.yield_set.pattern
         count = len(self._template.assembly.interfaces)
         values, rhs = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
-        wanted = (np.arange(len(rhs)) < pattern.linear) == linear
+        chosen = (np.arange(len(rhs)) < pattern.linear) == linear
         if linear:  # Leave out rows that this label does not use.
-            wanted &= np.bincount(pattern.row, weights=abs(values), minlength=len(rhs)) > 0.0
-        face_rows = _lists(pattern.row_face[wanted], np.flatnonzero(wanted), count)
+            chosen &= np.bincount(pattern.row, weights=abs(values), minlength=len(rhs)) > 0.0
+        face_rows = _lists(pattern.row_face[chosen], np.flatnonzero(chosen), count)
         # place of each row and column of the pattern among those of its face
         place_row = np.zeros(len(rhs), dtype=np.int64)
         place_column: dict[int, int] = {}
@@ -667,7 +667,7 @@ class ConeProgram(AllBlocksProgram):
             place_row[listed] = np.arange(len(listed))
         for listed in self._face_columns:
             place_column |= {int(column): k for k, column in enumerate(listed)}
-        used = wanted[pattern.row] & (values != 0.0)
+        used = chosen[pattern.row] & (values != 0.0)
         entries = _lists(pattern.face[used], np.flatnonzero(used), count)
         number = np.array([len(listed) for listed in face_rows], dtype=np.int64)[copies.face]
         given = rows.of(np.repeat(copies.block, number))

@@ -257,18 +257,20 @@ class BlockRelaxation:
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound λ for many sets of allowed blocks, by the batch solver where it applies."""
         if not self.batched or self._batch_program is None or not asked:
-            return [self.choose(*one) for one in asked]
-        allowed, threshold, most = (np.array(column) for column in zip(*asked, strict=True))
-        answers = self._batch_program.solve(allowed, threshold, most, pool)
+            return [self.choose(*program) for program in asked]
+        allowed, threshold, upper = (np.array(column) for column in zip(*asked, strict=True))
+        answers = self._batch_program.solve(allowed, threshold, upper, pool)
         self.solves += len(asked)
-        found = []
-        for one, answer in zip(asked, answers, strict=True):
-            choice = self._proven_choice(answer, *one)
+        choices = []
+        for program, answer in zip(asked, answers, strict=True):
+            choice = self._proven_choice(answer, *program)
             settled = answer.solved or choice.refuted
-            if not settled and not self._is_close(choice, one[1]):  # a large program that iterations ended too early
+            if not settled and not self._is_close(
+                choice, program[1]
+            ):  # a large program that iterations ended too early
                 settled = choice.bound <= answer.load + _ROUGH * abs(answer.load)
-            found.append(choice if settled else self.choose(*one))
-        return found
+            choices.append(choice if settled else self.choose(*program))
+        return choices
 
     def _is_close(self, found: Choice, threshold: float) -> bool:
         """Return True where a finer residual may refute a threshold that is not refuted."""
@@ -358,9 +360,9 @@ class BlockRelaxation:
             if self._opening is None:
                 return None if margin < 0.0 else (velocity, wall)
             # Open by at least the rounding error of the velocities.
-            more = max(-1.01 * margin + tolerances.ROUNDING * size if margin < 0.0 else 0.0, share * size)
-            more /= self._opening_margin
-            velocity, wall = velocity + more * self._opening[0], wall + more * self._opening[1]
+            step = max(-1.01 * margin + tolerances.ROUNDING * size if margin < 0.0 else 0.0, share * size)
+            step /= self._opening_margin
+            velocity, wall = velocity + step * self._opening[0], wall + step * self._opening[1]
             if self._margin(velocity, wall, allowed) < 0.0:
                 return None
         return velocity, wall

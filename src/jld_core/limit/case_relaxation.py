@@ -240,24 +240,24 @@ class Relaxation(PartialLabellingBounds):
         count = len(labellings)
         with self._counting:
             self.solves += count
-        found: list[DualBound | None] = [None] * count
-        left = np.arange(count)
+        bounds: list[DualBound | None] = [None] * count
+        open_ones = np.arange(count)
         if self._batch is not None:
             answers = self._batch.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
             # Skip labellings whose forces carry more than the threshold. Unchecked forces suffice: skipping proves
             # nothing false.
             candidates = np.flatnonzero(answers.verdict != CARRIES)
-            self._add_refutations(answers.velocities[candidates], candidates, labellings, undecided, thresholds, found)
+            self._add_refutations(answers.velocities[candidates], candidates, labellings, undecided, thresholds, bounds)
             # Between abutments the batch solver reports bounds that the exact work balance cannot confirm.
             low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
-            left = np.array([k for k in candidates.tolist() if found[k] is None and low[k]], dtype=int)
+            open_ones = np.array([k for k in candidates.tolist() if bounds[k] is None and low[k]], dtype=int)
             if thorough is not None:
-                left = left[thorough[left]]
-        if len(left):
-            others = self._refute_by_solver(labellings[left], undecided[left], thresholds[left])
-            for k, one in zip(left.tolist(), others, strict=True):
-                found[k] = one
-        return found
+                open_ones = open_ones[thorough[open_ones]]
+        if len(open_ones):
+            others = self._refute_by_solver(labellings[open_ones], undecided[open_ones], thresholds[open_ones])
+            for k, bound in zip(open_ones.tolist(), others, strict=True):
+                bounds[k] = bound
+        return bounds
 
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
         # Parameters and results: see `PartialLabellingBounds.minimize_conflicts`.
@@ -268,14 +268,14 @@ class Relaxation(PartialLabellingBounds):
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
         of = raw.labelling[begun]
-        left = np.arange(len(begun))[raw.fate[begun] == REFUTED]
+        refuted = np.arange(len(begun))[raw.fate[begun] == REFUTED]
         open_ = request.free & ~raw.decided[begun]
-        found: list[DualBound | None] = [None] * len(begun)
+        bounds: list[DualBound | None] = [None] * len(begun)
         self._add_refutations(
-            raw.velocity[begun[left]], left, request.labellings[of], open_, request.thresholds[of], found
+            raw.velocity[begun[refuted]], refuted, request.labellings[of], open_, request.thresholds[of], bounds
         )
         drawn = begun % (1 + request.how.neighbours) == 0
-        rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
+        rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], bounds, raw.fate[begun].tolist(), strict=True)
         return [
             MinimizedConflict(k, own, faces, None, fate == CARRIED)
             if one is None
@@ -332,13 +332,13 @@ class Relaxation(PartialLabellingBounds):
 
     def _refute_by_solver(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """Refute scaled λ one by one, by the interior-point solver."""
-        rows, found = self.template.matrix.shape[0], []
+        rows, duals = self.template.matrix.shape[0], []
         for pair in zip(labellings, undecided, strict=True):
             checkpoint()
             with self._solving:
-                found.append(self._solver.solve(self.program(*pair)).dual[:rows])
+                duals.append(self._solver.solve(self.program(*pair)).dual[:rows])
         answers: list[DualBound | None] = [None] * len(labellings)
-        self._add_refutations(np.array(found), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
+        self._add_refutations(np.array(duals), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
         return answers
 
     def _refutations(
@@ -411,22 +411,24 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        found: list[DualBound | None] = [None] * len(labellings)
-        left = np.arange(len(labellings))
+        refutations: list[DualBound | None] = [None] * len(labellings)
+        open_ones = np.arange(len(labellings))
         counts = [0] * len(self._cases)
         for case in tuple(self._order):
-            if not left.size:
+            if not open_ones.size:
                 break
             unit = self._units[case]
-            careful = None if thorough is None else thorough[left]
-            answers = self._cases[case].refute_all(labellings[left], undecided[left], thresholds[left] / unit, careful)
-            for k, one in zip(left.tolist(), answers, strict=True):
-                if one is not None:
-                    found[k] = replace(one, bound=_raised(one.bound * unit), case=case)
+            careful = None if thorough is None else thorough[open_ones]
+            answers = self._cases[case].refute_all(
+                labellings[open_ones], undecided[open_ones], thresholds[open_ones] / unit, careful
+            )
+            for k, of_case in zip(open_ones.tolist(), answers, strict=True):
+                if of_case is not None:
+                    refutations[k] = replace(of_case, bound=_raised(of_case.bound * unit), case=case)
                     counts[case] += 1
-            left = np.array([k for k in left.tolist() if found[k] is None], dtype=np.int64)
+            open_ones = np.array([k for k in open_ones.tolist() if refutations[k] is None], dtype=np.int64)
         self._reorder(counts)
-        return found
+        return refutations
 
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
         """Minimise conflicts of labellings, each under the first case that refutes it."""
@@ -490,19 +492,19 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
         open_ones, counts = list(range(len(asked))), [0] * len(self._cases)
         for case in tuple(self._order):
             unit = self._units[case]
-            scaled = [(allowed, *self._in_units(threshold, most, unit)) for allowed, threshold, most in asked]
+            scaled = [(allowed, *self._in_units(threshold, upper, unit)) for allowed, threshold, upper in asked]
             answers = self._cases[case].bound_all([scaled[k] for k in open_ones], pool)
             for k, of_case in zip(open_ones, answers, strict=True):
-                _, threshold, most = asked[k]
+                _, threshold, upper = asked[k]
                 before = choices[k]
                 useless = of_case.useless if before is None else of_case.useless | before.useless
                 proof = tuple(replace(mechanism, case=case) for mechanism in of_case.mechanisms)
                 proof = proof if before is None else (*before.mechanisms, *proof)
                 if of_case.refuted:
                     counts[case] += 1
-                    choices[k] = replace(of_case, bound=min(most, threshold), useless=useless, mechanisms=proof)
+                    choices[k] = replace(of_case, bound=min(upper, threshold), useless=useless, mechanisms=proof)
                     continue
-                bound = min(most, _raised(of_case.bound * unit))
+                bound = min(upper, _raised(of_case.bound * unit))
                 if before is None or bound < before.bound:
                     choices[k] = replace(of_case, bound=bound, useless=useless, mechanisms=proof)
                 else:

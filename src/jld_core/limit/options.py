@@ -366,8 +366,8 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
         value = min((value for value in values if not math.isnan(value)), default=low)
         return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike, least_low))
     known = [value for value in values if not math.isnan(value)]
-    both = math.isfinite(low) and math.isfinite(high)
-    guess = 0.5 * (low + high) if both else min(known, default=nan)
+    bounded = math.isfinite(low) and math.isfinite(high)
+    guess = 0.5 * (low + high) if bounded else min(known, default=nan)
     if not math.isfinite(guess):
         guess = nan
     low, high = (end if math.isfinite(end) else nan for end in (low, high))

@@ -136,8 +136,8 @@ class Proof:
         low, high = self.bracket
         if math.isnan(low) or math.isnan(high):
             return self.guess if self.status is Status.UNCERTIFIED else math.nan
-        wide = relative_width(low, high, tolerances.GAP_FLOOR) > tolerances.GAP
-        return low if wide else 0.5 * (low + high)
+        is_wide = relative_width(low, high, tolerances.GAP_FLOOR) > tolerances.GAP
+        return low if is_wide else 0.5 * (low + high)
 
 
 FACES_WHERE_BATCH_IS_FASTER: Final = (48, 400)

@@ -260,13 +260,13 @@ class Repair:
         # The residual force on a face that must be free of force by the equations is rounding of other forces.
         forces[edge & (largest <= 1e-2 * tolerances.ROUNDING * max(1.0, float(largest.max())))] = 0.0
         dead, live = template.dead, load * template.live
-        left = template.matrix @ forces.ravel() + dead + live
+        residual = template.matrix @ forces.ravel() + dead + live
         met = self._magnitudes @ abs(forces.ravel()) + abs(dead) + abs(live)
         slack = sets.slack(forces, labels)
         nothing = np.finfo(float).eps * max(1.0, float(largest.max()))  # Last digit of the projected values.
         noise = tolerances.ROUNDING * abs(forces[edge]).max(axis=1) + nothing
         slack[edge] = np.where(abs(slack[edge]) <= noise, np.inf, slack[edge])
-        if np.any(abs(left) > tolerances.ROUNDING * met + nothing) or slack.min() < 0.0:
+        if np.any(abs(residual) > tolerances.ROUNDING * met + nothing) or slack.min() < 0.0:
             return None
         return State(forces, load, float(slack.min()), 0.0)
 

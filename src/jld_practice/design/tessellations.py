@@ -365,10 +365,10 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
     strengths = assembly.strengths(_ROUTE)
     for share in _TENSION:
         weak = assembly.with_strengths(replace(strengths, tension=share * strengths.tension))
-        found = [_refined(case, until) for case in weak.by_case]
+        bounds = [_refined(case, until) for case in weak.by_case]
         # the case with the least lower bound governs
-        lower = [one.lower / factor for one, factor in zip(found, assembly.required.tolist(), strict=True)]
-        stresses = found[int(np.argmin([low if np.isfinite(low) else np.inf for low in lower]))].stresses
+        lower = [one.lower / factor for one, factor in zip(bounds, assembly.required.tolist(), strict=True)]
+        stresses = bounds[int(np.argmin([low if np.isfinite(low) else np.inf for low in lower]))].stresses
         if stresses is not None:
             mesh = stresses.mesh
             return TriangleStresses(mesh.points, mesh.simplices, stresses.stress.mean(axis=1))
@@ -424,19 +424,19 @@ def tessellations(
     planar = assembly.dimension == 2
     kinds = _planar(outline, assembly, options, until) if planar else _spatial(outline, assembly, options)
     side = side_of(assembly)
-    found: list[Tessellation] = []
+    made_so_far: list[Tessellation] = []
     for name, words, make in kinds:
-        late = bool(found) and until is not None and until.passed()
+        late = bool(made_so_far) and until is not None and until.passed()
         cut = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
-        alike = [one.name for one in found if cut.scene is not None and one.scene == cut.scene]
-        found.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else cut)
-        made(found[-1])
-    if all(one.scene is None for one in found):
-        reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
+        alike = [one.name for one in made_so_far if cut.scene is not None and one.scene == cut.scene]
+        made_so_far.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else cut)
+        made(made_so_far[-1])
+    if all(one.scene is None for one in made_so_far):
+        reasons = "; ".join(f"{one.name}: {one.problem}" for one in made_so_far)
         raise InputError(
             "the outline", f"no tessellation fits ({reasons})", "a larger `block_mass`, or another outline"
         )
-    return found
+    return made_so_far
 
 
 _Make = Callable[[float], Scene]  # function that cuts an outline with cells of a relative size, 1 at first
@@ -564,10 +564,10 @@ def _cell_size(assembly: Assembly, measure: float, dimension: int, options: Desi
             raise ParameterError("block_mass", "the structure has no weight", "a `density`")
         each = min(each, 0.5 * options.block_mass / mass * measure)
         if measure / each > _MOST:
-            least = 2.0 * mass / _MOST
+            least_mass = 2.0 * mass / _MOST
             kg = " kg" if assembly.units == ("m", "N") else ""
             problem = f"the structure of {mass:.4g}{kg} would be {mass / options.block_mass:.0f} blocks of that mass"
-            wish = f"at least {least:.3g}{kg}, for {_MOST} cells at the most"
+            wish = f"at least {least_mass:.3g}{kg}, for {_MOST} cells at the most"
             if dimension == 2 and options.thickness is None:
                 wish += ", or the `thickness` of the structure (1 where the outline states none)"
             raise ParameterError("block_mass", problem, wish)

@@ -68,26 +68,29 @@ class CompiledFronts:
     def __init__(self, fronts: Fronts, variant: str, routines: tuple[int, ...]) -> None:
         self._library = library(variant)
         self.order, self.place = fronts.order, fronts.place
-        own, rest = np.diff(fronts.bounds), np.array([len(passed) for passed in fronts.passed], dtype=np.int64)
-        ends = np.cumsum(own * (own + rest))
-        start, self.size = ends - own * (own + rest), int(ends[-1]) if len(ends) else 0
+        pivots, passed_count = (
+            np.diff(fronts.bounds),
+            np.array([len(passed) for passed in fronts.passed], dtype=np.int64),
+        )
+        ends = np.cumsum(pivots * (pivots + passed_count))
+        start, self.size = ends - pivots * (pivots + passed_count), int(ends[-1]) if len(ends) else 0
         # Entries are numbered in the pivot matrix and in the panel of their front; here both are one array.
-        half = np.repeat(np.arange(2 * len(own)), np.diff(fronts.cut))
+        half = np.repeat(np.arange(2 * len(pivots)), np.diff(fronts.cut))
         front, below = half // 2, half % 2
-        height = np.where(below == 1, rest[front], own[front])
+        height = np.where(below == 1, passed_count[front], pivots[front])
         local, row = fronts.where // height, fronts.where % height
         self._entries = fronts.entries
-        self._where = start[front] + local * (own + rest)[front] + row + below * own[front]
+        self._where = start[front] + local * (pivots + passed_count)[front] + row + below * pivots[front]
         self._arrays: dict[str, NDArray[Any]] = {
             "bounds": np.ascontiguousarray(fronts.bounds, dtype=np.int64),
-            "passed_start": np.concatenate([[0], np.cumsum(rest)]).astype(np.int64),
+            "passed_start": np.concatenate([[0], np.cumsum(passed_count)]).astype(np.int64),
             "passed": np.concatenate([*fronts.passed, np.zeros(0, dtype=np.int64)]).astype(np.int64),
             "place": _rows_in_parents(fronts),
             "parent": fronts.parent.astype(np.int32),
             "factor_start": start.astype(np.int64),
             "routines": np.array(routines, dtype=np.int64),
         }
-        self.stated = FrontsOfC(count=len(own), **pointers(**self._arrays))
+        self.stated = FrontsOfC(count=len(pivots), **pointers(**self._arrays))
 
     def factor(self, data: Floats) -> CompiledFactor:
         numbers, definite = np.zeros(self.size), np.zeros(1, dtype=np.uint8)
@@ -120,15 +123,15 @@ class CompiledFactor:
 def _rows_in_parents(fronts: Fronts) -> Ints:
     """Return the row of each unknown of the update matrices in its parent front."""
     # The pivot unknowns of the parent come first. Fronts follow each other; roots have zeros.
-    found = [np.zeros(0, dtype=np.int64)]
+    rows = [np.zeros(0, dtype=np.int64)]
     for passed, parent in zip(fronts.passed, fronts.parent.tolist(), strict=True):
         if parent < 0:
-            found.append(np.zeros(len(passed), dtype=np.int64))
+            rows.append(np.zeros(len(passed), dtype=np.int64))
             continue
         first, last = fronts.bounds[parent : parent + 2].tolist()
         below = np.searchsorted(fronts.passed[parent], passed)
-        found.append(np.where(passed < last, passed - first, last - first + below))
-    return np.concatenate(found).astype(np.int32)
+        rows.append(np.where(passed < last, passed - first, last - first + below))
+    return np.concatenate(rows).astype(np.int32)
 
 
 # Entry in the equations of a block, relative to the largest term of its column, below which it is rounding. Terms of
@@ -154,10 +157,10 @@ class BlockEquations:
         position = np.arange(len(source)) - np.repeat(start - by_column.indptr[row], count)
         target, factor = by_column.indices[position].astype(np.int64), by_column.data[position]
         # Yield rows stay as they are.
-        rest = np.flatnonzero(~inside)
-        source = np.concatenate([source, rest])
-        target = np.concatenate([target, old.indices[rest]])
-        factor = np.concatenate([factor, np.ones(len(rest))])
+        yield_entries = np.flatnonzero(~inside)
+        source = np.concatenate([source, yield_entries])
+        target = np.concatenate([target, old.indices[yield_entries]])
+        factor = np.concatenate([factor, np.ones(len(yield_entries))])
         keys, place = np.unique(column[source] * old.shape[0] + target, return_inverse=True)
         terms = factor * program.data[source]
         total = np.bincount(place, terms, len(keys))
@@ -184,13 +187,13 @@ class BlockEquations:
 
     def fits(self, program: ConicProgram) -> bool:
         """Return True if `changed` applies: same structure, labelling and equation coefficients."""
-        mine = self._program
-        if program is mine:
+        known = self._program
+        if program is known:
             return True
-        if program.structure is not mine.structure or program.bodies is None or mine.bodies is None:
+        if program.structure is not known.structure or program.bodies is None or known.bodies is None:
             return False
-        same = np.array_equal(program.bodies.labels, mine.bodies.labels)
-        return same and np.array_equal(program.data[self._inside], mine.data[self._inside])
+        same = np.array_equal(program.bodies.labels, known.bodies.labels)
+        return same and np.array_equal(program.data[self._inside], known.data[self._inside])
 
     def changed(self, program: ConicProgram) -> ConicProgram:
         """Replace the equations of a program that fits by those of whole blocks."""

@@ -67,17 +67,17 @@ class Cones:
         """Return the step length α ≤ 1e10 to the boundary of the cones, from a vector inside."""
         # α is the largest number for which vector + α·direction lies in the cones.
         (vl, vc), (dl, dc) = self.parts(vector), self.parts(direction)
-        most = 1e-10
+        ratio = 1e-10
         if self.linear:
-            most = max(most, float((-dl / vl).max()))
+            ratio = max(ratio, float((-dl / vl).max()))
         if self.count:
             # In the frame of the vector the least eigenvalue of the direction limits the step.
             root = np.sqrt(_determinant(vc))
             v0, v1 = vc[:, 0] / root, vc[:, 1:] / root[:, None]
             first = (v0 * dc[:, 0] - np.einsum("ij,ij->i", v1, dc[:, 1:])) / root
-            rest = dc[:, 1:] / root[:, None] - ((first + dc[:, 0] / root) / (v0 + 1.0))[:, None] * v1
-            most = max(most, float((np.sqrt(np.einsum("ij,ij->i", rest, rest)) - first).max()))
-        return 1.0 / most
+            tail = dc[:, 1:] / root[:, None] - ((first + dc[:, 0] / root) / (v0 + 1.0))[:, None] * v1
+            ratio = max(ratio, float((np.sqrt(np.einsum("ij,ij->i", tail, tail)) - first).max()))
+        return 1.0 / ratio
 
 
 def _determinant(cones: Floats) -> Floats:

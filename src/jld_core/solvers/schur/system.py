@@ -160,8 +160,8 @@ class SchurSystem:
             if count:
                 border = _divided(scaling, family, self._g_border[number])
                 side = inverse.transpose(0, 2, 1) @ (scaled.transpose(0, 2, 1) @ border)
-                rest = border - scaled @ (inverse @ side)
-                hessian = hessian + np.einsum("nij,nik->jk", rest, rest)
+                outside = border - scaled @ (inverse @ side)
+                hessian = hessian + np.einsum("nij,nik->jk", outside, outside)
                 np.subtract.at(border_equations, family.equations, half.transpose(0, 2, 1) @ side)
             sides.append(side.reshape(-1, count))
             lower = np.tril_indices(half.shape[2])
@@ -226,8 +226,8 @@ class SchurSystem:
         x = np.zeros(len(p))
         border = np.zeros(len(blocks.border))
         if len(blocks.border):
-            rest = c[blocks.border] - self._reduced_border.T @ u - self._side.T @ e
-            border = np.linalg.solve(self._border_complement, rest)
+            right = c[blocks.border] - self._reduced_border.T @ u - self._side.T @ e
+            border = np.linalg.solve(self._border_complement, right)
             u = u + self._border_solved @ border
             x[blocks.border] = border
         x[self._columns_of_faces] = self._inverse @ (e - self._half @ u - self._side @ border)
@@ -253,9 +253,9 @@ def _right_inverse_of_r(stack: Floats) -> Floats:
     # The product WᵀW would lose digits where the weights differ by more than half of the digits of a float; QR keeps
     # them.
     table = np.array(stack.transpose(1, 2, 0), order="C")
-    wide, count = table.shape[1:]
-    inverse = np.zeros((wide, wide, count))
-    for j in range(wide):
+    width, count = table.shape[1:]
+    inverse = np.zeros((width, width, count))
+    for j in range(width):
         column = table[j:, j]
         norm = np.sqrt(np.einsum("in,in->n", column, column))
         sign = np.where(column[0] < 0.0, -1.0, 1.0)
@@ -263,10 +263,10 @@ def _right_inverse_of_r(stack: Floats) -> Floats:
         v[0] += sign * norm
         scale = np.einsum("in,in->n", v, v)
         scale = np.where(scale > 0.0, 2.0 / np.where(scale > 0.0, scale, 1.0), 0.0)
-        if j + 1 < wide:
+        if j + 1 < width:
             table[j:, j + 1 :] -= v[:, None] * (scale * np.einsum("in,ijn->jn", v, table[j:, j + 1 :]))
         table[j, j] = np.where(norm > 0.0, -sign * norm, 1e-150)
-    for j in range(wide):
+    for j in range(width):
         inverse[j, j] = 1.0 / table[j, j]
         if j:
             inverse[:j, j] = -np.einsum("ikn,kn->in", inverse[:j, :j], table[:j, j]) * inverse[j, j]

@@ -287,18 +287,18 @@ class BlockTree:
         """Decide each face that has one child left as in it; None if no labelling is left."""
         if not all(forced):
             return None
-        left = [one for (one,) in forced]
-        if len(left) == 1:
-            return left[0]
-        faces = np.concatenate([branching.node.faces, *(one.faces[-1:] for one in left)])
-        labels = np.concatenate([branching.node.labels, *(one.labels[-1:] for one in left)])
-        own = [one.proof[len(branching.node.proof) :] for one in left]
-        proof = (*branching.node.proof, *(evidence for some in own for evidence in some))
-        allowed = self._tables.propagated(np.logical_and.reduce([one.allowed for one in left]))
+        children = [one for (one,) in forced]
+        if len(children) == 1:
+            return children[0]
+        faces = np.concatenate([branching.node.faces, *(one.faces[-1:] for one in children)])
+        labels = np.concatenate([branching.node.labels, *(one.labels[-1:] for one in children)])
+        new_proofs = [one.proof[len(branching.node.proof) :] for one in children]
+        proof = (*branching.node.proof, *(evidence for some in new_proofs for evidence in some))
+        allowed = self._tables.propagated(np.logical_and.reduce([one.allowed for one in children]))
         if allowed is not None:
-            least = min(left, key=lambda one: one.choice.bound)
-            share = np.where(allowed, least.choice.share, 0.0)
-            return Node(faces, labels, allowed, replace(least.choice, share=share), proof)
+            weakest = min(children, key=lambda one: one.choice.bound)
+            share = np.where(allowed, weakest.choice.share, 0.0)
+            return Node(faces, labels, allowed, replace(weakest.choice, share=share), proof)
         conflicts.append(Conflict(faces, labels, branching.threshold, Evidence.BLOCKS, by_blocks=proof))
         return None
 

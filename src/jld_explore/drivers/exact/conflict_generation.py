@@ -45,11 +45,11 @@ def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
     place = np.full(len(elements), -1)
     along = (elements.centroid[free, axis] - low[axis]) / size[axis]
     place[free] = np.clip((count * along).astype(int), 0, count - 1)
-    found = []
+    windows = []
     for width in _WIDTHS:
         within = [(place >= first) & (place < first + width) for first in range(count - width + 1)]
-        found.append(np.array([inside[faces.a] | inside[faces.b] for inside in within]))
-    return tuple(found)
+        windows.append(np.array([inside[faces.a] | inside[faces.b] for inside in within]))
+    return tuple(windows)
 
 
 class WindowStatistics:
@@ -204,9 +204,9 @@ class ConflictGenerator:
         """Draw labellings (k, m) from the formula; return (0, m) where none is left."""
         formula = self.formula
         # The first batches are small: where one conflict rules out nearly all labellings, more draws are wasted.
-        wanted = min(_BATCH_SIZE, 1 + len(self._conflict_keys)) if self._batched else 1
+        draws = min(_BATCH_SIZE, 1 + len(self._conflict_keys)) if self._batched else 1
         drawn: list[Bits] = []
-        while len(drawn) < wanted:
+        while len(drawn) < draws:
             self._take_in_others()
             labels = formula.next(cube.faces, cube.labels, preferred=self._preferred())
             if labels is None:
@@ -240,9 +240,9 @@ class ConflictGenerator:
                 replace(one, labelling=int(labelling[one.labelling])) for one in minimized if one.bound is not None
             ]
             conflicts += refuted
-            rest = np.setdiff1d(open_ones, [one.labelling for one in refuted])
-            self._statistics.record(width, 1.0 - len(rest) / len(open_ones))
-            open_ones = rest
+            unrefuted = np.setdiff1d(open_ones, [one.labelling for one in refuted])
+            self._statistics.record(width, 1.0 - len(unrefuted) / len(open_ones))
+            open_ones = unrefuted
         if open_ones.size:
             limits = np.full(len(open_ones), threshold)
             request = ConflictRequest(drawn[open_ones], self._free, limits, how=options, seed=seed)

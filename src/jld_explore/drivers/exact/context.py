@@ -167,11 +167,11 @@ class BlockTables:
         """Return (p,) the blocks left of `allowed` (p,) by propagation; None if an element has none."""
         # An element with a single block left takes that block, which excludes the blocks that overlap it.
         while True:
-            left = self._covering & allowed
-            number = left.sum(axis=1)
+            covering = self._covering & allowed
+            number = covering.sum(axis=1)
             if not number.all():
                 return None
-            taken = left[number == 1].any(axis=0)
+            taken = covering[number == 1].any(axis=0)
             times = self._covering[:, taken].sum(axis=1)
             if (times > 1).any():
                 return None

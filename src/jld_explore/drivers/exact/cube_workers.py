@@ -219,9 +219,9 @@ class CubeWorkers:
             return
         for worker in self._pool.fill():
             self._reclaim_cubes(worker)
-        for most in range(_TASKS_PER_WORKER):
+        for held in range(_TASKS_PER_WORKER):
             tasks_held = Counter(one.worker.name for one in self._assigned.values())
-            for worker in [worker for worker in self._pool if tasks_held[worker.name] <= most]:
+            for worker in [worker for worker in self._pool if tasks_held[worker.name] <= held]:
                 self._split_cubes()
                 if not self._cubes:
                     return
@@ -240,8 +240,8 @@ class CubeWorkers:
     def _split_cubes(self) -> None:
         if self._formula is None:
             return
-        wanted = _CUBES_PER_WORKER * max(len(self._pool), 1) - len(self._assigned)
-        while len(self._cubes) < wanted:
+        cubes_wanted = _CUBES_PER_WORKER * max(len(self._pool), 1) - len(self._assigned)
+        while len(self._cubes) < cubes_wanted:
             # An untried cube may be closed quickly and is not split, except the whole space, which is never closed
             # quickly.
             place = next(

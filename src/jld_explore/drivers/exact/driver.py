@@ -352,12 +352,12 @@ class ConflictDriver(ProvingDriver):
         if bound == math.inf:
             return
         nothing = np.empty(0, dtype=np.int64)
-        one = Conflict(nothing, nothing.astype(bool), bound)
+        conflict = Conflict(nothing, nothing.astype(bool), bound)
         if isinstance(proof, Mechanism):
-            one = replace(one, mechanism=proof)
+            conflict = replace(conflict, mechanism=proof)
         else:
-            one = replace(one, evidence=Evidence.BLOCKS, by_blocks=proof)
-        self._state.add_conflicts([one])
+            conflict = replace(conflict, evidence=Evidence.BLOCKS, by_blocks=proof)
+        self._state.add_conflicts([conflict])
 
     def _add_conflicts(self, conflicts: Sequence[Conflict]) -> None:
         self._state.add_conflicts(conflicts)
@@ -695,9 +695,9 @@ class MinimumCount(ConflictDriver):
             if not self._target_begun:
                 self._begin_step(self.sources)
             exhausted = self._generate(self.sources, self._threshold)
-            found = self._labellings_to_evaluate()
-            self._done = exhausted and not len(found)
-            yield found
+            labellings = self._labellings_to_evaluate()
+            self._done = exhausted and not len(labellings)
+            yield labellings
 
     def _checked(self) -> ProofCheck:
         """Check the claim that no labelling of better count carries the required λ."""
