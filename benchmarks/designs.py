@@ -24,7 +24,7 @@ from benchmarks.common import ROOT, about, run_parts, table, write
 from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.threads import one_thread
 from jld_geometry import GeometrySearch, check_proof, move_joints, prove_box
-from jld_geometry.optimise import MovedJoints
+from jld_geometry.search import MovedJoints
 from jld_practice import pages_of
 from jld_practice.design import DesignOptions, read_outline
 from jld_practice.printing import content_of

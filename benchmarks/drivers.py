@@ -27,8 +27,7 @@ from jld_core import Scene, parse_scene
 from jld_core.arrays import Bits
 from jld_core.limit.options import Status
 from jld_explore.drivers import make_driver, operators
-from jld_explore.evaluation import EvaluatorSettings
-from jld_explore.evaluation.protocol import Evaluator
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.space.search_space import SearchSpace
 
 WEAK: Final = strength(2e4)

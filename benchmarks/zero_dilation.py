@@ -2,18 +2,14 @@
 
 `python -m benchmarks.zero_dilation [SECONDS [SCENE…]]` writes the table; SECONDS of processor time for the floor of
 walls 1, 3, 4 and 5 (600; less: none), thrice as many for wall 2, none for wall 6. With scenes named, only their rows
-are made again; the others, and what is written below them, stand. `smoothed` is the plain iteration of Gilbert,
-Casapulla and Ahmed 2006 as it is published, which may go round for ever; the package's own search does not.
+are made again; the others, and what is written below them, stand.
 """
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Literal
 
 from studies.by_scheme import solve_zero_dilation
 from studies.families import halved_bond, opened_wall
@@ -23,72 +19,15 @@ from benchmarks.common import RESULTS, ROOT
 from jld_core import (
     Assembly,
     LimitAnalysis,
-    LimitAnalysisResult,
     Scene,
     SolveOptions,
     build_assembly,
     load_scene,
     solve,
-    tolerances,
 )
-from jld_core.arrays import Bits, Floats
-from jld_core.limit import Proof, result_of
-from jld_dilation.certificate import pair_proof
-from jld_dilation.fixed_point_search import FixedPointSearch, ProximalOptions
-from jld_dilation.product_space import PrimalDualPair
-from jld_dilation.sweep import initial_forces
+from jld_core.arrays import Bits
 from jld_explore import search_space
 from jld_explore.drivers.searcher import Random
-
-
-@dataclass(frozen=True)
-class Smoothing:
-    """alpha: share of the present N in friction until all has settled, then none. beta: share of the new N in N_prev.
-
-    start: as of `ProximalOptions`. most: programs.
-    """
-
-    alpha: float = 0.01
-    beta: float = 0.6
-    start: Literal["associative", "gravity", "vertex"] = "associative"
-    most: int = 60
-
-
-def smoothed(analysis: LimitAnalysis, scheme: Smoothing, associative: Proof | None = None) -> LimitAnalysisResult:
-    """The result of that iteration for the assembly's own labels, judged as one of the package's own search is."""
-    start, labels = time.perf_counter(), analysis.assembly.labels
-    associative = associative or analysis.prove(labels)
-    search = FixedPointSearch(analysis, labels, ProximalOptions(start=scheme.start, most=scheme.most))
-    pair = _iterate(search, scheme, initial_forces(search, associative, scheme.start))
-    proof = pair_proof(associative, analysis, pair, search.solves)
-    options = replace(analysis.options, friction="zero-dilation")
-    elapsed = time.perf_counter() - start
-    return result_of(analysis.template, labels, options, proof, assemble=analysis.seconds, elapsed=elapsed)
-
-
-def _iterate(search: FixedPointSearch, scheme: Smoothing, forces: Floats) -> PrimalDualPair:
-    """Until λ and N have settled, first with α and then without."""
-    labels, alpha = search.labels, scheme.alpha
-    normals, last, point = search.normals(forces), math.inf, forces
-    violation, settled = math.inf, False
-    for _ in range(scheme.most - 1):
-        template, sets = search.freeze_friction(alpha, normals, None)
-        point = search.solver.solve(template.program(labels, search.margin)).point
-        search.solves += 1
-        table = search.table(point)
-        excess = max(0.0, float(sets.excess(table, labels).max(initial=0.0)))
-        violation = excess / float(table[:, 0].max(initial=1e-300))
-        settled = abs(point[-1] - last) <= tolerances.SETTLED * abs(point[-1]) and violation <= tolerances.VIOLATION
-        if settled and alpha == 0.0:
-            break
-        alpha = 0.0 if settled else alpha
-        last = float(point[-1])
-        normals = scheme.beta * table[:, 0] + (1.0 - scheme.beta) * normals
-    # moving these forces into the true cone would cost far more λ than they violate it by
-    state = search.analysis.prover.state(point, labels, passes=3)
-    pair = search.evaluate_pair(state, None)
-    return replace(pair, violation=violation, settled=settled and alpha == 0.0) if pair.motion is not None else pair
-
 
 WALLS = {
     "ferris_tinloi_1": 1.0,

@@ -195,8 +195,16 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
         | {f"{key}_{end}": found[key][k] for key in ("bracket", "uncut") for k, end in enumerate(("lo", "hi"))}
         | {"of_cells": found["load_factor_of_cells"], "grid": grid, "grid_proven": any(one["proven"] for one in same)}
         | {"grid_parts": min((one["parts"] for one in grids if one["parts"] is not None), default=None)}
-        | {"by_fields": None if found["by_fields"] is None else found["by_fields"][0]}
+        | {f"by_fields_{end}": (found["by_fields"] or (None, None))[k] for k, end in enumerate(("lo", "hi"))}
         | {"by_grid": None if grid is None or low is None or found["locked"] else low / grid}
+        | {"without_keys": found["load_factor_without_keys"], "keys": "; ".join(key["told"] for key in found["keys"])}
+        | {"left_out": "; ".join(found["left_out"])}
+        # planes along the axes that need more parts: λ of the strongest with their fewest, on the cells of the search
+        | {
+            "grid_own": max(
+                (one["load_factor_of_cells"] or 0.0 for one in grids if one["parts"] is not None), default=None
+            )
+        }
         | independent_check(out / name, case.box)
     )
 
@@ -231,13 +239,20 @@ def parts_of(folder: Path, names: list[str]) -> Figure:
 def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.DataFrame:
     """Write the page of a table, with the pictures in the folders of the solids."""
     whole = table[table["parts"].notna()]
-    finite = whole[whole["bracket_lo"].notna() & whole["bracket_hi"].notna()]
+    finite = whole[whole["bracket_lo"].notna() & (whole["bracket_hi"].notna() | whole["grid"].notna())]
     yes = ("watertight", "in_box", "meets", "can_be_laid", "proven")
     counts = {key: sum(value == 1 for value in whole[key]) for key in yes}
     above = whole["solid"][whole["bracket_lo"].astype(float) > 1.001 * whole["uncut_lo"].astype(float)]
     ratio = whole["by_grid"].astype(float)
-    # a grid that needs more parts has no layout of as many
-    better = whole["solid"][(ratio >= 1.15) | (whole["grid_parts"].astype(float).fillna(99) > whole["parts"])]
+    better, fewer = whole["solid"][ratio >= 1.15], whole["solid"][whole["grid_parts"].astype(float) > whole["parts"]]
+    keyed = whole[whole["keys"].fillna("") != ""]
+    gains = [f"{row['solid']} {row['without_keys']:.4g} to {row['bracket_lo']:.4g}" for _, row in keyed.iterrows()]
+    ends = [
+        f"{row['solid']} {'–' if np.isnan(low) else f'{low:.4g}'} to {'–' if np.isnan(high) else f'{high:.4g}'}"
+        for _, row in whole.iterrows()
+        for low, high in [np.array([row["by_fields_lo"], row["by_fields_hi"]], dtype=float)]
+        if not np.isnan([low, high]).all()
+    ]
     report = Report(
         name=NAME,
         title="Ten solids cut to parts",
@@ -255,8 +270,11 @@ def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: 
             f"the largest overlap of two parts is {whole['overlap'].max():.1e} of a part.",
             f"{counts['proven']} of {len(whole)} are proven: all layouts of their cells with at most as many parts are "
             "known.",
-            f"λ is at least {ratio.min():.3f} times that of planes along the axes, and at least 1.15 times it, or of "
-            f"fewer parts than such planes need, on {len(better)}: {', '.join(better)}.",
+            f"λ is at least {ratio.min():.3f} times that of planes along the axes with as many parts, and at least "
+            f"1.15 times it on {len(better)}: {', '.join(better)}. Such planes need more parts on {len(fewer)}: "
+            f"{', '.join(fewer)}.",
+            f"Keys raise λ on {len(keyed)}: {', '.join(gains) or 'none'}. On the others none slides, or no key "
+            "raises it.",
             f"Volumes of the files differ from those of the parts by at most {whole['file_error'].max():.1e}.",
         ),
         differs=(
@@ -265,7 +283,8 @@ def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: 
             "inner section cracks at its elastic limit: where thrust exceeds half of tensile strength × area, the dry "
             "joint bends more.",
             f"Not proven in time: {', '.join(whole['solid'][whole['proven'] != 1]) or 'none'}.",
-            f"Solids with bounds by fields in time: {whole['by_fields'].notna().sum()}.",
+            f"Solids with bounds by fields in time: {len(ends)} ({'; '.join(ends)}). The upper bound comes first, and "
+            "says where the cells have too few faces to crack at.",
             "Without an upper end: no load makes these solids collapse while nothing is crushed.",
             *(f"{row['solid']}: {row['problem']}." for _, row in table.iterrows() if row["parts"] != row["parts"]),
         ),
@@ -286,7 +305,7 @@ def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: 
     ax.set_yscale("log")
     name_axes(ax, "", "λ [–]")
     ax.legend(frameon=False, fontsize=9)
-    shown = table.drop(columns=["verdict", "problem"], errors="ignore")
+    shown = table.drop(columns=["verdict", "problem", "left_out"], errors="ignore")
     write(out, report, table, {"": figure, "_parts": parts_of(folder, list(whole["solid"]))}, shown)
     return table
 

@@ -24,7 +24,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.fields import bounds_by_fields
 from jld_core.limit.options import Status
 from jld_experiment import Joints, Push, Settings, Specimen, Standing, push, specimen_of
-from jld_experiment.driving import scout
+from jld_experiment.experiment import scout
 from jld_explore import ExploreSettings, explore
 from studies.crack_models import HALVES, finer
 from studies.report import GREY, PAIRED, RESULTS, SCENES, Report, axes_at, figure_of, markdown_table, write

@@ -279,6 +279,21 @@ def solid_of(name: str, cells: NDArray[np.bool_], levels: Sequence[Any]) -> dict
 # Transformations of a planar scene that must leave λ as it is.
 
 
+def spelt_out(document: Document, assembly: Assembly) -> Document:
+    """The document with volumes, centroids and interfaces of its assembly, for a statement that finds none itself."""
+    faces, elements = assembly.interfaces, assembly.elements
+    bodies = dict(
+        zip(elements.ids, zip(elements.volume.tolist(), elements.centroid.tolist(), strict=True), strict=True)
+    )
+    keys = ({"volume": bodies[e["id"]][0], "centroid": bodies[e["id"]][1]} for e in document["elements"])
+    stated = [{"support": False, **e, **own} for e, own in zip(document["elements"], keys, strict=True)]
+    interfaces = [
+        {"elements": [elements.ids[a], elements.ids[b]], "polygon": ring.tolist(), "label": ("inner", "dry")[int(dry)]}
+        for a, b, ring, dry in zip(faces.a, faces.b, faces.polygon, assembly.labels, strict=True)
+    ]
+    return {**document, "elements": stated, "interfaces": interfaces}
+
+
 def as_elements(scene: Scene) -> Document:
     """The scene as a document with general elements, interfaces found from geometry, labels by pairs."""
     assembly = build_assembly(scene)

@@ -113,6 +113,13 @@ def fields_of(problem: Any, labels: np.ndarray) -> tuple[Any, Any]:
 # A solver that cannot be believed, for proofs that must not need it to be.
 
 
+def holds(found: Any, exact: float, gap: float = np.inf) -> None:
+    """A bracket by fields holds the exact value and is no wider than a gap."""
+    assert found.lower <= exact * (1 + 1e-9)
+    assert found.upper >= exact * (1 - 1e-9)
+    assert found.gap <= gap
+
+
 class Noisy(Solver):
     """A route that spoils the answer of another."""
 
@@ -281,8 +288,12 @@ def block(friction: float, live: list[dict[str, Any]], dead: list[dict[str, Any]
 # Nothing of equilibrium.py, scaling.py or yield_sets.py is used: a fault there cannot hide here.
 
 
-def reference_problem(assembly: Assembly, labels: np.ndarray) -> tuple[cp.Problem, cp.Variable]:
+def reference_problem(
+    assembly: Assembly, labels: np.ndarray, bond: np.ndarray | None = None
+) -> tuple[cp.Problem, cp.Variable]:
     """max λ for one labelling. Returns the problem and λ; forces are divided by a common weight for the solver.
+
+    bond: (m,) force that dry faces without compressive strength take in tension.
 
     Conditions of all faces are stated together: CVXPY takes far longer over many small ones than the solver does.
     """
@@ -313,6 +324,7 @@ def reference_problem(assembly: Assembly, labels: np.ndarray) -> tuple[cp.Proble
     live = (assembly.live[elements.free] / assembly.total_live / size).ravel()
     constraints = [acts.tocsr() @ cp.hstack([n, v, m]) + dead + load * live == 0]
     area, half = length * np.asarray(faces.l2) / unit, length / 2 / reach  # area: of a stress, what its force is
+    held = np.zeros(count) if bond is None else bond / unit
     dry, crushed = np.asarray(labels, dtype=bool), np.isfinite(np.where(labels, s.crush_dry, s.crush_inner))
 
     def where(chosen: np.ndarray) -> np.ndarray:
@@ -320,12 +332,12 @@ def reference_problem(assembly: Assembly, labels: np.ndarray) -> tuple[cp.Proble
 
     if len(k := where(dry)):
         constraints.append(cp.abs(v[k]) <= s.cohesion[k] * area[k] + cp.multiply(s.friction[k], n[k]))
-        constraints.append(n[k] >= 0)  # which friction alone says of itself
+        constraints.append(n[k] >= -held[k])  # which friction alone says of itself
     if len(k := where(dry & crushed)):
         bent, pressed = cp.multiply(1 / half[k], cp.abs(m[k])), cp.square(n[k])
         constraints.append(bent + cp.multiply(1 / (s.crush_dry[k] * area[k]), pressed) <= n[k])
     if len(k := where(dry & ~crushed)):
-        constraints.append(cp.abs(m[k]) <= cp.multiply(half[k], n[k]))
+        constraints.append(cp.abs(m[k]) <= cp.multiply(half[k], n[k] + held[k]))
     if len(k := where(~dry)):
         constraints.append(cp.abs(m[k]) <= cp.multiply(half[k] / 3, n[k] + s.tension[k] * area[k]))
         constraints.append(cp.abs(v[k]) <= s.shear[k] * area[k] + cp.multiply(s.inner_friction[k], n[k]))
@@ -334,12 +346,14 @@ def reference_problem(assembly: Assembly, labels: np.ndarray) -> tuple[cp.Proble
     return cp.Problem(cp.Maximize(load), constraints), load
 
 
-def reference_load_factor(assembly: Assembly, labels: np.ndarray, simplex: bool = False) -> float:
+def reference_load_factor(
+    assembly: Assembly, labels: np.ndarray, simplex: bool = False, bond: np.ndarray | None = None
+) -> float:
     """λ by CVXPY: +inf where it is unbounded, −inf where no λ ≥ 0 is admissible.
 
     simplex: HiGHS instead of Clarabel, for data that an interior point on an unscaled program gets wrong.
     """
-    problem, load = reference_problem(assembly, labels)
+    problem, load = reference_problem(assembly, labels, bond)
     if simplex:
         problem.solve(solver=cp.HIGHS)
     else:

@@ -24,8 +24,8 @@ from jld_cut import Options, cut
 from jld_cut.meshes import stl_bytes, surface_of
 from jld_explore import explore
 from jld_formats import ImportOptions, export, import_file
+from jld_views.figures import png_of
 from jld_views.page_of_study import scene_page, study_page
-from jld_views.small_pictures import png_of
 
 ROOT: Final = Path(__file__).parents[1]
 FOLDER: Final = ROOT / "docs" / "_gallery"

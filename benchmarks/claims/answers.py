@@ -83,7 +83,7 @@ def case_converged(seed: int, tally: Tally) -> str:
         print(f"seed {seed}: {name} {result.bracket} {result.solve_log}: {result.reason}", flush=True)
         if not result.reason:
             return "uncertified without a reason"
-    tally.notes[name] = tally.notes.get(name, 0) + 1
+    tally.count(name)
     return weighed(assembly, labels, result, effective)
 
 

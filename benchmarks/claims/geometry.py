@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from benchmarks.claims import Tally
 from jld_core import Assembly, InputError, Status, build_assembly, geometry_sensitivities, parse_scene, samples, solve
@@ -331,7 +331,7 @@ def _spatial_case(rng: np.random.Generator, seed: int, tally: Tally) -> str:
     labels = grown(rng, shape, first, int(rng.integers(1, 6)))
     names = [label for label in np.unique(labels).tolist() if label > 0]
     if len(names) < 2:
-        tally.notes["nothing stands"] = tally.notes.get("nothing stands", 0) + 1
+        tally.count("nothing stands")
         return ""
     still = Move(np.eye(3), 1.0, np.zeros(3))
     plain = [{"id": f"e{n}", "support": n == 1, **solid(rng, labels, n, lines)} for n in names]
@@ -345,7 +345,7 @@ def _spatial_case(rng: np.random.Generator, seed: int, tally: Tally) -> str:
         problem = _compare(built, known, position, rng)
         if problem:
             return f"{'moved' if position is move else 'straight'}: {problem}"
-    tally.notes["contacts"] = tally.notes.get("contacts", 0) + len(known)
+    tally.count("contacts", len(known))
     if (seed // 2) % _SOLVED:
         return ""
     return _compare_loads((plain, still), (moved, move), names, rng, tally)
@@ -493,8 +493,6 @@ def _bending(
 
 def _reach(points: Floats, way: Floats) -> float:
     """How far the convex hull of points (n, 2) reaches from the origin along a unit direction."""
-    from scipy.spatial import ConvexHull
-
     planes = ConvexHull(points).equations
     along = planes[:, :2] @ way
     return float(np.min(-planes[along > 1e-12, 2] / along[along > 1e-12]))
@@ -504,7 +502,7 @@ def _planar_case(rng: np.random.Generator, seed: int, tally: Tally) -> str:
     labels, nodes, straight = planar_grid(rng)
     names = [label for label in np.unique(labels).tolist() if label > 0]
     if len(names) < 2:
-        tally.notes["nothing stands"] = tally.notes.get("nothing stands", 0) + 1
+        tally.count("nothing stands")
         return ""
     known = _planar_contacts(labels, nodes, straight=straight)
     move, still = random_move(rng, 2), Move(np.eye(2), 1.0, np.zeros(2))
@@ -517,7 +515,7 @@ def _planar_case(rng: np.random.Generator, seed: int, tally: Tally) -> str:
         problem = _compare_planar(built, known, position)
         if problem:
             return f"planar, {'moved' if position is move else 'straight'}: {problem}"
-    tally.notes["contacts"] = tally.notes.get("contacts", 0) + len(known)
+    tally.count("contacts", len(known))
     if (seed // 2) % _SOLVED:
         return ""
     return _compare_loads((plain, still), (moved, move), names, rng, tally)
@@ -614,11 +612,11 @@ def _compare_loads(
         results = [solve(build_assembly(parse_scene(document(*each, labels=labels)))) for each in (one, other)]
         statuses = {result.status for result in results}
         if Status.UNCERTIFIED in statuses:
-            tally.notes["uncertified"] = tally.notes.get("uncertified", 0) + 1
+            tally.count("uncertified")
             continue
         if len(statuses) > 1:
             return f"status {results[0].status} and {results[1].status}"
-        tally.notes["solved"] = tally.notes.get("solved", 0) + 1
+        tally.count("solved")
         if results[0].status is not Status.COLLAPSE:
             continue
         (low, high), (least, greatest) = (result.bracket for result in results)
@@ -661,7 +659,7 @@ def case_laying(seed: int, tally: Tally) -> str:
         if cut > CUT:
             return f"step {number} of {len(order.steps)} cuts {cut:.2g}"
         resting.update(step.blocks)
-    tally.notes["steps"] = tally.notes.get("steps", 0) + len(order.steps)
+    tally.count("steps", len(order.steps))
     return ""
 
 

@@ -26,13 +26,13 @@ import numpy as np
 import psutil
 
 from benchmarks.claims import Tally, run_cases
-from jld_core import InputError, Scene, Status, build_assembly, parse_scene, samples
+from jld_core import Deadline, InputError, Scene, Status, build_assembly, parse_scene, samples
 from jld_core.limit import load_scale
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import make_driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.certifying import certify, check_certifiable
-from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.exact.driver import Exact, MinimumCount
 from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space import count_named, feasible, values_of
@@ -228,13 +228,7 @@ def case_trials(seed: int, tally: Tally) -> str:
     known = list(every(space))
     required = _required(rng, document, known) if rng.random() < 0.1 else None
     try:
-        # processes would take a second each to start
-        threads = patch("jld_explore.evaluation.pool.make_executor", ThreadPoolExecutor)
-        with (
-            tempfile.TemporaryDirectory() as folder,
-            threads,
-            patch("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0),
-        ):
+        with tempfile.TemporaryDirectory() as folder, _threads_for_processes():
             if required is not None:
                 kinds.append("required")
                 problem = _compare_required(required, known, jobs, Path(folder))
@@ -490,7 +484,7 @@ class _WorkerKiller:
 
 
 def _tasks_of(driver: Any) -> Sequence[float]:
-    """Times of the tasks that the worker processes of a driver have finished, s, in versions that keep them."""
+    """Times of the tasks that the worker processes of a driver have finished, s."""
     cube_workers = getattr(getattr(driver, "_sources", None), "cube_workers", None)
     return [] if cube_workers is None else cube_workers.task_seconds
 
@@ -611,8 +605,6 @@ def _prove(
     """
     driver: Any
     if aim == "require":
-        from jld_explore.drivers.exact.driver import MinimumCount
-
         driver = MinimumCount(space, 0, **options)
     else:
         driver = Exact(space, 0, **options)
@@ -621,7 +613,7 @@ def _prove(
     start, whole = time.perf_counter(), True
     with workers or _threads_for_processes():
         driver.set_workers(jobs)
-        driver.start(_deadline(seconds), lambda: disturb(driver))
+        driver.start(Deadline(seconds), lambda: disturb(driver))
         try:
             while len(asked := driver.ask(None)):
                 answers = []
@@ -650,15 +642,6 @@ def _prove(
         found.front = {one.count: one.load_factor for one in driver.found.values() if one.count is not None}
         found.front = {count: load for count, load in found.front.items() if not math.isnan(load)}
     return found
-
-
-def _deadline(seconds: float) -> Any:
-    """The time limit of one proof, s, as the version at hand takes it."""
-    try:
-        from jld_core.deadline import Deadline
-    except ImportError:  # version 0.2 takes seconds of the clock
-        return time.perf_counter() + seconds
-    return Deadline(seconds)
 
 
 def _stop_and_resume(
@@ -720,8 +703,6 @@ def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
 @contextmanager
 def _delays(seed: int) -> Iterator[None]:
     """Random delays where the work of threads meets."""
-    import jld_explore.drivers.exact.cube_workers as conflict_sources
-
     rng = np.random.default_rng([seed, 7])
     delays = rng.exponential(0.002, 997) * (rng.random(997) < 0.3)
     number = 0
@@ -731,7 +712,7 @@ def _delays(seed: int) -> Iterator[None]:
         number += 1
         time.sleep(float(delays[number % 997]))
 
-    with patch.object(conflict_sources, "delay_point", random_delay):
+    with patch("jld_explore.drivers.exact.cube_workers.delay_point", random_delay):
         yield
 
 
@@ -841,7 +822,7 @@ def case_certificates(seed: int, tally: Tally) -> str:
             settings = ExploreSettings(driver="exact", certificate=path, pictures=False, seed=seed)
             explore(parse_scene(_scene_certificates(rng)), folder / "out", settings)
         except InputError as error:
-            _count(tally, "no certificate")
+            tally.count("no certificate")
             # a bound whose mechanisms do not stand in whole numbers, or no layout at all
             return "" if "\n" not in str(error) else f"refused in several lines: {error}"
         whole = path.read_bytes()
@@ -859,11 +840,11 @@ def _judged(path: Path, folder: Path, is_whole: bool, tally: Tally) -> str:
     try:
         claim = verify(path).claim
     except InputError as error:
-        _count(tally, "refused")
+        tally.count("refused")
         return "a whole certificate is refused: " + str(error) if is_whole else ""
     except Exception as error:
         return f"{type(error).__name__}: {error}"
-    _count(tally, "accepted")
+    tally.count("accepted")
     if not isinstance(claim.bound, int | float) or not math.isfinite(claim.bound):
         return f"the bound {claim.bound!r} is accepted"
     if not isinstance(claim.load_factor, int | float | None):
@@ -974,30 +955,9 @@ def _other_value(value: Any, rng: random.Random) -> Any:
     near: list[Any] = []
     if isinstance(value, int | float) and not isinstance(value, bool):
         near = [value * 0.999, value * 0.5, value * 2, -value, value + 1, value - 1, round(value), value * (1 - 1e-6)]
-    strange: list[Any] = [
-        0,
-        1,
-        -1,
-        None,
-        math.nan,
-        math.inf,
-        -math.inf,
-        "",
-        "a",
-        [],
-        {},
-        10**30,
-        1e308,
-        5e-324,
-        True,
-        -0.0,
-        [[]],
-    ]
+    strange: list[Any] = [0, 1, -1, None, math.nan, math.inf, -math.inf, "", "a", [], {}, 10**30, 1e308, 5e-324, True]
+    strange += [-0.0, [[]]]
     return rng.choice(near if near and rng.random() < 0.7 else strange)
-
-
-def _count(tally: Tally, name: str) -> None:
-    tally.notes[name] = tally.notes.get(name, 0) + 1
 
 
 DRIVERS: Final = ("", "enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
@@ -1044,7 +1004,7 @@ def allowed(seconds: float) -> float:
 
 
 def run_time_limits(claim: str, first_seed: int, cases: int, seconds: float) -> Tally:
-    """Test the claim; see `benchmarks.claims.tally.Family`.
+    """Test the claim; as `run_cases` does.
 
     Each case is `jld explore SCENE --seconds S` as a process of its own. The scenes are samples with random limits on
     blocks, counts, shapes, assembly, required load factors, cells that may be left out and load cases; every driver

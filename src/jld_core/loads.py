@@ -9,7 +9,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.linalg.projection import without_rounding
+from jld_core.linalg.factors import without_rounding
 
 
 class Bodies(Protocol):

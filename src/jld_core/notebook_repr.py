@@ -52,7 +52,6 @@ class NotebookRepr(Showable):
         return self._view.drawing(self)
 
     def drawn(self, *, ids: bool = False, values: bool = False) -> Any:
-        """Return the object's drawing as a matplotlib figure."""
         return self._view.figure(self, ids=ids, values=values)
 
     def _repr_svg_(self) -> str | None:

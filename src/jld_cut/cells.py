@@ -10,8 +10,16 @@ import numpy as np
 import shapely
 
 from jld_core import Floats, Ints, checkpoint
-from jld_cut.meshes import manifold3d, open_edges, pieces_of, solid_of, surface_of
-from jld_cut.whole import normals_of, outer_surface, triangles_of
+from jld_cut.meshes import (
+    manifold3d,
+    normals_of,
+    open_edges,
+    outer_surface,
+    pieces_of,
+    solid_of,
+    surface_of,
+    triangles_of,
+)
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
@@ -19,13 +27,12 @@ _FLAT: Final = 1e-8  # distance of corners from a plane that they lie in, by siz
 _LEAST: Final = 1e-9  # area of a section by the square of the size
 JOINT: Final = 1e-5  # the same of a joint that carries
 BENT: Final = 0.06  # share of a convex hull that a joint of the search may lack: facets of a curve are one joint
+SPLIT: Final = BENT / 60  # the same of one between convex cells
 _CONCAVE: Final = np.radians(20.0)  # turn of a concave edge that is split
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a cell, and a part, may be."""
-
     fit: Floats  # (3,) sides of the box, ascending
     volume: float
     aim: int = 24  # cells, where nothing else decides
@@ -67,7 +74,6 @@ class Cutting:
         self.size = float((box[3:] - box[:3]).max())
 
     def through(self, normal: Floats, offset: float, which: Iterable[int] | None = None) -> None:
-        """Cut all cells, or some, by a plane."""
         chosen = set(range(len(self.cells)) if which is None else which)
         found: list[Any] = []
         for k, cell in enumerate(self.cells):
@@ -335,7 +341,8 @@ def _inscribed(polygon: Any) -> Any:
 
 def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
     """Return the concave edges of a solid: turn, middle, outward normals of both faces; the sharpest first."""
-    points, triangles = surface_of(solid)
+    # corners that cuts left side by side hide an edge between faces of no area
+    points, triangles = surface_of(solid.simplify(1e-7 * float(np.ptp(np.array(solid.bounding_box()).reshape(2, 3)))))
     corners = points[triangles]
     normal, length = normals_of(corners)
     normal = normal / np.maximum(length, 1e-300)[:, None]
@@ -363,22 +370,21 @@ def convex_parts(cells: list[Any], most: int, least: float = _CONCAVE) -> tuple[
     """
     # the sharpest edge of all pieces is split first, so that a limit leaves the flattest
     pieces, of, planes = list(cells), list(range(len(cells))), []
-    edges = [concave_edges(cell)[:1] for cell in cells]
+    edges = [concave_edges(cell) for cell in cells]
     while len(pieces) < most:
         checkpoint()
         turn, at = max((one[0][0], k) if one else (0.0, k) for k, one in enumerate(edges))
         if turn < least:
             break
-        _, middle, first, second = edges[at][0]
-        across = first - second
-        across /= np.linalg.norm(across)
-        cutting = Cutting(pieces[at])
-        cutting.through(across, float(across @ middle))
-        if len(cutting.cells) == 1:
-            edges[at] = []
-            continue
-        planes += cutting.planes
-        pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * len(cutting.cells)
-        edges[at : at + 1] = [concave_edges(cell)[:1] for cell in cutting.cells]
+        _, middle, first, second = edges[at].pop(0)
+        for across in (first - second, first, second):  # a bisector may graze a thin piece
+            cutting = Cutting(pieces[at])
+            across = across / np.linalg.norm(across)
+            cutting.through(across, float(across @ middle))
+            if len(cutting.cells) > 1:
+                planes += cutting.planes
+                pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * len(cutting.cells)
+                edges[at : at + 1] = [concave_edges(cell) for cell in cutting.cells]
+                break
     convex = all(hull.volume() - piece.volume() < 1e-6 * hull.volume() for piece in pieces for hull in [piece.hull()])
     return pieces, np.array(of), planes, convex

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from shapely.errors import GEOSException
 
 from jld_core import Floats, InputError, Ints, ParameterError, files
 from jld_cut.cells import Limits
@@ -20,19 +21,17 @@ from jld_cut.clock import CHOSEN, DRAWN, FILED, KEYED, Clock
 from jld_cut.families import FAMILIES
 from jld_cut.fields import bounds_beside, scene_of_parts
 from jld_cut.keys import Key, Keyed, are_sound, keyed
-from jld_cut.loads import parse_load, parse_region
-from jld_cut.marks import mark, tenons
 from jld_cut.meshes import read_solid
 from jld_cut.partitions import Layouts, frames
-from jld_cut.parts import Part, different, lay, parts_of, plain_surface, write_parts
+from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
-from jld_cut.scene import Matter, Setting
+from jld_cut.scene import Matter, Setting, parse_load, parse_region
 from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, low_of, search_all, weaker
 from jld_explore.report import csv_of
 from jld_formats import step_of_solids
 from jld_views import figures, page_of_study
 
-_FIELDS: Final = 25.0  # time from which bounds by fields have a chance, s
+_FIELDS: Final = 8.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
 _NAMED: Final = 3  # keys that the verdict names
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
@@ -210,7 +209,11 @@ def cut(
         _draw(chosen, summary, out, scale, clock)
         summary["by_fields"] = bracket(clock.left(DRAWN)) if bracket else None
     summary["left_out"] = clock.left_out
-    say(_told_of_fields(summary["by_fields"], scene is not None or "bounds by fields" in clock.left_out))
+    say(
+        _told_of_fields(
+            summary["by_fields"], scene is not None or "bounds by fields" in clock.left_out, chosen.bracket[0]
+        )
+    )
     if clock.left_out:
         say(f"time left out: {', '.join(clock.left_out)}")
     summary["seconds"] = time.time() - clock.start
@@ -332,7 +335,7 @@ def _keyed(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Cl
     """Return a layout with keys in the joints on which its parts slide, where these raise λ and the parts are sound."""
     if not np.isfinite(chosen.low) or not chosen.laying:
         return chosen
-    made: dict[int, Chosen] = {}
+    made: dict[bytes, Chosen] = {}
 
     def sound(one: Keyed) -> bool:
         try:
@@ -341,13 +344,13 @@ def _keyed(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Cl
             )
         except InputError:  # clearance takes too much of a key
             return False
-        made[id(one.block)] = tried
+        made[one.block.tobytes()] = tried
         return bool(tried.laying) and not tried.too_large and are_sound(tried.parts, scale)
 
     best = clock.run(
         "keys", KEYED, lambda: keyed(chosen.family, chosen.block, chosen.low, wish.setting, sound), least=1.0
     )
-    return chosen if best is None else replace(made[id(best.block)], keys=best.keys)
+    return chosen if best is None else replace(made[best.block.tobytes()], keys=best.keys)
 
 
 def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Options) -> dict[str, Any]:
@@ -475,7 +478,6 @@ def verdict(summary: dict[str, Any]) -> str:
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
-    """Write parts, table, order and pictures."""
     scale = UNITS[options.unit]
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}
@@ -554,13 +556,17 @@ def _shown(value: Any) -> str:
     return "–" if value is None or value != value else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-def _told_of_fields(bracket: list[float | None] | None, begun: bool) -> str:
+def _told_of_fields(bracket: list[float | None] | None, begun: bool, low: float | None) -> str:
     """Return in words which of both models of cracks was reached."""
     if bracket is None:
         why = "time ended before the first mesh" if begun else "the parts are no union of a few convex pieces"
         return f"λ is by cells; by fields it is not known: {why}"
-    low, high = (f"{end:.4g}" if end is not None else "–" for end in bracket)
-    return f"λ by fields, with cracks anywhere in the parts: {low} … {high}"
+    ends = [(word, end) for word, end in zip(("at least", "at most"), bracket, strict=True) if end is not None]
+    if not ends:
+        return "λ is by cells; fields on these pieces bound nothing"
+    told = f"λ by fields, with cracks anywhere in the parts: {' and '.join(f'{word} {end:.4g}' for word, end in ends)}"
+    high = bracket[1]
+    return told + "; that by cells is more, as their faces are few" * (high is not None and (low or np.inf) > high)
 
 
 def _by_fields(chosen: Chosen, setting: Setting, out: Path) -> Path | None:
@@ -568,7 +574,7 @@ def _by_fields(chosen: Chosen, setting: Setting, out: Path) -> Path | None:
     bodies = [part.exact for part in chosen.parts]
     try:
         scene = scene_of_parts(chosen.fine.document["name"], chosen.family.cutting, bodies, setting)
-    except InputError:
+    except (InputError, ValueError, GEOSException):  # pieces of no thickness
         return None
     files.write_text(out / "scene_fields.json", json.dumps(scene) + "\n")
     return out / "scene_fields.json"

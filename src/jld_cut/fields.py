@@ -14,14 +14,13 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.fields import bounds_by_fields
-from jld_cut.cells import Cutting, convex_parts, joints_of
+from jld_core.fields import bounds, bounds_by_fields
+from jld_cut.cells import SPLIT, Cutting, convex_parts, joints_of
 from jld_cut.meshes import surface_of
 from jld_cut.scene import Setting, scene_of
 
-_PIECES: Final = 60  # most convex pieces of all parts
+_PIECES: Final = 120  # most convex pieces of all parts
 _TURN: Final = np.radians(0.1)  # turn of a concave edge that is split
-_CONVEX: Final = 1e-3  # share of a convex hull that a joint between pieces may lack
 _FIRST: Final = 10.0  # gap that the first mesh always reaches
 _LAST: Final = 0.05  # gap at which refinement ends
 
@@ -31,11 +30,13 @@ def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Sett
     pieces, of, planes, convex = convex_parts(bodies, _PIECES, _TURN)
     if not convex:
         raise InputError("fields", f"the parts are no union of {_PIECES} convex pieces", "fewer concave facets")
+    # corners that unions left on edges are none of a convex piece, and pieces without thickness none of a part
+    hulls = [surface_of(piece.hull().simplify(1e-6 * cutting.size).hull()) for piece in pieces]
+    thick = [k for k, (points, _) in enumerate(hulls) if len(points)]
+    pieces, of, hulls = [pieces[k] for k in thick], of[thick], [hulls[k] for k in thick]
     fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
-    document = scene_of(name, fine, joints_of(pieces, fine.planes, fine.size, _CONVEX), setting, _CONVEX, fine.planes)
-    for element, piece, part in zip(document["elements"], pieces, of.tolist(), strict=False):
-        # corners that unions left on edges are none of a convex piece
-        points, faces = surface_of(piece.hull().simplify(1e-6 * fine.size).hull())
+    document = scene_of(name, fine, joints_of(pieces, fine.planes, fine.size, SPLIT), setting, SPLIT, fine.planes)
+    for element, (points, faces), part in zip(document["elements"], hulls, of.tolist(), strict=False):
         element |= {"block": f"part {part + 1}", "vertices": points.tolist(), "faces": faces.tolist()}
     return document
 
@@ -53,7 +54,9 @@ def bounds_beside(scene: Path, seconds: float) -> Iterator[Callable[[float], lis
             process.kill()
             told, _ = process.communicate()
         lines = told.decode().splitlines()
-        return None if not lines else json.loads(lines[-1])
+        if not lines:
+            return [None, None] if process.returncode == 1 else None
+        return json.loads(lines[-1])  # type: ignore[no-any-return]
 
     try:
         yield bracket
@@ -63,13 +66,20 @@ def bounds_beside(scene: Path, seconds: float) -> Iterator[Callable[[float], lis
 
 
 def _told(scene: Path, seconds: float) -> None:
-    """Print the bracket of the first mesh, then of the last one that time leaves."""
-    end = time.time() + seconds
+    """Print an upper bound, which takes a tenth of the time, then the bracket of the first mesh, then of the last."""
+    end, best = time.time() + seconds, (-np.inf, np.inf)
     assembly = build_assembly(parse_scene(json.loads(scene.read_text(encoding="utf-8"))))
+
+    def told(low: float, high: float) -> tuple[float, float]:
+        ends = max(best[0], low), min(best[1], high)
+        print(json.dumps([float(value) if np.isfinite(value) else None for value in ends]), flush=True)
+        return ends
+
+    setting = bounds.FieldSetting.of(assembly, labels=assembly.labels)
+    best = told(*bounds.Fields.on(setting, setting.coarse, assembly.labels, np.inf).bounds)
     for gap in (_FIRST, _LAST):
         found = bounds_by_fields(assembly, gap=gap, seconds=max(0.0, end - time.time()))
-        ends = [float(value) if np.isfinite(value) else None for value in (found.lower, found.upper)]
-        print(json.dumps(ends), flush=True)
+        best = told(found.lower, found.upper)
 
 
 if __name__ == "__main__":

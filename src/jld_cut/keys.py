@@ -11,8 +11,7 @@ import numpy as np
 import shapely
 
 from jld_core import DeadlinePassed, Floats, InputError, Ints
-from jld_core.limit import face_jumps
-from jld_cut.cells import BENT, Cutting, basis, joints_of, sections, sides_of, unique_planes
+from jld_cut.cells import SPLIT, Cutting, basis, joints_of, sections, sides_of, unique_planes
 from jld_cut.meshes import as_written, doubled_edges, manifold3d, pieces_of, surface_of
 from jld_cut.partitions import Bounds
 from jld_cut.parts import Part
@@ -21,10 +20,13 @@ from jld_cut.search import Bracket, Family, Truth, low_of, weaker
 
 KINDS: Final = ("tongue", "step", "key")  # a rib across the joint, half of the joint, a block in its middle
 _GAIN: Final = 1.05  # of λ, from which a key stays: more faces alone bear some more torsion
+_BETTER: Final = 1.01  # the same of one kind of key over another
 _ROUNDS: Final = 3  # mechanisms whose joints are keyed, one after the other
 _WIDTH: Final = 1 / 3  # of a tongue or a key by the length of its joint along the slip
 _DEPTH: Final = 1 / 6  # of a key, by the same
 _BEHIND: Final = 0.3  # most of what lies behind the joint that a key goes into
+_LONG: Final = 1.5  # ratio of its sides from which a joint is keyed along them, or the share of its box that it fills
+_FULL: Final = 0.85
 _LEAST: Final = 0.02  # slip of a joint that is keyed by the largest
 _OPENS: Final = 1.05  # most opening of a joint that slides, by that of its friction or by its slip
 _SLIDES: Final = 0.5  # share of the area of a joint that slides
@@ -59,15 +61,15 @@ class Slide:
 def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
     """Return the joints between parts (n,) that slide in the mechanism on convex cells, the largest slip first."""
     truth, cutting = family.truth, family.cutting
-    found = truth.result(block)
-    if found.mechanism is None:
+    assembly, jumps = truth.jumps(block)
+    if jumps is None or not np.isfinite(jumps).all() or not jumps.any():
         return []
-    faces, jumps = found.assembly.interfaces, face_jumps(found.assembly, found.mechanism)
+    faces = assembly.interfaces
     slip = faces.e1 * jumps[:, 1, None] + faces.e2 * jumps[:, 2, None]
     # a joint that slides opens by its friction, one that turns about an edge by more
     rubs = jumps[:, 0] <= _OPENS * max(1.0, friction) * np.linalg.norm(slip, axis=1)
     # cells of supports belong to no part
-    part = np.append(block[truth.of], np.full(len(found.assembly.elements) - len(truth.of), -1))
+    part = np.append(block[truth.of], np.full(len(assembly.elements) - len(truth.of), -1))
     first, second, at = part[faces.a], part[faces.b], np.asarray(faces.origin)
     made = []
     for plane in unique_planes(cutting.planes, cutting.size):
@@ -88,28 +90,56 @@ def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
     return sorted(made, key=lambda one: -float(np.linalg.norm(one.along)))
 
 
+def _way(region: Any, along: Floats) -> Floats:
+    """Return the direction (2,) of the side of a region nearest to a slip (2,); that of the slip for a round one."""
+    along = along / np.linalg.norm(along)
+    ring = shapely.get_coordinates(shapely.minimum_rotated_rectangle(region))
+    sides = np.diff(ring[:3], axis=0)
+    size = np.linalg.norm(sides, axis=1)
+    if size.max() < _LONG * size.min() and region.area < _FULL * size.prod():
+        return np.asarray(along)
+    sides = sides / size[:, None]
+    best = sides[np.argmax(np.abs(sides @ along))]
+    return np.asarray(best * np.sign(best @ along))
+
+
+def _median(plan: Any) -> float:
+    """Return the first coordinate that halves the area of a region."""
+    low, bottom, high, top = plan.bounds
+    ends = [low, high]
+    for _ in range(40):
+        middle = sum(ends) / 2
+        ends[int(shapely.clip_by_rect(plan, low, bottom, middle, top).area > plan.area / 2)] = middle
+    return float(sum(ends) / 2)
+
+
 def _tool(slide: Slide, kind: str, up: bool, cells: list[Any], size: float) -> tuple[Any, list[Floats]]:
     """Return the body within which the cells of one part become a key of the other, and the planes of its sides."""
-    normal = slide.plane[:3] if up else -slide.plane[:3]
-    offset = slide.plane[3] if up else -slide.plane[3]
-    along = slide.along / np.linalg.norm(slide.along)
+    sign = 1.0 if up else -1.0
+    normal, offset = sign * slide.plane[:3], sign * slide.plane[3]
+    frame = basis(slide.plane[:3])
+    along = _way(slide.region, frame @ slide.along) @ frame
     across = np.cross(normal, along)
-    plan = shapely.get_coordinates(slide.region) @ basis(slide.plane[:3]) @ np.column_stack([along, across])
-    low, high = plan.min(axis=0), plan.max(axis=0)
+    plan = shapely.transform(slide.region, lambda at: at @ frame @ np.column_stack([along, across]))
+    low, high = np.array(plan.bounds).reshape(2, 2)
     behind = max(float((surface_of(cell)[0] @ normal).max()) for cell in cells) - offset
-    length, middle, reach = high - low, (low + high) / 2, 0.1 * size
+    # as of a rectangle of the same width and area
+    length, reach = np.array([plan.area / (high[1] - low[1]), high[1] - low[1]]), 0.1 * size
     depth = min(_DEPTH * length[0], _BEHIND * behind)
+    middle = np.array([_median(plan), plan.centroid.y])
     start, end = middle - _WIDTH * length / 2, middle + _WIDTH * length / 2
     if kind != "key":
         start[1], end[1] = low[1] - reach, high[1] + reach
     if kind == "step":
         # the part that moves pushes before it what the other one keeps
         start[0], end[0] = (low[0] - reach, middle[0]) if not up else (middle[0], high[0] + reach)
-    sides = (*(end - start), depth)
-    body = manifold3d().Manifold.cube(tuple(sides)).translate((*start, offset))
+    # from a little behind the joint, where the part has nothing: rounding would leave a sheet
+    back = 1e-3 * depth
+    sides = (*(end - start), depth + back)
+    body = manifold3d().Manifold.cube(tuple(sides)).translate((*start, offset - back))
     planes = [np.array([*way, one[k]]) for k, way in enumerate((along, across)) for one in (start, end)]
-    frame = np.column_stack([along, across, normal, np.zeros(3)])
-    return body.transform(frame), [*planes, np.array([*normal, offset + depth])]
+    planes.append(np.array([*normal, offset + depth]))
+    return body.transform(np.column_stack([along, across, normal, np.zeros(3)])), planes
 
 
 def _keyed_cells(
@@ -127,7 +157,9 @@ def _keyed_cells(
             base = shapely.union_all(sides_of(piece, slide.plane, size))
             if piece.volume() < 1e-9 * size**3 or base.area < 1e-9 * size**2:
                 continue
-            if base.difference(slide.region.buffer(1e-7 * size)).area > 1e-9 * size**2:
+            behind = (surface_of(piece)[0] @ slide.plane[:3] - slide.plane[3]) * (1.0 if up else -1.0)
+            beside = base.difference(slide.region.buffer(1e-7 * size)).area
+            if behind.min() < -1e-7 * size or beside > 1e-9 * size**2:
                 return None
             taken.append(piece)
         left = cell
@@ -143,29 +175,18 @@ def _keyed_cells(
     return made, np.array(names, dtype=np.int64), planes
 
 
-def _family_of(family: Family, cells: list[Any], planes: list[Floats], setting: Setting) -> Family:
-    """Return a family of other cells of its solid, with their truth."""
-    cutting = Cutting(family.cutting.solid, cells, [*family.cutting.planes, *planes])
-    joints = joints_of(cells, cutting.planes, cutting.size)
-    document = scene_of(family.document["name"], cutting, joints, setting, BENT, cutting.planes)
-    made = replace(family, cutting=cutting, joints=joints, document=document)
-    made.truth = Truth(made, setting)
-    return made
-
-
 @dataclass(frozen=True)
 class Keyed:
     """Layout with keys in the joints on which it slid."""
 
     family: Family
     block: Ints
-    coarse: float
     bracket: Bracket
     keys: tuple[Key, ...]
 
 
-def variants(family: Family, block: Ints, found: list[Slide], setting: Setting) -> Iterator[Keyed]:
-    """Yield the layouts with keys of one kind, on one side, in all joints that slide and have the room."""
+def variants(family: Family, block: Ints, found: list[Slide], setting: Setting, least: float) -> Iterator[Keyed]:
+    """Yield layouts that carry more than `least`, with keys of one kind and side in all joints that have the room."""
     number = {name: k + 1 for k, name in enumerate(sorted(set(block.tolist())))}
     for kind, up in product(KINDS, (True, False)):
         cells, names, planes, keys = family.cutting.cells, block, list[Floats](), list[Key]()
@@ -175,52 +196,48 @@ def variants(family: Family, block: Ints, found: list[Slide], setting: Setting) 
                 continue
             on, into = (slide.below, slide.above) if up else (slide.above, slide.below)
             middle = np.array(slide.region.centroid.coords[0]) @ basis(slide.plane[:3])
-            sign = 1.0 if up else -1.0
-            keys.append(
-                Key(kind, number[on], number[into], middle + slide.plane[3] * slide.plane[:3], sign * slide.along)
-            )
+            at, sign = middle + slide.plane[3] * slide.plane[:3], 1.0 if up else -1.0
+            keys.append(Key(kind, number[on], number[into], at, sign * slide.along))
             cells, names, planes = made[0], made[1], [*planes, *made[2]]
         if not keys:
             continue
+        cutting = Cutting(family.cutting.solid, cells, [*family.cutting.planes, *planes])
+        joints = joints_of(cells, cutting.planes, cutting.size, SPLIT)
         try:
-            keyed = _family_of(family, cells, planes, setting)
-            coarse = float(Bounds(keyed.document)(names[None])[0][0])
+            document = scene_of(family.document["name"], cutting, joints, setting, SPLIT, cutting.planes)
+            coarse = float(Bounds(document)(names[None])[0][0])
         except InputError:  # splinters may leave joints that no face bears out
             continue
-        if keyed.truth.coarse and not family.truth.coarse:
+        if coarse <= least:
             continue
-        yield Keyed(keyed, names, coarse, weaker(keyed.truth.solve(names), coarse), tuple(keys))
+        one = replace(family, cutting=cutting, joints=joints, document=document)
+        one.truth = Truth(one, setting)
+        bracket = weaker(one.truth.solve(names), coarse)
+        if low_of(bracket) > least and not (one.truth.coarse and not family.truth.coarse):
+            yield Keyed(one, names, bracket, tuple(keys))
 
 
-def keyed(
-    family: Family,
-    block: Ints,
-    low: float,
-    setting: Setting,
-    sound: Callable[[Keyed], bool],
-) -> Keyed | None:
+def keyed(family: Family, block: Ints, low: float, setting: Setting, sound: Callable[[Keyed], bool]) -> Keyed | None:
     """Return the layout with the keys that raise λ most of those that are sound, round by round; None for no gain.
 
     What was found stays where a deadline ends the search.
     """
-    best: Keyed | None = None
+    best, least = Keyed(family, block, (low, None, False), ()), _GAIN * low
     friction = float(np.tan(np.radians(setting.matter.friction_angle)))
     try:
         for _ in range(_ROUNDS):
-            tried = [
-                one
-                for one in variants(family, block, slides(family, block, friction), setting)
-                if low_of(one.bracket) >= _GAIN * low
-            ]
-            tried.sort(key=lambda one: -low_of(one.bracket))
-            better = next((one for one in tried if sound(one)), None)
-            if better is None:
+            before, limit = best, least
+            found = slides(before.family, before.block, friction)
+            for one in variants(before.family, before.block, found, setting, least):
+                if low_of(one.bracket) > limit and sound(one):
+                    limit = _BETTER * low_of(one.bracket)
+                    best = replace(one, keys=(*before.keys, *one.keys))
+            if best is before:
                 break
-            best = replace(better, keys=(*(best.keys if best else ()), *better.keys))
-            family, block, low = best.family, best.block, low_of(best.bracket)
+            least = _GAIN * low_of(best.bracket)
     except DeadlinePassed:
         pass
-    return best
+    return best if best.keys else None
 
 
 def are_sound(parts: list[Part], unit: float) -> bool:

@@ -1,4 +1,4 @@
-"""Parts of a cut solid: clearance, boxes, beds, and files that are read again."""
+"""Parts of a cut solid: clearance, boxes, beds, numbers, arrows, tenons, and files that are read again."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Floats, InputError, Ints, checkpoint, files
+from jld_core import Floats, InputError, Ints, checkpoint, files, time_left
 from jld_core.geometry import unions
-from jld_cut.cells import Joint, basis, closed, union
+from jld_cut.cells import Joint, basis, closed, sides_of, union
 from jld_cut.meshes import (
     as_read,
     as_single,
     as_written,
     doubled_edges,
     kind_of,
+    manifold3d,
     moments,
+    normals_of,
     obj_text,
     open_edges,
     pieces_of,
@@ -27,7 +29,6 @@ from jld_cut.meshes import (
     volume_of,
     write_3mf,
 )
-from jld_cut.whole import normals_of
 
 _SPLINTER: Final = 1e-6  # of the volume of a part
 _LOST: Final = 0.5  # share of its volume that clearance may take of a part
@@ -177,3 +178,174 @@ def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
         (folder / "bed" / f"{part.name}.stl").write_bytes(stl_bytes(*lying))
         surfaces.append((part.name, points * (1e3 * unit), triangles))
     write_3mf(folder / "parts.3mf", surfaces)
+
+
+# segments of digits 0 to 9: top, upper left and right, middle, lower left and right, bottom
+_DIGITS: Final = ("012456", "25", "02346", "02356", "1235", "01356", "013456", "025", "0123456", "012356")
+_STROKE: Final = 0.16  # width of a segment by the height of a digit
+_WIDTH: Final = 0.62  # of a digit, by its height
+_DEPTH: Final = 0.12  # of an engraving, by the height
+_FACES: Final = 6  # faces of a part on which a number is tried
+_EXACT: Final = 1e-6  # error of a volume by that of the tool
+_TENON: Final = 0.2  # side of a tenon by the root of the area of its joint
+
+
+def _bars(number: int) -> list[tuple[float, float, float, float]]:
+    """Return rectangles x0, y0, x1, y1 of the digits of a number, 1 high, and of an arrow above them that points up."""
+    s, w, found = _STROKE, _WIDTH, []
+    bars = [
+        (0.0, 1.0 - s, w, 1.0),
+        (0.0, 0.5, s, 1.0),
+        (w - s, 0.5, w, 1.0),
+        (0.0, 0.5 - s / 2, w, 0.5 + s / 2),
+        (0.0, 0.0, s, 0.5),
+        (w - s, 0.0, w, 0.5),
+        (0.0, 0.0, w, s),
+    ]
+    step = w + 1.5 * s
+    text = str(number)
+    for place, digit in enumerate(text):
+        found += [
+            (x0 + place * step, y0, x1 + place * step, y1)
+            for x0, y0, x1, y1 in (bars[int(k)] for k in _DIGITS[int(digit)])
+        ]
+    middle = ((len(text) - 1) * step + w) / 2
+    # three steps that narrow upwards: cut by planes along the frame alone
+    for row, half in enumerate((2.0 * s, 1.25 * s, 0.5 * s)):
+        found.append((middle - half, 1.3 + row * s, middle + half, 1.3 + (row + 1) * s))
+    return found
+
+
+@dataclass(frozen=True)
+class Spot:
+    """Circle in a plane face: centre (3,), radius, outward normal and upward direction in the plane."""
+
+    centre: Floats
+    radius: float
+    normal: Floats
+    up: Floats
+
+
+def _spot(region: Any, plane: Floats) -> Spot | None:
+    """Return the largest circle in a region of a plane, that faces along its normal."""
+    polygons = [one for one in shapely.get_parts(region).tolist() if one.geom_type == "Polygon"]
+    if not polygons:
+        return None
+    line = shapely.maximum_inscribed_circle(max(polygons, key=lambda one: one.area))
+    normal, frame = plane[:3], basis(plane[:3])
+    centre = np.array(line.coords[0]) @ frame + plane[3] * normal
+    up = np.array([0.0, 0.0, 1.0]) - normal[2] * normal
+    up = frame[0] if np.linalg.norm(up) < 0.1 else up / np.linalg.norm(up)
+    return Spot(centre, line.length, normal, up)
+
+
+def spots(solid: Any) -> list[Spot]:
+    """Return the largest circles in the plane faces of a solid, the largest faces first."""
+    points, triangles = surface_of(solid)
+    corners = points[triangles]
+    normal, area = normals_of(corners)
+    kept = area > 1e-12 * area.max()
+    corners, area, normal = corners[kept], area[kept], normal[kept] / area[kept, None]
+    size = float(np.ptp(points, axis=0).max())
+    planes = np.column_stack([normal, np.einsum("ij,ij->i", normal, corners[:, 0])])
+    _, first, place = np.unique(
+        np.round(planes / [1e-5, 1e-5, 1e-5, 1e-6 * size]), axis=0, return_index=True, return_inverse=True
+    )
+    share = np.bincount(place.reshape(-1), area)
+    found = [_spot(sides_of(solid, planes[first[k]], size)[0], planes[first[k]]) for k in np.argsort(-share)[:_FACES]]
+    return [one for one in found if one is not None]
+
+
+def _tool(spot: Spot, number: int, height: float, low: float, high: float) -> Any:
+    """Return number and arrow as a body that reaches from `low` to `high` along the normal of a face."""
+    bars = np.array(_bars(number))
+    middle = (bars.reshape(-1, 2, 2).min(axis=(0, 1)) + bars.reshape(-1, 2, 2).max(axis=(0, 1))) / 2
+    sheet = manifold3d().Manifold
+    boxes = [
+        sheet.cube((height * (x1 - x0), height * (y1 - y0), high - low)).translate(
+            (height * (x0 - middle[0]), height * (y0 - middle[1]), low)
+        )
+        for x0, y0, x1, y1 in bars.tolist()
+    ]
+    body = sheet.batch_boolean(boxes, manifold3d().OpType.Add)
+    right = np.cross(spot.up, spot.normal)
+    return body.transform(np.column_stack([right, spot.up, spot.normal, spot.centre]))
+
+
+def mark(part: Part, unit: float) -> bool:
+    """Engrave number and arrow into a face of a part; return whether one had the room."""
+    for spot in spots(part.solid):
+        checkpoint()
+        bars = np.array(_bars(part.number)).reshape(-1, 2)
+        height = 0.9 * 2.0 * spot.radius / float(np.linalg.norm(np.ptp(bars, axis=0)))
+        depth = _DEPTH * height
+        inside = _tool(spot, part.number, height, -depth, 0.0)
+        held = part.solid ^ inside
+        if abs(held.volume() - inside.volume()) > 1e-3 * inside.volume():
+            continue
+        body = part.solid - _tool(spot, part.number, height, -depth, depth)
+        if _sound(body, part.solid.volume() - inside.volume(), inside.volume(), unit):
+            part.solid, part.marked = body, True
+            return True
+    return False
+
+
+def _sound(body: Any, volume: float, tool: float, unit: float) -> bool:
+    whole = len(pieces_of(body)) == 1 and abs(body.volume() - volume) <= _EXACT * max(tool, 1e-3 * volume)
+    return whole and doubled_edges(*as_written(body, unit)) == 0
+
+
+def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float, fit: Floats, unit: float) -> int:
+    """Put a square tenon on the part that comes later at each joint along its way, where one fits; return how many."""
+    place = {int(block[part.cells[0]]): part for part in parts}
+    made: set[tuple[int, int]] = set()
+    for joint in sorted(joints, key=lambda one: -one.area):
+        if time_left() <= 0.0:
+            break
+        one, other = place[int(block[joint.a])], place[int(block[joint.b])]
+        pair = (min(one.number, other.number), max(one.number, other.number))
+        if one is other or pair in made or not (one.step and other.step) or one.step == other.step:
+            continue
+        comes, stays = (one, other) if one.step > other.step else (other, one)
+        into = joint.normal if comes is one else -joint.normal
+        if comes.direction @ into > 0.999 and _tenon(comes, stays, joint, into, clearance, fit, unit):
+            made.add(pair)
+    return len(made)
+
+
+def _tenon(comes: Part, stays: Part, joint: Joint, into: Floats, clearance: float, fit: Floats, unit: float) -> bool:
+    plane = np.array([*into, float(joint.polygon[0] @ into)])
+    spot = _spot(shapely.Polygon(joint.polygon @ basis(into).T), plane)
+    side = _TENON * np.sqrt(joint.area)
+    if spot is None or spot.radius < side:
+        return False
+    frame = np.column_stack([np.cross(spot.up, into), spot.up, into, spot.centre])
+
+    def peg(half: float, low: float, high: float) -> Any:
+        cube = manifold3d().Manifold.cube((2 * half, 2 * half, high - low)).translate((-half, -half, low))
+        return cube.transform(frame)
+
+    # it begins within its own part, beyond the gap of the joint
+    pin, hole = peg(side / 2, -clearance - side / 2, side), peg(side / 2 + clearance / 2, -clearance, side + clearance)
+    root, deep = (
+        peg(side / 2, -clearance - side / 2, -clearance),
+        peg(side / 2 + clearance / 2, clearance, side + clearance),
+    )
+    if (comes.solid ^ root).volume() < (1 - 1e-6) * root.volume():
+        return False
+    if (stays.solid ^ deep).volume() < (1 - 1e-6) * deep.volume():
+        return False
+    longer, holed = comes.solid + pin, stays.solid - hole
+    grown, cut = longer.volume() - comes.solid.volume(), stays.solid.volume() - holed.volume()
+    far = 1 + 1e-9
+    if not (0.0 < grown <= far * pin.volume() and 0.0 < cut <= far * hole.volume()):
+        return False
+    if (longer ^ holed).volume() > 1e-9 * cut:
+        return False
+    if not all(_sound(body, body.volume(), cut, unit) for body in (longer, holed)):
+        return False
+    tried = Part(comes.number, comes.cells, longer, longer, comes.mass)
+    if not lay(tried, fit, comes.bed[None]):
+        return False
+    comes.solid, stays.solid, comes.box, comes.bed = longer, holed, tried.box, tried.bed
+    return True

@@ -15,9 +15,8 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from jld_core import Floats, files
-from jld_cut.meshes import surface_of
+from jld_cut.meshes import normals_of, surface_of
 from jld_cut.parts import Part
-from jld_cut.whole import normals_of
 
 
 def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:

@@ -1,4 +1,4 @@
-"""Scenes of cut solids: cells, joints, supports and loads."""
+"""Scenes of cut solids: cells and joints; supports and loads on regions of a surface, alike for every way to cut."""
 
 from __future__ import annotations
 
@@ -6,12 +6,150 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import shapely
 from scipy.spatial import ConvexHull
 
-from jld_core import Floats, ParameterError
+from jld_core import Bools, Floats, ParameterError
 from jld_cut.cells import JOINT, Cutting, Joint, basis, convex_pieces, lifted, sides_of
-from jld_cut.loads import Facet, Load, Region, facet_of, outside, shares
-from jld_cut.meshes import surface_of
+from jld_cut.meshes import normals_of, surface_of, triangles_of
+
+
+@dataclass(frozen=True)
+class Region:
+    """Part of a surface: what a box (6,) along the axes holds; None for all of it."""
+
+    box: Floats | None = None
+
+    def clipped(self, corners: Floats) -> tuple[Floats, Floats]:
+        """Return areas (k,) and centroids (k, 3) of the parts of triangles (k, 3, 3) in the region."""
+        areas, middles = np.zeros(len(corners)), corners.mean(axis=1)
+        for k, triangle in enumerate(corners):
+            areas[k], middles[k] = _measure(triangle if self.box is None else _clip(triangle, self.box))
+        return areas, middles
+
+
+@dataclass(frozen=True)
+class Load:
+    """Force (3,) spread over the faces in a region that it presses on, or a multiple (3,) of the weight."""
+
+    vector: Floats
+    region: Region = Region()
+    body: bool = False
+
+
+def parse_region(name: str, text: str, unit: float) -> Region:
+    """Return the region of a text x0,y0,z0,x1,y1,z1."""
+    box = unit * numbers(name, text, 6)
+    if (box[3:] < box[:3]).any():
+        raise ParameterError(name, f"in {text!r} an upper corner is below the lower one", "x0,y0,z0,x1,y1,z1")
+    return Region(box)
+
+
+def parse_load(text: str, unit: float) -> Load:
+    """Return a load of a text FX,FY,FZ, FX,FY,FZ@x0,y0,z0,x1,y1,z1 or body:X,Y,Z."""
+    body, words = text.startswith("body:"), text.removeprefix("body:")
+    force, at, place = words.partition("@")
+    if body and at:
+        raise ParameterError("load", f"{text!r} gives a share of the weight a place", "body:X,Y,Z")
+    vector = numbers("load", force, 3)
+    if not np.linalg.norm(vector):
+        raise ParameterError("load", f"{text!r} is no load", "a force other than 0")
+    return Load(vector, parse_region("load", place, unit) if at else Region(), body)
+
+
+def numbers(name: str, text: str, count: int) -> Floats:
+    try:
+        found = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        found = np.array([])
+    if len(found) != count or not np.isfinite(found).all():
+        raise ParameterError(name, f"{text!r} is not {count} numbers", ",".join("xyzabc"[:count]).upper())
+    return found
+
+
+def _clip(polygon: Floats, box: Floats) -> Floats:
+    for axis in range(3):
+        for sign, bound in ((1.0, box[axis]), (-1.0, -box[axis + 3])):
+            away = sign * polygon[:, axis] - bound
+            kept = []
+            for k in range(len(polygon)):
+                j = (k + 1) % len(polygon)
+                if away[k] >= 0.0:
+                    kept.append(polygon[k])
+                if (away[k] >= 0.0) != (away[j] >= 0.0):
+                    share = away[k] / (away[k] - away[j])
+                    kept.append(polygon[k] + share * (polygon[j] - polygon[k]))
+            if len(kept) < 3:
+                return np.zeros((0, 3))
+            polygon = np.array(kept)
+    return polygon
+
+
+def _measure(polygon: Floats) -> tuple[float, Floats]:
+    if len(polygon) < 3:
+        return 0.0, np.zeros(3)
+    one, other = polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]
+    area = 0.5 * np.linalg.norm(np.cross(one, other), axis=1)
+    middles = (polygon[0] + polygon[1:-1] + polygon[2:]) / 3
+    total = float(area.sum())
+    return total, (area @ middles / total if total else polygon.mean(axis=0))
+
+
+@dataclass(frozen=True)
+class Facet:
+    """Triangles of the surface of one cell that were the surface of the solid."""
+
+    corners: Floats  # (k, 3, 3)
+    normals: Floats  # (k, 3) outward units
+
+
+def outside(cell: Any, solid: Any, planes: list[Floats], size: float) -> Facet:
+    """Return the triangles of a cell that are of the surface of the solid."""
+    points, triangles = surface_of(cell)
+    corners = points[triangles]
+    cut = np.zeros(len(triangles), dtype=bool)
+    found = []
+    for plane in planes:
+        lies = (np.abs(points @ plane[:3] - plane[3]) < 1e-8 * size)[triangles].all(axis=1)
+        if not (lies & ~cut).any():
+            continue
+        cut |= lies
+        # a cut may run along a face of the solid
+        own, whole = sides_of(cell, plane, size), sides_of(solid, plane, size)
+        for turn, mine, all_of in zip((1, -1), own, whole, strict=True):
+            common = shapely.get_parts(shapely.intersection(mine, all_of, grid_size=1e-10 * size))
+            for region in common[shapely.get_type_id(common) == 3].tolist():
+                for triangle in triangles_of(region):
+                    ring = lifted(shapely.orient_polygons(triangle), plane)
+                    found.append(ring[::turn])
+    flat = [ring[[0, k, k + 1]] for ring in found for k in range(1, len(ring) - 1)]
+    return facet_of(np.concatenate([corners[~cut], np.array(flat).reshape(-1, 3, 3)]), size)
+
+
+def facet_of(corners: Floats, size: float) -> Facet:
+    """Return triangles (k, 3, 3) with their normals, without those of no area."""
+    normals, length = normals_of(corners)
+    kept: Bools = length > 1e-14 * size**2
+    return Facet(corners[kept], normals[kept] / length[kept, None])
+
+
+def shares(load: Load, facets: list[Facet]) -> list[tuple[int, Floats, Floats]]:
+    """Return cell, force (3,) and place (3,) of each part of a load; ParameterError where it meets no face."""
+    direction = load.vector / np.linalg.norm(load.vector)
+    found, total = [], 0.0
+    for k, facet in enumerate(facets):
+        press = np.maximum(-(facet.normals @ direction), 0.0)
+        press[press < 1e-6] = 0.0
+        hit = press > 0.0
+        area, middle = load.region.clipped(facet.corners[hit])
+        weight = press[hit] * area
+        if (whole := float(weight.sum())) > 0.0:
+            found.append((k, whole, weight @ middle / whole))
+            total += whole
+    if not found:
+        raise ParameterError("load", "no face of the solid lies in its region and faces it", "a region on the surface")
+    return [(k, load.vector * (whole / total), middle) for k, whole, middle in found if whole > 1e-9 * total]
+
 
 _DEPTH: Final = 0.05  # of supports, by size
 

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import (
+    Assembly,
     Bits,
     Deadline,
     DeadlinePassed,
@@ -20,18 +21,17 @@ from jld_core import (
     InputError,
     Ints,
     Layout,
-    LimitAnalysisResult,
     build_assembly,
     parse_scene,
     plugins,
 )
-from jld_cut.cells import BENT, Cutting, Joint, Limits, convex_parts, joints_of
+from jld_core.limit import face_jumps
+from jld_cut.cells import BENT, SPLIT, Cutting, Joint, Limits, convex_parts, joints_of
 from jld_cut.clock import SEARCHED, Clock
 from jld_cut.families import FAMILIES, Body
-from jld_cut.loads import Facet, Region, facet_of, shares
 from jld_cut.meshes import moments, surface_of
 from jld_cut.partitions import Asked, Bounds, Boxes, Found, frames, labels_of, search
-from jld_cut.scene import Setting, grounds_of, scene_of
+from jld_cut.scene import Facet, Region, Setting, facet_of, grounds_of, scene_of, shares
 from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.evaluation import Pool
 
@@ -40,9 +40,8 @@ Bracket = tuple[float | None, float | None, bool]  # bounds on λ, and whether n
 BEST: Final = 10  # layouts of one number of parts that are judged on convex cells
 PIECES: Final = 150  # most convex cells
 MOST: Final = 24  # parts, where no other number is asked for
-_CONVEX: Final = 1e-3  # share of a convex hull that a joint between convex cells may lack
 _BESIDE: Final = 8.0  # time of a search from which families are searched beside each other, s
-_CUT: Final = 0.4  # share of the time of the search up to which solids are cut finer
+_CUT: Final = 0.6  # share of the time of the search up to which solids are cut finer
 _WITHOUT: Final = 0.4  # the same by which a search goes on that found nothing that carries
 _FINER: Final = 1.7  # cells of the second cutting of each family by those of the first
 
@@ -147,8 +146,8 @@ class Truth:
         cutting = family.cutting
         pieces, self.of, planes, self.convex = convex_parts(cutting.cells, max(PIECES, 2 * len(cutting.cells)))
         fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
-        joints = joints_of(pieces, fine.planes, fine.size, _CONVEX)
-        self.document = scene_of(family.document["name"], fine, joints, setting, _CONVEX, fine.planes)
+        joints = joints_of(pieces, fine.planes, fine.size, SPLIT)
+        self.document = scene_of(family.document["name"], fine, joints, setting, SPLIT, fine.planes)
         self.coarse = ""  # why the cells of the search stand for convex ones
         try:
             self._bounds = Bounds(self.document, crush=True)
@@ -191,9 +190,16 @@ class Truth:
             return list(range(len(block)))
         return [] if lock is None else np.unique(self.of[np.asarray(lock.elements)]).tolist()
 
-    def result(self, block: Ints) -> LimitAnalysisResult:
-        """Solve a layout for its mechanism."""
-        return self._bounds.analysis.solve(labels_of(self._bounds.assembly, block[self.of][None])[0])
+    def jumps(self, block: Ints) -> tuple[Assembly, Floats | None]:
+        """Return the assembly of a layout and the jumps (m, 6) of its mechanism, None without one."""
+        analysis, assembly = self._bounds.analysis, self._bounds.assembly
+        labels = labels_of(assembly, block[self.of][None])[0]
+        if analysis.batch is None:
+            mechanism = analysis.solve(labels).mechanism
+            return assembly, None if mechanism is None else face_jumps(assembly, mechanism)
+        # the other solvers take minutes where this one proves no upper bound
+        velocity = analysis.batch.solve(labels[None], vectors=True).velocities[0]
+        return assembly, analysis.prover.motion(velocity, labels, normalise=False).jumps
 
     def solve(self, block: Ints) -> Bracket:
         """Return the bracket of a layout by the parts (n,) of the cells."""
@@ -290,8 +296,6 @@ def told(family: Family, require: float) -> str:
 
 
 class Listed(Driver):
-    """Driver that has given layouts evaluated."""
-
     name = "listed"
 
     def __init__(self, space: SearchSpace, rows: Bits) -> None:

@@ -204,7 +204,6 @@ class LinearModes:
 
     @property
     def live(self) -> Floats:
-        """Return the scaled live load b_λ (equations,)."""
         return self.live_rate[: len(self.dead)]
 
     @property

@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING
 from jld_core import export_lazily
 
 if TYPE_CHECKING:
-    from jld_experiment.driving import Push, Ramp, push, ramp
-    from jld_experiment.experiment import Curve, require_one_load, run_experiment
+    from jld_experiment.experiment import Curve, Push, Ramp, push, ramp, require_one_load, run_experiment
     from jld_experiment.settings import Joints, Settings
     from jld_experiment.specimen import Specimen, Standing, State, specimen_of
 
@@ -47,8 +46,7 @@ __all__ = [
 export_lazily(
     __name__,
     {
-        "driving": ["Push", "Ramp", "push", "ramp"],
-        "experiment": ["Curve", "require_one_load", "run_experiment"],
+        "experiment": ["Push", "Ramp", "push", "ramp", "Curve", "require_one_load", "run_experiment"],
         "settings": ["Joints", "Settings"],
         "specimen": ["Specimen", "Standing", "State", "specimen_of"],
     },

@@ -9,8 +9,7 @@ import numpy as np
 
 from jld_core import Assembly, Floats, Ints, Route
 from jld_core.geometry import area_vector
-from jld_experiment.bench import Bench, Motion, compiled
-from jld_experiment.subcontacts import SubContacts, numbers_of, record_loss, sub_contact
+from jld_experiment.subcontacts import Bench, Motion, SubContacts, compiled, numbers_of, record_loss, sub_contact
 
 
 def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[Floats, Ints]:

@@ -11,10 +11,9 @@ import numpy as np
 
 from jld_core import Assembly, Bits, Bools, Floats, InputError, Ints, Route
 from jld_core.geometry import moment_about
-from jld_experiment.bench import HALF, Bench, Drive, EnergyBalance, Motion
 from jld_experiment.moving_spatial import Plane, Space, plane_of, space_of
 from jld_experiment.settings import DAMPING_SCHEMES, REST, Joints, Settings
-from jld_experiment.subcontacts import SubContacts, sub_contacts
+from jld_experiment.subcontacts import HALF, Bench, Drive, EnergyBalance, Motion, SubContacts, sub_contacts
 from jld_experiment.time_stepping import march, march_in_plane, march_in_space
 
 _BITS: Final = 32  # Binary digits of masses, periods and lengths: 2e-10 of them, far below what changes an experiment.

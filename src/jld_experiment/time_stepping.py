@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from jld_core import Floats
-from jld_experiment.bench import CORNERS, DAMPING, DEAD, HALF, LIVE, Bench, Drive, Motion, compiled
 from jld_experiment.moving_spatial import (
     Plane,
     Space,
@@ -17,7 +16,20 @@ from jld_experiment.moving_spatial import (
     near_pairs_in_space,
     turn_along,
 )
-from jld_experiment.subcontacts import numbers_of, record_loss, sub_contact
+from jld_experiment.subcontacts import (
+    CORNERS,
+    DAMPING,
+    DEAD,
+    HALF,
+    LIVE,
+    Bench,
+    Drive,
+    Motion,
+    compiled,
+    numbers_of,
+    record_loss,
+    sub_contact,
+)
 
 
 @compiled

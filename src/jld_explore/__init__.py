@@ -47,8 +47,7 @@ if TYPE_CHECKING:
     )
     from jld_explore.search.state import Interrupted, Progress, StopReason
     from jld_explore.space.search_space import SearchSpace, search_space
-    from jld_explore.steps.field_check import most_without_cuts
-    from jld_explore.steps.step import Step, StepContext, busy_factor, with_entries
+    from jld_explore.steps.step import Step, StepContext, busy_factor, most_without_cuts, with_entries
     from jld_explore.sweep import sweep
 
 __all__ = [
@@ -94,9 +93,8 @@ export_lazily(
             "SearchMethod",
         ],
         "space.search_space": ["SearchSpace", "search_space"],
-        "steps.step": ["with_entries", "Step", "StepContext", "busy_factor"],
+        "steps.step": ["with_entries", "Step", "StepContext", "busy_factor", "most_without_cuts"],
         "search.state": ["Interrupted", "Progress", "StopReason"],
-        "steps.field_check": ["most_without_cuts"],
         "sweep": ["sweep"],
     },
 )

@@ -31,10 +31,9 @@ from jld_core.scene.reading import load_scene
 from jld_core.scene.schema import Scene
 from jld_core.threads import one_thread
 from jld_explore.drivers.base import Driver
-from jld_explore.drivers.choice import bound_of_all, first_layout
+from jld_explore.drivers.choice import bound_of_all, driver_kinds, first_layout
 from jld_explore.drivers.exact.certifying import certify
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.registry import driver_kinds
 from jld_explore.evaluation import evaluator_of
 from jld_explore.evaluation.cases import OwnObjectiveEvaluator, VoidCellsEvaluator
 from jld_explore.evaluation.field_evaluator import FieldEvaluator, MakeCellEvaluator
@@ -60,16 +59,18 @@ from jld_explore.search.study import Study
 from jld_explore.space import from_string
 from jld_explore.space.labelling import orbit_sizes
 from jld_explore.space.search_space import SearchSpace, search_space
-from jld_explore.steps.field_check import FieldCheck, Uncut, plan_check
 from jld_explore.steps.step import (
     PAGE,
     PICTURES,
     TABLES,
+    FieldCheck,
     Step,
     StepContext,
+    Uncut,
     busy_factor,
     field_seconds,
     later,
+    plan_check,
     run_steps,
     search_deadline,
     steps_of,

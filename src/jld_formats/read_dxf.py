@@ -100,8 +100,6 @@ def _refuse_large_blocks(document: Any, space: Any) -> None:
 
 
 class _Reader:
-    """State of one pass over a model space."""
-
     def __init__(self, document: Any, options: ImportOptions, notes: Notes) -> None:
         self.document, self.options, self.notes = document, options, notes
         self.paths: list[Path] = []
@@ -361,7 +359,6 @@ class _Reader:
         return True
 
     def _mtext(self, entity: Any, layer: str) -> bool:
-        """Read a multi-line text as a mark."""
         at = entity.dxf.insert
         self.marks.append(Mark((at.x, at.y), layer, str(entity.plain_text())))
         return True

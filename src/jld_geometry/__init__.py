@@ -41,8 +41,7 @@ if TYPE_CHECKING:
     from jld_geometry.joint_shapes import Incline, Key, Sine, shape_joints, shaped_scene
     from jld_geometry.moved_scene import MovedScene, spatial_mesh
     from jld_geometry.moved_search import explore_and_move, write_moved
-    from jld_geometry.optimise import move_joints
-    from jld_geometry.search import GeometrySearch, TrustRegion
+    from jld_geometry.search import GeometrySearch, TrustRegion, move_joints
 
 __all__ = [
     "BoxStructure",
@@ -82,7 +81,6 @@ export_lazily(
         "joint_shapes": ["Incline", "Key", "Sine", "shape_joints", "shaped_scene"],
         "moved_scene": ["MovedScene", "spatial_mesh"],
         "moved_search": ["explore_and_move", "write_moved"],
-        "optimise": ["move_joints"],
-        "search": ["GeometrySearch", "TrustRegion"],
+        "search": ["move_joints", "GeometrySearch", "TrustRegion"],
     },
 )

@@ -209,8 +209,6 @@ _MOST: Final = 4  # largest number of parameters
 
 @dataclass(frozen=True)
 class Joint:
-    """Dry face between two elements."""
-
     # a, b: elements; -1 for a support
     a: int
     b: int

@@ -33,7 +33,6 @@ class ConvexCell:
 
     @cached_property
     def size(self) -> float:
-        """Largest extent along an axis, length."""
         return float(np.ptp(self.vertices, axis=0).max())
 
     def is_convex(self) -> bool:

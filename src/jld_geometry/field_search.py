@@ -22,10 +22,8 @@ from jld_core.fields import mesh as fields_mesh
 from jld_core.fields import problem as fields_problem
 from jld_core.models import solve_rigid
 from jld_geometry.convex_cells import VertexMesh
-from jld_geometry.evaluation import Evaluated
-from jld_geometry.optimise import MovedJoints, moved_result
-from jld_geometry.search import GeometrySearch, MoveOptions, MoveRun
-from jld_geometry.step import Region
+from jld_geometry.search import GeometrySearch, MovedJoints, MoveOptions, MoveRun, moved_result
+from jld_geometry.step import Evaluated, Region
 from jld_geometry.variables import SAME
 
 _ROUNDING: Final = 1e-12  # weights below this count as zero; weights of a node add up to 1
@@ -299,7 +297,6 @@ class _StepRows:
         self._groups[group].append((sp.csr_array((entries.data, (entries.row, entries.col + at)), shape=shape), right))
 
     def program(self) -> ConeProgram:
-        """Return the program that maximises the last column."""
         objective = np.zeros(self._width)
         objective[-1] = -1.0
         whole = sp.csr_array(sp.vstack([rows for group in self._groups for rows, _ in group]))

@@ -51,8 +51,6 @@ _NONE: Final = (-math.inf, math.inf)  # bounds where nothing is proven
 
 @dataclass(frozen=True, eq=False)
 class MovedLayout:
-    """One layout whose joints were moved."""
-
     number: int  # round, from 1
     row: int  # row of the layout in the results of that round; 0 for the layout that the scene states
     labels: Bits  # (m,) True = dry

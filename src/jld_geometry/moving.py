@@ -35,8 +35,7 @@ from jld_explore.report import csv_of
 from jld_geometry.box_bound import ProvenBox, check_proof, prove_box, write_box_certificate
 from jld_geometry.field_search import move_by_fields
 from jld_geometry.joint_shapes import Incline, Key, Shape, ShapedJoints, Sine, shape_joints
-from jld_geometry.optimise import MovedJoints, move_joints
-from jld_geometry.search import GeometrySearch, Point
+from jld_geometry.search import GeometrySearch, MovedJoints, Point, move_joints
 
 
 def write_move(

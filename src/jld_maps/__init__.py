@@ -4,7 +4,6 @@
 - `sweep`: λ over a grid of values of a scene
 """
 
-from jld_maps.borders import borders
-from jld_maps.grid import sweep
+from jld_maps.grid import borders, sweep
 
 __all__ = ["borders", "sweep"]

@@ -25,8 +25,7 @@ from jld_core.scene import units
 from jld_explore.cli import options, streams
 from jld_explore.report import csv_of
 from jld_explore.space import from_string
-from jld_maps.borders import borders
-from jld_maps.grid import ANGLE, MOST, Grid, sweep
+from jld_maps.grid import ANGLE, MOST, Grid, borders, sweep
 from jld_views import figures, look
 
 _HATCHES: Final = ("", "//", "..", "\\\\", "xx", "--", "oo", "++")

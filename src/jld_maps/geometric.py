@@ -297,7 +297,6 @@ def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tu
 
 
 def _corners(line: Floats) -> list[int]:
-    """Return where a line turns sharply."""
     ways = np.diff(line, axis=0)
     turns = abs(np.angle(np.exp(1j * np.diff(np.arctan2(ways[:, 1], ways[:, 0])))))
     return (np.flatnonzero(turns > _SHARP) + 1).tolist()

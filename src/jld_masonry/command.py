@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from jld_core import ParameterError, error_context, load_scene
-from jld_core.refinement import refine, transfer
+from jld_core.refinement import KINDS, refine
 from jld_explore.cli import options as cli_options
 from jld_explore.cli import streams
 from jld_masonry.bonds import BONDS
@@ -19,7 +19,7 @@ def refine_command(
     cell: Annotated[
         str | None, typer.Option(help="Size of a cell: A, A,B or A,B,C; radial: THICKNESS,DEGREES; bond: BRICK,COURSE.")
     ] = None,
-    kind: Annotated[str, typer.Option(help="Cells: " + ", ".join(transfer.KINDS) + ".")] = "grid",
+    kind: Annotated[str, typer.Option(help="Cells: " + ", ".join(KINDS) + ".")] = "grid",
     by: Annotated[str | None, typer.Option(help="Old joints without a search: block or material.")] = None,
     centre: Annotated[
         str | None, typer.Option(help="Centre of radial cells, or of the joints of a flat arch: x,y.")

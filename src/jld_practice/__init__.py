@@ -30,7 +30,5 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "printed": ["Printed", "Stone", "making_of", "pages_of", "smallest_rectangle", "stones_of", "stones_table"],
-    },
+    {"printed": ["Printed", "Stone", "making_of", "pages_of", "smallest_rectangle", "stones_of", "stones_table"]},
 )

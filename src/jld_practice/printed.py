@@ -51,7 +51,6 @@ class Stone:
 
     @property
     def stock(self) -> float:
-        """Volume of the smallest cuboid around the stone."""
         return float(np.prod(self.size))
 
 

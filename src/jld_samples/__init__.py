@@ -19,9 +19,8 @@ from collections.abc import Callable
 from typing import Final
 
 from jld_core import Scene
-from jld_samples.planar import arch, buttress, flat_arch, grid, wall
 from jld_samples.stone import Stone, box
-from jld_samples.vaults import corner, dome, room, vault
+from jld_samples.structures import arch, buttress, corner, dome, flat_arch, grid, room, vault, wall
 
 KINDS: Final[dict[str, Callable[..., Scene]]] = {
     "arch": arch,

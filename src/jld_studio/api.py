@@ -19,8 +19,7 @@ from jld_formats import FORMATS, export
 from jld_formats import formats as exchange_formats
 from jld_studio.jobs import Job, Jobs, orders_for
 from jld_studio.opening import design_command, options_of, read_file, received, stated_scene, understood
-from jld_studio.page_start import drawing_data, scene_data
-from jld_studio.session import SceneStore, StudioSession, parsed, with_support
+from jld_studio.session import SceneStore, StudioSession, drawing_data, parsed, scene_data, with_support
 from jld_views import page_contract, page_of_study
 
 SECONDS: Final = (1.0, 86_400.0)

@@ -26,8 +26,7 @@ from jld_formats import ImportOptions, formats
 from jld_studio.api import Api
 from jld_studio.jobs import evaluate
 from jld_studio.opening import read_file, require_followed, stated, understood
-from jld_studio.page_start import first_data
-from jld_studio.session import StudioSession
+from jld_studio.session import StudioSession, first_data
 from jld_views import page_data
 
 START: dict[str, Any] = {

@@ -39,13 +39,15 @@ from jld_core.models import CaseAnalysis, by_fields
 from jld_core.scene import FillLoad, loads, units
 from jld_core.scene import cracks as scene_cracks
 from jld_core.scene import move as scene_move
-from jld_explore import SearchSpace, search_space
+from jld_explore import SearchSpace, read_folder, search_space
 from jld_explore.report import columns
 from jld_explore.space import LETTERS, from_string, reasons_against
+from jld_formats import FORMATS
 from jld_geometry import MovedScene, TrustRegion, move_joints, vertex_mesh
 from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.variables import SAME, Variables, mirrored, variables_of, vertex_at
-from jld_views import page_data
+from jld_views import page_contract, page_data, page_of_study
+from jld_views import page_data as report_page_data
 
 ASKED_SECONDS: Final = 3.0
 """Time limit of one improvement, s; a page waits for it."""
@@ -278,7 +280,6 @@ class FieldBracket:
 
     @property
     def _spent(self) -> float:
-        """Return the processor time of all meshes, s."""
         return sum(bounds.seconds for bounds in self._bounds if bounds is not None)
 
     def _next(self) -> int | None:
@@ -653,3 +654,52 @@ def _rows(rows: list[str], element: object, support: bool) -> list[str]:
 
 def _unknown(element: object) -> InputError:
     return InputError("element", f"there is none named {str(element)[:60]!r}", "the id of an element of the scene")
+
+
+def first_data(desk: StudioSession, root: Path, study: Path | None) -> page_contract.PageData:
+    """Return the data with which the page starts: the table of a study, or the scene with its own labels solved."""
+    if study is not None:
+        extra = _extra(desk, root)
+        done = read_folder(study)
+        found = page_of_study.study_data(done, patience=0.5, kind="studio", studio=extra)
+        best = done.summary.best_labelling
+        if found["solutions"] or best is None:
+            return found
+        # a table by fields holds no forces of rigid elements, which the page begins with
+        return {
+            **found,
+            "solutions": {"0": report_page_data.solution_of(desk.setup({}).solver.solve(desk.labels(best)))},
+        }
+    return scene_data(desk, root)
+
+
+def scene_data(desk: StudioSession, root: Path) -> page_contract.PageData:
+    """Return the page data of a scene with its own labels, solved; arguments are those of `first_data`."""
+    setup = desk.setup({})
+    assembly = setup.assembly
+    return report_page_data.page_data(
+        kind="studio",
+        scene=desk.scene,
+        assembly=assembly,
+        candidates=assembly.free_faces if setup.space is None else setup.space.candidates,
+        facts={},
+        solutions={0: report_page_data.solution_of(setup.solver.solve(assembly.labels))},
+        studio=_extra(desk, root),
+    )
+
+
+def drawing_data(scene: Scene) -> page_contract.PageData:
+    assembly = build_assembly(scene)
+    return report_page_data.page_data(
+        kind="studio", scene=scene, assembly=assembly, candidates=assembly.free_faces, facts={}
+    )
+
+
+def _extra(desk: StudioSession, root: Path) -> dict[str, Any]:
+    """Return data for the studio alone: folder, formats, changeable keys, vertices."""
+    return {
+        "folder": str(root),
+        "formats": list(FORMATS),
+        "changes": {key: desk.document.get(key, {}) for key in CHANGEABLE},
+        "joints": None if desk.joints is None else desk.joints.facts(),
+    }

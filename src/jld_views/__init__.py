@@ -40,10 +40,10 @@ if TYPE_CHECKING:
         structure,
         writing,
     )
+    from jld_views.figures import png_of
     from jld_views.moved_joints import figure_of_move
     from jld_views.page_of_study import show_page, write_report
     from jld_views.search_pictures import write_pictures
-    from jld_views.small_pictures import png_of
 
 __all__ = [
     "annotations",
@@ -72,7 +72,7 @@ export_lazily(
         "moved_joints": ["figure_of_move"],
         "page_of_study": ["show_page", "write_report"],
         "search_pictures": ["write_pictures"],
-        "small_pictures": ["png_of"],
+        "figures": ["png_of"],
     },
     submodules=[
         "annotations",

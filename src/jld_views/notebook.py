@@ -27,7 +27,8 @@ class AssemblyView:
     def drawing(self, thing: Assembly) -> str | bytes | None:
         if len(thing.elements) > LARGEST:
             return None
-        from jld_views import figures, small_pictures
+        from jld_views import figures
+        from jld_views import figures as small_pictures
 
         return small_pictures.drawing_of(figures.figure_of_assembly(thing))
 
@@ -46,7 +47,8 @@ class ResultView:
     def drawing(self, thing: LimitAnalysisResult) -> str | bytes | None:
         if len(thing.assembly.elements) > LARGEST:
             return None
-        from jld_views import figures, small_pictures
+        from jld_views import figures
+        from jld_views import figures as small_pictures
 
         return small_pictures.drawing_of(figures.figure_of_result(thing))
 
@@ -78,7 +80,7 @@ class FieldResultView:
     def drawing(self, thing: by_fields.FieldResult) -> str | bytes | None:
         if len(thing.assembly.elements) > LARGEST:
             return None
-        from jld_views import small_pictures
+        from jld_views import figures as small_pictures
 
         return small_pictures.drawing_of(self.figure(thing))
 

@@ -215,8 +215,8 @@ class ExplorationView:
         """Return the front with its layouts as SVG text or PNG; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > notebook.LARGEST:
             return None
+        from jld_views.figures import drawing_of
         from jld_views.pictures import front_picture
-        from jld_views.small_pictures import drawing_of
 
         return drawing_of(front_picture(thing))
 

@@ -62,10 +62,9 @@ ORDER = [
     ["jld_core.mechanics", "jld_core.build"],
     ["jld_core.geometry"],
     ["jld_core.assembly"],
-    ["jld_core.assembly"],
     ["jld_core.strengths"],
     ["jld_core.scene"],
-    ["jld_core.loads", "jld_core.members"],
+    ["jld_core.loads"],
     ["jld_core.samples"],
     ["jld_core.plugins", "jld_core.linalg", "jld_core.files", "jld_core.parameters"],
     [
@@ -76,7 +75,6 @@ ORDER = [
         "jld_core.lazy_exports",
         "jld_core.threads",
         "jld_core.tolerances",
-        "jld_core.threads",
         "jld_core._version",
     ],
 ]

@@ -18,7 +18,7 @@ from command import SCENES, Command
 from jld_core import InputError, Status, build_assembly, load_scene, parse_scene, plugins, solve, solve_many
 from jld_core.batch.rows import rows_of_sets
 from jld_core.mechanics import FaceGeometry, FaceRows, Gauge, Parameter, scaling_of, yield_set
-from jld_core.mechanics.compiled_rows import maps_criteria, row_yield
+from jld_core.mechanics.criteria import maps_criteria, row_yield
 from jld_explore import explore, search_space
 
 SOURCES = Path(__file__).parents[1] / "plugin" / "src"

@@ -23,8 +23,8 @@ from jld_core import (
     solvers,
 )
 from jld_core.limit import State
-from jld_core.linalg import projection
-from jld_core.linalg.projection import ConsistentProjector
+from jld_core.linalg import factors as projection
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore import search_space
 from jld_explore.drivers import make_driver

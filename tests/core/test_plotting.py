@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
+import cases
 import jld_practice.laying
 import jld_practice.reactions
 import jld_views
@@ -28,12 +29,9 @@ from cases import dry_and_inner, grid_document, small_scene
 from command import SCENES, Command
 from jld_core import (
     Assembly,
-    Elements,
     InputError,
     LimitAnalysisResult,
-    Loads,
     Status,
-    Strengths,
     blocks_of,
     build_assembly,
     load_scene,
@@ -41,7 +39,6 @@ from jld_core import (
     samples,
     solve,
 )
-from jld_core import assembly as assembly_of_core
 from jld_core.build import loads
 from jld_core.models import solve_by_fields
 from jld_practice.laying import assembly_order
@@ -102,58 +99,10 @@ def outcome(assembly: Assembly, forces: Any = None, mechanism: Any = None, **cha
 
 
 def stack_of_boxes() -> Assembly:
-    """Spatial, by hand: a support, a box 2 × 1 × 1 on it, a box 1 × 1 × 1 on the right half of that."""
-    corners = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
-    outward = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
-    shapes = (
-        corners * (2.0, 1.0, 1.0) - (0.0, 0.0, 1.0),
-        corners * (2.0, 1.0, 1.0),
-        corners + np.array([1.0, 0.0, 1.0]),
-    )
-    weight = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -2.0], [0.0, 0.0, -1.0]])
-    elements = Elements(
-        ids=("ground", "low", "high"),
-        blocks=(None, None, None),
-        support=np.array([True, False, False]),
-        centroid=np.array([shape.mean(axis=0) for shape in shapes]),
-        volume=np.array([2.0, 2.0, 1.0]),
-        weight=weight,
-        shape=shapes,
-        faces=(outward,) * 3,
-    )
-    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
-    frame = np.tile(np.eye(3)[None], (2, 1, 1))
-    faces = assembly_of_core.Interfaces(
-        a=np.array([0, 1]),
-        b=np.array([1, 2]),
-        origin=np.array([[1.0, 0.5, 0.0], [1.5, 0.5, 1.0]]),
-        normal=frame[:, 2],
-        e1=frame[:, 0],
-        e2=frame[:, 1],
-        l1=np.array([2.0, 1.0]),
-        l2=np.array([1.0, 1.0]),
-        area=np.array([2.0, 1.0]),
-        c_t=np.array([0.6, 0.3826]),
-        rectangle=np.array([True, True]),
-        polygon=(square * (2.0, 1.0, 1.0), square + np.array([1.0, 0.0, 1.0])),
-    )
-    six = np.column_stack([weight, np.zeros((3, 3))])
-    live = np.zeros((3, 6))
-    live[1:, 0] = (2.0, 1.0)
-    nothing = np.full(2, np.nan)
-    return Assembly(
-        name="boxes",
-        dimension=3,
-        units=("m", "N"),
-        elements=elements,
-        interfaces=faces,
-        face_strengths=assembly_of_core.FaceStrengths(
-            Strengths(np.full(2, 0.5), nothing, nothing, *np.full((2, 2), np.inf), *np.zeros((2, 2)))
-        ),
-        dead_loads=Loads.of_resultants(six),
-        live_loads=Loads.of_resultants(live),
-        labels=np.array([True, True]),
-    )
+    """A support, a box 2 × 1 × 1 on it, a box 1 × 1 × 1 on the right half of that."""
+    corners = {"ground": ([0, 0, -1], [2, 1, 0]), "low": ([0, 0, 0], [2, 1, 1]), "high": ([1, 0, 1], [2, 1, 2])}
+    elements = [cases.box(name, *ends, weight=1.0, support=name == "ground") for name, ends in corners.items()]
+    return cases.assembly_in_space(elements, materials={"dry": {"friction_coefficient": 0.5}})
 
 
 def test_neighbouring_blocks_get_different_tints(wall: LimitAnalysisResult) -> None:

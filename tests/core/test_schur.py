@@ -25,11 +25,10 @@ from jld_core import (
     solvers,
 )
 from jld_core.geometry import spun
-from jld_core.models.rigid_blocks import point_contact_assembly
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus, make_solver
-from jld_core.solvers.schur.compiled_fronts import BlockEquations
-from jld_core.solvers.schur.system import Iterate, Newton, SchurSystem
+from jld_core.solvers.schur import Iterate, Newton, SchurSystem
+from jld_core.solvers.schur_fronts import BlockEquations
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
 
@@ -93,8 +92,7 @@ def test_point_contacts() -> None:
     """Faces without moments, and elements whose equations do not all meet the same faces."""
     built = SPATIAL["wall"]()
     labels = np.ones(len(built.interfaces), dtype=bool)
-    points, _ = point_contact_assembly(built, labels)
-    one, two = (LimitAnalysis(points, solver=name).solve(points.labels, stands=False) for name in ("clarabel", "schur"))
+    one, two = (solve(built, labels, contact="concave", solver=name) for name in ("clarabel", "schur"))
     assert one.status is two.status is Status.COLLAPSE
     assert max(one.bracket[0], two.bracket[0]) <= min(one.bracket[1], two.bracket[1]) + 1e-9
 

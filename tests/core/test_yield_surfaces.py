@@ -17,10 +17,10 @@ from cases import scene_in_space as scene
 from command import Command
 from jld_core import InputError, build_assembly, parse_scene, solve, solve_many
 from jld_core.mechanics import scaling_of, yield_set
-from jld_core.mechanics.compiled_rows import maps_criteria, row_yield
+from jld_core.mechanics.criteria import maps_criteria, row_yield
 from jld_explore import ExploreSettings, explore, sweep
 from jld_explore.verification import verify
-from jld_explore.verification.balance import Balances
+from jld_explore.verification.verify import Balances
 
 Document = dict[str, Any]
 

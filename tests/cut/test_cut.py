@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 import zipfile
 from dataclasses import replace
@@ -17,15 +18,14 @@ import pytest
 import trimesh
 from manifold3d import Manifold, Mesh64, OpType
 
-from jld_core import InputError, ParameterError, build_assembly, parse_scene
+from jld_core import InputError, ParameterError, build_assembly, checkpoint, parse_scene
 from jld_cut import Options, cut
 from jld_cut.cells import BENT, Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union
+from jld_cut.clock import Clock
 from jld_cut.cut import verdict
-from jld_cut.elastic import compressed
-from jld_cut.families import axis_of
+from jld_cut.families import axis_of, compressed
 from jld_cut.fields import scene_of_parts
-from jld_cut.loads import outside, parse_load, shares
-from jld_cut.marks import mark, tenons
+from jld_cut.keys import are_sound, keyed, slides, variants
 from jld_cut.meshes import (
     as_read,
     as_written,
@@ -38,8 +38,8 @@ from jld_cut.meshes import (
     write_3mf,
 )
 from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
-from jld_cut.parts import Part, different, lay, plain_surface, write_parts
-from jld_cut.scene import scene_of
+from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
+from jld_cut.scene import Matter, outside, parse_load, scene_of, shares
 from jld_cut.search import Family, Truth, body_of, family_of
 from jld_explore import ExploreSettings, explore
 
@@ -558,6 +558,91 @@ def test_parts_are_a_few_convex_pieces_for_fields() -> None:
     assert sorted(assembly.interfaces.area.round(9).tolist())[:2] == [1.0, 1.0]
     with pytest.raises(InputError, match="convex pieces"):
         scene_of_parts("bowl", Cutting(_bowl()), [_bowl()], wish.setting)
+
+
+@pytest.mark.parametrize(
+    ("shear", "kind", "expected"),
+    [
+        # a cube on a cube, pushed at its middle: with a key both tip about the ground, W/2 · 2 = F · 3/2
+        (2e6, "tongue", lambda w: 2 * w / 3),
+        # or the key is sheared off over its root: F = W tan φ + cohesion × area
+        (6e3, "tongue", lambda w: w * np.tan(np.radians(20.0)) + 6e3 / 3),
+        (6e3, "step", lambda w: w * np.tan(np.radians(20.0)) + 6e3 / 2),
+        (6e3, "key", lambda w: w * np.tan(np.radians(20.0)) + 6e3 / 9),
+    ],
+)
+def test_a_key_turns_sliding_into_shear_or_tipping(shear: float, kind: str, expected: Any) -> None:
+    weight = 2400 * 9.81
+    matter = Matter(friction_angle=20.0, tensile=min(2e6, 16e3 * shear / 6e3), shear=shear)
+    push = ("1000,0,0@-0.1,0,1,0.1,1,2",)
+    options = Options((1.25,) * 3, push, require=0.1, families=("grid",), cells=2, matter=matter, clearance=0.002)
+    wish, pillar = options.wish(), box(1, 1, 2)
+    family = family_of("grid", "pillar", body_of(pillar, wish), wish)
+    assert family is not None
+    family.truth = Truth(family, wish.setting)
+    block = np.array([float(cell.bounding_box()[5]) > 1.5 for cell in family.cutting.cells]).astype(np.int64)
+    plain = family.truth.solve(block)[0]
+    assert plain == pytest.approx(weight * np.tan(np.radians(20.0)) / 1e3, rel=1e-5)
+    found = slides(family, block, np.tan(np.radians(20.0)))
+    assert len(found) == 1
+    assert found[0].along / np.linalg.norm(found[0].along) == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+    made = next(one for one in variants(family, block, found, wish.setting, 0.0) if one.keys[0].kind == kind)
+    assert made.keys[0].told() == f"{kind} of part 1 into 2"
+    assert made.bracket[0] == pytest.approx(expected(weight) / 1e3, rel=1e-5)
+    assert len(made.family.truth.order(made.block, 60.0).steps) == 2
+    parts = parts_of(made.family.cutting.cells, made.block, made.family.joints, 2400.0, 0.002)
+    assert are_sound(parts, 1.0)
+    assert all(lay(part, wish.limits.fit) for part in parts)
+    assert sum(part.exact.volume() for part in parts) == pytest.approx(2.0, rel=1e-12)
+    assert parts[0].exact.volume() > 1.0 > parts[1].exact.volume()
+    # both with the gap of the joint, so that the upper one comes off
+    for height in (0.0, 0.05, 0.5):
+        assert (parts[1].solid.translate((0, 0, height)) ^ parts[0].solid).volume() < 1e-12
+
+
+def test_no_key_where_nothing_slides_or_none_is_sound() -> None:
+    options = Options((1.25,) * 3, ("1000,0,0@-0.1,0,1,0.1,1,2",), families=("grid",), cells=2)
+    options = replace(options, matter=replace(options.matter, friction_angle=20.0))
+    for wide, sound, number in ((1.0, False, 0), (0.2, True, 0)):  # a slender one tips without a key
+        wish, pillar = options.wish(), box(wide, 1, 2)
+        family = family_of("grid", "pillar", body_of(pillar, wish), wish)
+        assert family is not None
+        family.truth = Truth(family, wish.setting)
+        block = np.array([float(cell.bounding_box()[5]) > 1.5 for cell in family.cutting.cells]).astype(np.int64)
+        low = family.truth.solve(block)[0]
+        made = keyed(family, block, low, wish.setting, lambda _, sound=sound: sound)
+        assert (0 if made is None else len(made.keys)) == number
+
+
+@pytest.mark.long
+def test_a_cut_names_its_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules["jld_cut.cut"], "_by_fields", lambda *_: None)  # they take what time there is
+    push = ("1000,0,0@-0.1,0,1,0.1,1,2",)
+    options = Options((1.25,) * 3, push, require=0.1, families=("grid",), cells=2, seconds=300.0, clearance=0.002)
+    options = replace(options, matter=replace(options.matter, friction_angle=20.0))
+    found = cut(written(box(1, 1, 2), tmp_path / "pillar.stl"), options, tmp_path / "out")
+    (key,) = found["keys"]
+    assert (key["kind"], {key["on"], key["into"]}) == ("tongue", {1, 2})
+    assert found["load_factor"] == pytest.approx(15.696, rel=1e-4)
+    assert found["load_factor_without_keys"] == pytest.approx(8.5693, rel=1e-4)
+    assert f"with keys where parts slid ({key['told']}; 8.57 without)" in found["verdict"]
+    table = pd.read_csv(tmp_path / "out" / "parts.csv").set_index("part")
+    assert table["keys"].dropna().to_dict() == {key["on"]: f"tongue into {key['into']}"}
+    assert found["watertight"]
+    assert found["can_be_laid"]
+    assert not found["left_out"]
+
+
+def test_a_stage_without_time_is_named() -> None:
+    def endless() -> None:
+        while True:
+            checkpoint()
+
+    clock = Clock(0.2)
+    assert clock.run("short", 1.0, lambda: 7) == 7
+    assert clock.run("long", 0.5, endless) is None
+    assert clock.run("large", 1.0, lambda: 7, least=60.0) is None
+    assert clock.left_out == ["long", "large"]
 
 
 def test_regions_stay_whole() -> None:

@@ -10,47 +10,10 @@ import numpy as np
 import pytest
 
 from command import SCENES, call
-from jld_core import InputError, Layout, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core import InputError, Layout, build_assembly, parse_scene, samples, solve
 from jld_formats import ImportOptions, export, import_file
 
 rhino = pytest.importorskip("rhino3dm")
-
-SCENES_THERE = {
-    "wall": lambda: samples.wall(bond="flemish", courses=4, length=1.2),
-    "arch": lambda: samples.arch(rings=2, bond="running", load="quarter"),
-    "cross": lambda: samples.vault("cross", voussoirs=4, courses=1),
-    "dome": lambda: samples.dome(meridians=6),
-    "cubes": lambda: load_scene(SCENES / "spatial_cubes.json"),
-}
-
-
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("name", SCENES_THERE)
-def test_there_and_back_is_the_same_assembly(name: str, tmp_path: Path) -> None:
-    """Names, supports, faces, labels, materials and loads: λ to 1e-9 and the width of both brackets."""
-    scene = SCENES_THERE[name]()
-    there = build_assembly(scene)
-    labels = there.labels.copy()
-    if name != "cubes":  # whose scene has no inner faces
-        labels[::5] = False
-    result = solve(there, labels)
-    assert np.isfinite(result.load_factor)
-    planar = there.dimension == 2
-    path = export(Layout(scene, there, labels, result), "3dm", tmp_path / "a.3dm", cells=not planar)
-    found = import_file(path)
-    back = build_assembly(parse_scene(found.document))
-    support = dict(zip(there.elements.ids, there.elements.support.tolist(), strict=True))
-    assert dict(zip(back.elements.ids, back.elements.support.tolist(), strict=True)) == support
-
-    def faces(assembly: Any, which: Any) -> list[tuple[Any, ...]]:
-        ids = assembly.elements.ids
-        rows = zip(assembly.interfaces.a, assembly.interfaces.b, assembly.face_sizes, which, strict=True)
-        return sorted((*sorted((ids[a], ids[b])), round(float(size), 9), bool(dry)) for a, b, size, dry in rows)
-
-    assert faces(back, back.labels) == faces(there, labels)
-    again = solve(back)
-    width = 1e-9 * abs(result.load_factor) + sum(hi - lo for lo, hi in (again.bracket, result.bracket))
-    assert again.load_factor == pytest.approx(result.load_factor, abs=width)
 
 
 def test_blocks_have_layers_by_shape_and_user_text(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from jld_core import InputError, build_assembly, parse_scene
 from jld_experiment import Joints, Push, Settings, Specimen, Standing, push, run_experiment, specimen_of
-from jld_experiment.driving import read_push, write_push
+from jld_experiment.experiment import read_push, write_push
 from jld_experiment.moving_spatial import angle_seen, triangles_of
 
 

@@ -16,7 +16,7 @@ from command import SCENES
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
 from jld_core.mechanics import equilibrium_matrix, load_vectors
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
-from jld_experiment.driving import scout
+from jld_experiment.experiment import scout
 from jld_experiment.experiments import summary
 from jld_experiment.subcontacts import sub_contacts
 

@@ -27,7 +27,7 @@ from jld_explore.drivers.field_proof import CommonMeshes, FieldRefuter, has_conf
 from jld_explore.evaluation import Pool, field_evaluator
 from jld_explore.report import words
 from jld_explore.space import from_string
-from jld_explore.steps.field_check import _findings, plan_check
+from jld_explore.steps.step import _findings, plan_check
 from jld_views import page_of_study
 
 FIELDS: dict[str, Any] = {"kind": "fields", "gap": 0.15}

@@ -318,21 +318,6 @@ def test_cells_and_cases(tmp_path: Path) -> None:
     assert done.summary.stands_at_zero is True
 
 
-@pytest.mark.parametrize(
-    ("rows", "friction"), [(["aab", "abb", "###"], 0.3), (["ab", "##"], 0.6), (["a.b", "aab", "#.#"], 0.2)]
-)
-def test_equals_a_solve_of_each_labelling(rows: list[str], friction: float) -> None:
-    """States and mechanisms of other labellings decide as the labelling's own analysis does."""
-    document = grid_document(rows, friction=friction, tension=2e3, shear=2e3)
-    document["materials"]["gravity"] = [5.0, -9.0]
-    assembly = build_assembly(parse_scene(document))
-    labels = np.random.default_rng(3).random((24, len(assembly.interfaces))) < 0.6
-    found = Standing(assembly, SolveOptions()).of(labels, np.full(len(labels), np.nan))
-    for row, stands in zip(labels, found, strict=True):
-        own = solve(assembly, row).stands_at_zero
-        assert own is None or bool(stands) is own
-
-
 def test_whether_a_layout_stands_is_not_begun_where_it_would_be_late() -> None:
     """Of a wall of 9 660 faces it took 5 s, so that a search of 8 s ended after 13.7 s."""
     assembly = build_assembly(parse_scene(grid_document(["ab", "##"])))

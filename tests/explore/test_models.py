@@ -302,9 +302,6 @@ def test_merged_layouts_have_one_load_factor() -> None:
 # Without dilation only what can still matter is solved; the rest is recorded with its bound, apart.
 
 
-NAN = float("nan")
-
-
 def test_evaluator_stops_at_the_associative_bound() -> None:
     scene = parse_scene(grid_document(["aa", "aa", "##"]))
     assembly = build_assembly(scene)

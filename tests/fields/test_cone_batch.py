@@ -11,9 +11,9 @@ import scipy.sparse as sp
 from cases import grid_assembly
 from jld_core import Assembly, Bits, Floats
 from jld_core.batch import chosen
-from jld_core.fields import ConeProgram
+from jld_core.fields import ConeProgram, ConeSizes
 from jld_core.fields import bounds as field_bounds
-from jld_core.fields.cones import ConeBatch, ConeSizes, independent_rows
+from jld_core.fields.cones import ConeBatch, independent_rows
 
 compiled = pytest.mark.skipif(chosen() is None, reason="no compiled solver")
 

@@ -17,7 +17,7 @@ from cases import all_inner, grid_document
 from jld_core import Assembly, Floats, build_assembly, load_scene, parse_scene
 from jld_core.fields import ConeProgram, bounds, bounds_by_fields, governing_bounds
 from jld_core.models import solve_by_fields
-from proofs import fields_of
+from proofs import fields_of, holds
 
 
 def scene(elements: list[dict[str, Any]], live: list[Any], **materials: Any) -> Assembly:
@@ -103,9 +103,7 @@ def test_pulled_bar(tension: float, factor: float) -> None:
     parts = [box("wall", 0, -1, 0.5, 0, support=True), box("bar", 0, 0, 0.5, 1.5)]
     load = {"element": "bar", "force": [0, 1], "at": [0.25, 1.5]}
     found = bounds_by_fields(scene(parts, [load], inner={"tensile_strength": tension}), gap=0.01)
-    assert found.lower <= factor * (1 + 1e-9)
-    assert found.upper >= factor * (1 - 1e-9)
-    assert found.gap <= 0.01
+    holds(found, factor, 0.01)
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.7])
@@ -116,9 +114,7 @@ def test_block_that_slides_or_tips(friction: float) -> None:
     assembly = scene(parts, [{"body": [1, 0]}], inner=strong, dry={"friction_coefficient": friction})
     found = bounds_by_fields(assembly, np.ones(len(assembly.interfaces), dtype=bool), gap=0.01)
     exact = min(friction, 0.5)
-    assert found.lower <= exact * (1 + 1e-9)
-    assert found.upper >= exact * (1 - 1e-9)
-    assert found.gap <= 0.01
+    holds(found, exact, 0.01)
 
 
 def test_cohesion_and_crushing_of_a_joint() -> None:
@@ -133,9 +129,7 @@ def test_cohesion_and_crushing_of_a_joint() -> None:
     )
     every = np.ones(len(low.interfaces), dtype=bool)
     slid = bounds_by_fields(low, every, gap=0.01)
-    assert slid.lower <= 0.6 * (1 + 1e-9)
-    assert slid.upper >= 0.6 * (1 - 1e-9)
-    assert slid.gap <= 0.01
+    holds(slid, 0.6, 0.01)
     high = scene(
         [ground, box("block", 0, 0, 1, 2, weight=3.0)],
         [{"body": [1, 0]}],
@@ -144,9 +138,7 @@ def test_cohesion_and_crushing_of_a_joint() -> None:
     )
     tipped = bounds_by_fields(high, every, gap=0.02, seconds=120.0)
     exact = (1.0 - 3.0 / 10.0) / 2.0
-    assert tipped.lower <= exact * (1 + 1e-9)
-    assert tipped.upper >= exact * (1 - 1e-9)
-    assert tipped.gap <= 0.02
+    holds(tipped, exact, 0.02)
 
 
 def test_double_edge_notched_plate() -> None:
@@ -213,8 +205,7 @@ def test_blocks_too_weak_for_their_own_weight() -> None:
     assert len(weak.history) == 1
     strong = bounds_by_fields(scene(parts, [load], inner={"tensile_strength": 2.1, "shear_strength": 5.0}), gap=0.01)
     assert strong.status is bounds.FieldStatus.CLOSED
-    assert strong.lower <= 0.1 * (1 + 1e-9)
-    assert strong.upper >= 0.1 * (1 - 1e-9)
+    holds(strong, 0.1)
 
 
 @pytest.mark.parametrize("turned", [False, True])

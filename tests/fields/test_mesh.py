@@ -18,8 +18,8 @@ from jld_core.fields import bounds as field_bounds
 from jld_core.fields import bounds_by_fields
 from jld_core.fields import loads as field_loads
 from jld_core.fields import mesh as field_mesh
-from jld_core.fields.layers import layers_of, surface_of
 from jld_core.fields.rigid_joints import RigidBlocks, fitted_joints, rigid_balance
+from jld_core.fields.solids import layers_of, surface_of
 from jld_core.fields.upper import VelocityProgram
 
 

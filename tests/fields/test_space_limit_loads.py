@@ -14,7 +14,7 @@ from command import Command
 from jld_core import Assembly, InputError, Status, build_assembly, parse_scene
 from jld_core.fields import bounds, bounds_by_fields
 from jld_core.models import solve_by_fields
-from proofs import fields_of
+from proofs import fields_of, holds
 
 STRONG = {"tensile_strength": 1e3, "shear_strength": 1e3}
 
@@ -33,13 +33,6 @@ def scene(elements: list[dict[str, Any]], live: list[Any], label: str = "inner",
         "loads": {"live": live},
     }
     return build_assembly(parse_scene(all_inner(document, label)))
-
-
-def holds(found: bounds.FieldBounds, exact: float, gap: float) -> None:
-    """The bracket holds the exact value and is no wider than a gap."""
-    assert found.lower <= exact * (1 + 1e-9)
-    assert found.upper >= exact * (1 - 1e-9)
-    assert found.gap <= gap
 
 
 GROUND = box("ground", [-1, -1, -1], [2, 2, 0], support=True)

@@ -335,18 +335,6 @@ def test_bending_forms_differ_on_the_diagonal() -> None:
     assert stack(2, turn, **loads, inner_bending="kern").load_factor == pytest.approx(np.sqrt(2) / 6, rel=1e-7)
 
 
-def test_prism_under_pure_torsion() -> None:
-    """A prism on a dry face twisted about its axis: MT = μ N c_T, with c_T of the unit square 0.382598."""
-    document = {
-        "elements": [box("b", [0, 0, 0], [1, 1, 1]), box("ground", [-1, -1, -1], [2, 2, 0], support=True)],
-        "materials": {"density": 3.0, "gravity": 1.0, "dry": {"friction_coefficient": 0.6}},
-        "loads": {"live": [{"element": "b", "moment": [0, 0, 1.0]}]},
-    }
-    c_t = np.sqrt(2) / 6 + np.arcsinh(1.0) / 6
-    assert c_t == pytest.approx(0.382598, abs=1e-6)
-    assert solve(build_assembly(parse_scene(document))).load_factor == pytest.approx(0.6 * 3.0 * c_t, rel=1e-8)
-
-
 # The machinery of the benchmarks, each on its smallest scene, so that none of them rots unseen.
 
 

@@ -40,9 +40,7 @@ UNITS: Final = (
 UNIT_FLAGS: Final[dict[str, tuple[str, ...]]] = {"cones.cpp": ("-ffp-contract=off",)}
 """Compiler flags of single units. Cone programs write fused products out, and round alike alone and together."""
 INTERFACE: Final = Path(__file__).parent / "interface.py"
-"""Module that states the C interface; the header of the sources is written from it."""
-INTERFACES: Final = (INTERFACE, INTERFACE.with_name("cone_interface.py"))
-"""All modules that state it: the hash of the sources depends on them."""
+"""Module that states the C interface; the header and the hash of the sources depend on it."""
 PATIENCE: Final = 600.0
 """Seconds after which a compiler is given up on first use; 24 s of one core were measured for the largest variant."""
 FLAGS: Final = ("-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-g0")
@@ -120,7 +118,7 @@ def best() -> str:
 def digest() -> str:
     """Return a hash (16 characters) of sources, interface and flags, which validates a cached library."""
     content = hashlib.sha256(repr((FLAGS, VARIANT_FLAGS, UNIT_FLAGS)).encode())
-    for path in [*INTERFACES, *sorted(SOURCE.iterdir())]:
+    for path in [INTERFACE, *sorted(SOURCE.iterdir())]:
         content.update(path.name.encode() + path.read_bytes())
     return content.hexdigest()[:16]
 

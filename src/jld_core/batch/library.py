@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from jld_core.batch import build
 from jld_core.batch.interface import (
-    CONES,
     FUNCTIONS,
     JldAnswers,
     JldBlocks,
     JldBlockTask,
+    JldCones,
+    JldConeTask,
     JldFactorPattern,
     JldFronts,
     JldMinimization,
@@ -50,7 +51,8 @@ Answers = JldAnswers
 Blocks = JldBlocks
 BlockTask = JldBlockTask
 Fronts = JldFronts
-Cones, ConeTask = CONES["CLASSES"]
+Cones = JldCones
+ConeTask = JldConeTask
 
 # Pointer type of each element type of numpy, by `dtype.str`: `dtype.name` took a third of the time of `pointers`
 _POINTERS: Final[dict[str, Any]] = {

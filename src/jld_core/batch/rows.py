@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.batch import library
-from jld_core.linalg.cholesky import columns_of_factor, nested_dissection
+from jld_core.linalg.factors import columns_of_factor, nested_dissection
 from jld_core.mechanics import YieldSet
 from jld_core.mechanics.yield_set import RowPattern, Rows
 from jld_core.program import Template

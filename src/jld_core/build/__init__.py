@@ -23,9 +23,6 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "assemble": ["build_geometry", "cases_of_scene"],
-        "plausibility": ["weight_facts"],
-    },
+    {"assemble": ["build_geometry", "cases_of_scene"], "plausibility": ["weight_facts"]},
     submodules=["loads", "materials"],
 )

@@ -17,10 +17,9 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
-from jld_core.assembly import Elements
+from jld_core.assembly import Elements, Members
 from jld_core.errors import InputError
 from jld_core.loads import Traction, edge_traction
-from jld_core.members import Members
 from jld_core.scene import FillLoad
 from jld_core.scene.materials import Fill
 

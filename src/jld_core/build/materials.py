@@ -12,13 +12,12 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
-from jld_core.assembly import INNER, Assembly, Interfaces
+from jld_core.assembly import INNER, Assembly, Interfaces, Members
 from jld_core.errors import InputError
 from jld_core.geometry import across
 from jld_core.geometry.polyhedra import contains, distance_from_face
 from jld_core.geometry.vectors import resultants
-from jld_core.linalg.projection import summed
-from jld_core.members import Members
+from jld_core.linalg.factors import summed
 from jld_core.scene.materials import Dry, FaceMaterial, Inner, Materials, lies_within_apex
 from jld_core.scene.part import Anchor, Member
 from jld_core.scene.schema import Contact, Element, Scene

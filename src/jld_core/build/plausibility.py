@@ -139,7 +139,6 @@ def _meant(readings: dict[str, float], usual: tuple[float, float], unit: str = "
 
 
 def _of_friction(scene: Scene) -> Iterator[str]:
-    """Warn about implausible friction coefficients and angles."""
     sources: list[tuple[str, Dry | Contact]] = []
     if scene.materials.dry is not None:
         sources.append(("materials.dry", scene.materials.dry))
@@ -160,7 +159,6 @@ def _of_friction(scene: Scene) -> Iterator[str]:
 
 
 def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
-    """Warn about implausible densities and gravity."""
     low, high = _DENSITY
     densities = [("materials.density", scene.materials.density)]
     densities += [(f"elements[{k}].density", element.density) for k, element in enumerate(scene.elements or [])]

@@ -27,10 +27,6 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "bounds": ["governing_bounds"],
-        "cones": ["ConeProgram", "ConeSizes"],
-        "weak_equilibrium": ["WeakEquilibrium"],
-    },
+    {"bounds": ["governing_bounds"], "cones": ["ConeProgram", "ConeSizes"], "weak_equilibrium": ["WeakEquilibrium"]},
     submodules=["bounds", "loads", "mesh", "problem"],
 )

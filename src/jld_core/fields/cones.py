@@ -19,7 +19,7 @@ from scipy.sparse.linalg import splu
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch import chosen, interface
 from jld_core.batch.library import Cones, ConeTask, library, pointers, require_success
-from jld_core.linalg.cholesky import columns_of_factor
+from jld_core.linalg.factors import columns_of_factor
 
 # Pivot of an equation over the largest below which it depends on others; independent ones have 1e-4 and more
 _DEPENDENT = 1e-7

@@ -95,7 +95,6 @@ class Problem:
 
     @property
     def loaded(self) -> bool:
-        """True where any dead load acts."""
         return bool(self.dead.any() or self.dead_pull.any())
 
     def without_dead_load(self) -> Problem:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from jld_core.geometry.clean_regions import area_of
+from jld_core.geometry.outlines import area_of
 from jld_core.geometry.polyhedra import Faces, facets_of, solids
 from jld_core.geometry.spatial_contacts import merge_points
 from jld_core.geometry.vectors import area_vector, moment_about, spun
@@ -35,8 +35,6 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "vectors": ["across"],
-    },
+    {"vectors": ["across"]},
     submodules=["outlines", "planar_contacts", "polyhedra", "snapping", "spatial_contacts", "stated_fit", "unions"],
 )

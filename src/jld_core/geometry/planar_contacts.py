@@ -15,7 +15,7 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import outlines as measures
-from jld_core.geometry.clean_regions import intersections
+from jld_core.geometry.outlines import intersections
 from jld_core.geometry.polyhedra import Faces, Surface, lay_out, spread
 from jld_core.geometry.spatial_contacts import merge_points, near_pairs
 from jld_core.geometry.stated_fit import NearMiss, Overlap, refuse_overlaps

@@ -21,7 +21,7 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import outlines as measures
-from jld_core.geometry.clean_regions import area_of
+from jld_core.geometry.outlines import area_of
 from jld_core.geometry.vectors import area_vector
 from jld_core.linalg import components
 

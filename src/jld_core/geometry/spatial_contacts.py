@@ -14,7 +14,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Interfaces
 from jld_core.geometry import outlines as measures
-from jld_core.geometry.clean_regions import clean_parts, intersections
+from jld_core.geometry.outlines import clean_parts, intersections
 from jld_core.geometry.polyhedra import (
     PARALLEL,
     FacetFrames,

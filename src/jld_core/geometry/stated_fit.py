@@ -15,8 +15,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
 from jld_core.geometry import outlines as measures
-from jld_core.geometry.clean_regions import area_of, intersections
-from jld_core.geometry.outlines import area
+from jld_core.geometry.outlines import area, area_of, intersections
 from jld_core.geometry.polyhedra import FacetFrames, Facets, project, regions_in_planes, spread
 from jld_core.geometry.vectors import across
 

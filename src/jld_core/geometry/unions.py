@@ -11,7 +11,7 @@ import shapely
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
-from jld_core.geometry.clean_regions import area_of
+from jld_core.geometry.outlines import area_of
 from jld_core.geometry.polyhedra import Faces, Facets, facets_of
 from jld_core.geometry.snapping import snap_polygons, straight, without_spikes
 from jld_core.geometry.vectors import across

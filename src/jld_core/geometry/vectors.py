@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from jld_core.arrays import Floats, Ints
-from jld_core.linalg.projection import without_rounding
+from jld_core.linalg.factors import without_rounding
 
 
 def moment_about(arm: Floats, force: Floats) -> Floats:

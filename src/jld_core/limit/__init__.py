@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.limit.bounds import Motion, Prover, State, load_scale, relative_width
+from jld_core.limit.bounds import Motion, Proof, Prover, State, load_scale, relative_width
 from jld_core.limit.mechanism import displacement
 from jld_core.limit.options import FIELD_SECONDS, CaseBounds, governing
-from jld_core.limit.proof import Proof
 from jld_core.limit.result import number, result_of
 
 if TYPE_CHECKING:

@@ -18,9 +18,18 @@ from jld_core.assembly import Assembly
 from jld_core.batch import chosen
 from jld_core.batch.batch_solver import FALLS, BatchResults, BatchSolver
 from jld_core.batch.rows import fits
-from jld_core.limit.bounds import Motion, Prover, State, apart, load_scale, relative_width
+from jld_core.limit.bounds import (
+    FACES_WHERE_BATCH_IS_FASTER,
+    Motion,
+    Proof,
+    Prover,
+    State,
+    apart,
+    load_scale,
+    offer_results,
+    relative_width,
+)
 from jld_core.limit.options import Model, Status
-from jld_core.limit.proof import FACES_WHERE_BATCH_IS_FASTER, Proof, offer_results
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, result_of
 from jld_core.mechanics import require_materials, scaling_of, yield_set
@@ -28,7 +37,7 @@ from jld_core.mechanics.standard import InnerBending
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, Solver, is_large, make_solver
 from jld_core.solvers.base import EARLY
-from jld_core.solvers.schur.system import SchurSolver
+from jld_core.solvers.schur import SchurSolver
 from jld_core.threads import one_thread
 
 _GROWS: Final = 1e3  # Scaled λ above which a state without an upper bound may be unbounded.

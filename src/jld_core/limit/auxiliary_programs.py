@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.linalg.projection import ConsistentProjector
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.program import ConicProgram, beginnings, pack
 from jld_core.program.template import Structure
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, is_large, solve_auxiliary

@@ -36,7 +36,7 @@ from jld_core.limit.bounds import (
     reduced_by,
     usable,
 )
-from jld_core.linalg.projection import ConsistentProjector
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawStatus
 

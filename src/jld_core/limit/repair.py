@@ -22,7 +22,7 @@ from jld_core.limit.auxiliary_programs import (
 )
 from jld_core.limit.bounds import Motion, Prover, State, usable
 from jld_core.limit.facial_reduction import Attempt, FacialReduction, SelfStress
-from jld_core.linalg.projection import ConsistentProjector
+from jld_core.linalg.factors import ConsistentProjector
 from jld_core.program import Template
 from jld_core.program.template import Structure
 from jld_core.solvers import RawSolution, is_large, solve_auxiliary

@@ -11,9 +11,8 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.geometry import spun
-from jld_core.limit.bounds import load_scale, relative_width
+from jld_core.limit.bounds import Proof, load_scale, relative_width
 from jld_core.limit.options import CaseBounds, EffectiveAreas, SolveOptions, Status, ZeroDilation, governing, reason_of
-from jld_core.limit.proof import Proof
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.program import Template
 from jld_core.scene.cracks import cracks_in_short, cracks_to_json

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from jld_core.linalg.projection import components
+from jld_core.linalg.factors import components
 
 __all__ = [
     "components",

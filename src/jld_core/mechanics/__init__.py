@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
-from jld_core.mechanics.compiled_rows import yield_set
-from jld_core.mechanics.criteria import FaceGeometry, FaceRows, Gauge
+from jld_core.mechanics.criteria import FaceGeometry, FaceRows, Gauge, enclosing_rows, yield_set
 from jld_core.mechanics.equilibrium import Scaling, equilibrium_matrix, load_vectors, scaling_of
-from jld_core.mechanics.polytopes import enclosing_rows
 from jld_core.mechanics.yield_set import YieldSet, require_materials
 from jld_core.strengths import Parameter
 
@@ -38,9 +36,6 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "yield_set": ["FrictionSet", "used"],
-        "equilibrium": ["reference_load"],
-    },
+    {"yield_set": ["FrictionSet", "used"], "equilibrium": ["reference_load"]},
     submodules=["prescribed_friction"],
 )

@@ -1,23 +1,40 @@
-"""Yield criteria of faces, stated as rows: the interface of a plug-in, and the check of what it states.
+"""Yield criteria of faces, stated as rows: the interface of a plug-in, its check, and the yield sets that follow.
 
 A criterion speaks of stresses, so that its numbers are material constants: n = N/A, pressure positive, V/A, and the
-scaled moment M/(A l/2). Compressed at its edge, a face has |m| = n.
+scaled moment M/(A l/2). Compressed at its edge, a face has |m| = n. Vertices of rows are found in exact arithmetic.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import lru_cache
+from itertools import combinations
+from math import gcd
+from operator import mul
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 from pydantic import BaseModel
 
-from jld_core.arrays import Floats, Ints
-from jld_core.assembly import Interfaces
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.assembly import Assembly, Interfaces
 from jld_core.errors import InputError
-from jld_core.mechanics.standard import Bending
-from jld_core.strengths import Parameter, StatedCriterion, criterion_of
+from jld_core.mechanics.equilibrium import Scaling
+from jld_core.mechanics.row_yield import LabelRows, RowYield
+from jld_core.mechanics.standard import (
+    ROUTE_OF_ROWS,
+    Bending,
+    InnerBending,
+    bending_of,
+    scaled_strengths,
+    standard_rows,
+    standard_yield,
+)
+from jld_core.mechanics.yield_set import YieldSet
+from jld_core.strengths import Parameter, StatedCriterion, Strengths, criterion_of
 
 
 @dataclass(frozen=True)
@@ -200,3 +217,515 @@ def _arrays(gauge: Gauge, k: int) -> Gauge:
     shear = None if gauge.shear is None else np.array(np.broadcast_to(np.asarray(gauge.shear, dtype=float), (k, 2, 2)))
     numbers = (gauge.torsion, gauge.capacity, gauge.friction)
     return Gauge(shear, *(np.array(np.broadcast_to(np.asarray(one, dtype=float), (k,))) for one in numbers))
+
+
+# Violation of a row, relative to its terms, above which a point of intersection is no vertex in floats
+_NEAR: Final = 1e-6
+
+# Size of the minors of unit rows below which their line of intersection is found in exact arithmetic alone
+_FLAT: Final = 1e-9
+
+_TRIES: Final = 8  # parts in which the ends of a hull are tried as normals of its facets
+
+_SAME: Final = 1e-9  # distance below which two unit normals of facets are one
+
+# Distance of a vertex beyond a row, relative to all, below which the row is a facet; rows are moved out then
+_INSIDE: Final = 1e-11
+
+Vector = tuple[int, ...]
+"""Point or ray in homogeneous coordinates: (x w, w) with w > 0, and (x, 0)."""
+
+
+def corners(rows: Floats, constants: Floats) -> tuple[Floats, Floats]:
+    """Return the vertices (p, k) and extreme rays (q, k) of {x : C x + d ≥ 0}, C (r, k) and d (r,).
+
+    Both are exact for the numbers given, then rounded. A ray has N = 1 where its N is positive, else size 1. Rows of
+    zeros are ignored. The set must hold no line.
+    """
+    used = np.any(rows != 0.0, axis=1)
+    table = np.column_stack([rows[used], constants[used]])
+    found = _corners(np.vstack([table, np.eye(table.shape[1])[-1:]]).tobytes(), table.shape[1])
+    ends: list[list[list[float]]] = [[], []]
+    for *point, w in found:
+        size = w or (point[0] if point[0] > 0 else max(map(abs, point)))
+        ends[w == 0].append([float(Fraction(x, size)) for x in point])
+    return tuple(np.array(many).reshape(-1, rows.shape[1]) for many in ends)  # type: ignore[return-value]
+
+
+@lru_cache(maxsize=4096)
+def _corners(table: bytes, width: int) -> tuple[Vector, ...]:
+    """Return the extreme rays (x w, w) of the cone {C x + d w ≥ 0, w ≥ 0} of numbers given as bytes."""
+    floats = np.frombuffer(table).reshape(-1, width)
+    exact = [_integers(row) for row in floats.tolist()]
+    found: dict[Vector, None] = {}
+    known: set[tuple[int, ...]] = set()  # rows that hold with equality at what was found, and at nothing else
+    for group in _candidates(floats):
+        if any(set(group) <= set(touched) for touched in known):
+            continue
+        line = _line([exact[row] for row in group])
+        if line is None:
+            continue
+        products = [sum(map(mul, row, line)) for row in exact]
+        sign = -1 if any(product < 0 for product in products) else 1
+        if all(sign * product >= 0 for product in products) and any(products):
+            found[tuple(sign * x for x in line)] = None
+            known.add(tuple(place for place, product in enumerate(products) if product == 0))
+    return tuple(found)
+
+
+def _integers(row: list[float]) -> list[int]:
+    """Return numbers times the smallest power of two that makes them whole."""
+    pairs = [value.as_integer_ratio() for value in row]
+    shared = max(below for _, below in pairs)
+    return [above * (shared // below) for above, below in pairs]
+
+
+def _line(rows: list[list[int]]) -> Vector | None:
+    """Return the line that is orthogonal to k rows (k, k + 1), without common factor; None if there are several."""
+    # Elimination without fractions: after each step all entries are minors, and divide by the pivot before.
+    table, columns, last = [list(row) for row in rows], list(range(len(rows) + 1)), 1
+    for step in range(len(table)):
+        place = next(((i, j) for j in range(step, len(columns)) for i in range(step, len(table)) if table[i][j]), None)
+        if place is None:
+            return None
+        table[step], table[place[0]] = table[place[0]], table[step]
+        for row in (*table, columns):
+            row[step], row[place[1]] = row[place[1]], row[step]
+        pivot = table[step][step]
+        for i, row in enumerate(table):
+            if i != step:
+                factor = row[step]
+                table[i] = [(pivot * x - factor * y) // last for x, y in zip(row, table[step], strict=True)]
+        last = pivot
+    found = [0] * len(columns)
+    found[columns[-1]] = last
+    for row, column in zip(table, columns[:-1], strict=True):
+        found[column] = -row[-1]
+    shared = gcd(*found)
+    return tuple(x // shared for x in found)
+
+
+def _candidates(table: Floats) -> list[tuple[int, ...]]:
+    """Return the groups of rows that may meet in a vertex or ray: those whose line violates no row by far in floats."""
+    width = table.shape[1]
+    groups = np.array(list(combinations(range(len(table)), width - 1)), dtype=np.int64).reshape(-1, width - 1)
+    reach = abs(table[:, -1]).max(initial=0.0) or 1.0
+    scaled = table / np.append(np.ones(width - 1), reach)
+    unit = scaled / np.linalg.norm(scaled, axis=1)[:, None]
+    lines = _normals(unit[groups])
+    size = np.linalg.norm(lines, axis=1)
+    flat = size < _FLAT
+    products = (lines / np.where(flat, 1.0, size)[:, None]) @ unit.T
+    near = np.maximum(products.min(axis=1, initial=np.inf), -products.max(axis=1, initial=-np.inf)) > -_NEAR
+    return [tuple(group) for group in groups[flat | near].tolist()]
+
+
+def enclosing_rows(vertices: Floats, rays: Floats) -> tuple[Floats, Floats]:
+    """Return rows C x + d ≥ 0 of the closed hull of vertices and rays.
+
+    Parameters
+    ----------
+    vertices, rays : (p, k) and (q, k) arrays
+        Ends of the hull, which fills the space.
+
+    Returns
+    -------
+    (r, k) array, (r,) array
+        C with largest entry 1, and d. Every vertex and ray satisfies the rows up to rounding.
+    """
+    return _enclosing_rows(vertices.tobytes(), rays.tobytes(), vertices.shape[1])
+
+
+@lru_cache(maxsize=64)
+def _enclosing_rows(of_vertices: bytes, of_rays: bytes, k: int) -> tuple[Floats, Floats]:
+    """Return rows, as `enclosing_rows`, of numbers given as bytes; callers must not write to them."""
+    vertices, rays = (np.frombuffer(part).reshape(-1, k) for part in (of_vertices, of_rays))
+    reach = float(abs(vertices).max(initial=0.0)) or 1.0
+    sizes = np.linalg.norm(rays, axis=1, keepdims=True)
+    generators = np.unique(
+        np.vstack([
+            np.column_stack([vertices / reach, np.ones(len(vertices))]),
+            np.column_stack([rays / np.where(sizes > 0.0, sizes, 1.0), np.zeros(len(rays))]),
+        ]),
+        axis=0,
+    )  # fmt: skip
+    generators = np.vstack([generators, np.append(np.zeros(k), 1.0)]) if len(generators) < k else generators
+    groups = generators[np.array(list(combinations(range(len(generators)), k)), dtype=np.int64).reshape(-1, k)]
+    normals = _normals(groups)
+    size = np.linalg.norm(normals[:, :k], axis=1)
+    normals = normals[size > _SAME] / size[size > _SAME, None]
+    normals = np.vstack([normals, -normals])
+    for start in range(_TRIES):  # a few ends after the other leave out most at once
+        normals = normals[(normals @ generators[start::_TRIES].T).min(axis=1, initial=np.inf) > -_INSIDE]
+    normals = normals[_firsts(normals)]
+    rows = normals[:, :k] / abs(normals[:, :k]).max(axis=1, keepdims=True)
+    rows[abs(rows) < 1e-14] = 0.0
+    return rows, -(rows @ vertices.T).min(axis=1)
+
+
+def _normals(groups: Floats) -> Floats:
+    """Return the vector (g, k + 1) orthogonal to each group (g, k, k + 1) of vectors."""
+    k = groups.shape[1]
+    columns = [np.delete(groups, axis, axis=2) for axis in range(k + 1)]
+    return np.column_stack([(-1.0) ** axis * np.linalg.det(part) for axis, part in enumerate(columns)])
+
+
+def _firsts(normals: Floats) -> Bools:
+    near = abs(normals[:, None] - normals[None]).max(axis=2, initial=0.0) < 10.0 * _SAME
+    return np.asarray(~np.any(np.tril(near, -1), axis=1))
+
+
+_ROUNDED: Final = 1e-12  # share of a strength by which N may pass the apex of friction in rounding
+
+_MOST: Final = 600_000  # largest number of groups of rows that are tried for vertices and rays
+
+_TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strengths, below which the row touches it
+
+
+def row_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> RowYield:
+    """Make the yield sets of all faces from rows, of plug-ins too.
+
+    InputError for joints that crush and unusable rows.
+    """
+    dry, inner = _of_stresses(assembly, inner_bending)
+    sets = _aligned(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
+    dry, inner, both = (one.scaled(assembly.interfaces.area / scaling.force) for one in sets)
+    return RowYield(assembly.dimension, dry, inner, both, assembly.face_strengths.criteria)
+
+
+def _of_stresses(assembly: Assembly, inner_bending: InnerBending) -> tuple[LabelRows, LabelRows]:
+    """Return the sets of dry and of inner faces in stresses; raise InputError as `row_yield`."""
+    numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
+    if assembly.dimension == 3:
+        none = np.zeros(len(assembly.interfaces), dtype=bool)
+        bending = bending_of(assembly.interfaces, none, inner_bending, np.isfinite(numbers.side(dry=False).crush))
+    groups = [_rows(assembly, numbers, bending, label) for label in (True, False)]
+    width = max(rows.C.shape[2] for one in groups for _, rows in one)
+    dry, inner = (_compiled(assembly, one, width, label) for one, label in zip(groups, (True, False), strict=True))
+    return dry, inner
+
+
+def maps_criteria(assembly: Assembly, face_to: Ints, matrix: Floats) -> bool:
+    """Return whether a symmetry maps the yield set of each face onto that of its image, under both labels.
+
+    V and m of a face may change sign, so that equal parameters are no equal sets. Sets are known to be mapped where the
+    axes of a face are mapped onto those of its image. True without criteria of plug-ins: strengths then say all.
+    """
+    if not assembly.face_strengths.criteria:
+        return True
+    faces, turned = assembly.interfaces, float(np.sign(np.linalg.det(matrix)))
+    to = faces.take(face_to)
+    swapped = np.sign(np.einsum("mi,mi->m", faces.normal @ matrix.T, to.normal))
+    count, sets = len(faces), _of_stresses(assembly, "uncoupled")
+    core, shear = np.tile(np.eye(sets[0].C.shape[2]), (count, 1, 1)), np.tile(np.eye(2), (count, 1, 1))
+    if assembly.dimension == 2:
+        core[:, 1, 1], core[:, 2, 2] = turned, turned * swapped
+    else:
+        axes = [np.stack([one.e1, one.e2], axis=2) for one in (faces, to)]
+        turn = np.round(np.swapaxes(axes[1], 1, 2) @ matrix @ axes[0], 9)
+        if not np.isin(turn, (-1.0, 0.0, 1.0)).all():
+            return False
+        shear = swapped[:, None, None] * turn
+        if core.shape[1] == 6:
+            core[:, 1:3, 1:3], core[:, 5, 5] = shear, turned
+        bends = slice(1, 3) if core.shape[1] == 3 else slice(3, 5)
+        core[:, bends, bends] = turned * shear
+    return all(_mapped(one, face_to, core, shear) for one in sets)
+
+
+def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
+    """Return True if maps of the core (m, q, q) and of shear (m, 2, 2) turn each set into that of its image."""
+    for points in (sets.vertices, sets.rays):
+        if not points.shape[1]:
+            continue
+        moved, there = points @ np.swapaxes(core, 1, 2), points[to]
+        size = max(1e-300, float(abs(points).max()))
+        near = abs(moved[:, :, None] - there[:, None]).max(axis=3) <= 1e-9 * size
+        if not (near.any(axis=1).all() and near.any(axis=2).all()):
+            return False
+    metric = np.swapaxes(sets.B, 1, 2) @ sets.B
+    if not np.allclose(np.swapaxes(shear, 1, 2) @ metric[to] @ shear, metric, rtol=1e-9, atol=1e-12):
+        return False
+    numbers = np.column_stack([sets.k, sets.c, sets.mu, sets.coupled])
+    return bool(np.allclose(numbers[to], numbers, rtol=1e-9, atol=0.0))
+
+
+def stated_rows(assembly: Assembly) -> dict[tuple[int, bool], FaceRows]:
+    """Return what criteria state of a face, by face and label (True = dry), for those who compute with it apart."""
+    numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
+    if assembly.dimension == 3:
+        none = np.zeros(len(assembly.interfaces), dtype=bool)
+        bending = bending_of(assembly.interfaces, none, "uncoupled", np.isfinite(numbers.side(dry=False).crush))
+    found = {}
+    for dry in (True, False):
+        for which, rows in _rows(assembly, numbers, bending, dry)[1:]:
+            for place, face in enumerate(which.tolist()):
+                gauges = tuple(_taken(gauge, np.arange(len(which)) == place) for gauge in rows.gauges)
+                found[face, dry] = FaceRows(rows.C[place], rows.d[place], gauges)
+    return found
+
+
+def _standard(numbers: Strengths, bending: Bending | None, *, dry: bool) -> FaceRows:
+    """Return the standard criterion's rows under one label, in stresses; in the plane they limit V too."""
+    point = np.zeros(len(numbers.friction), dtype=bool)
+    side = scaled_strengths(numbers, np.ones(len(point))).side(dry=dry)
+    late = 2 if bending is None else int(np.diff(bending.start).max(initial=0))
+    own = standard_rows(side, bending, point, 0 if dry else late, dry=dry)
+    if bending is not None:
+        return FaceRows(own.C, own.d, (Gauge(own.B, own.k[:, 1], side.shear, side.friction),))
+    one = np.ones(len(side.shear))
+    slides = np.stack([side.friction, -one, 0.0 * one, side.friction, one, 0.0 * one], axis=1).reshape(-1, 2, 3)
+    limits = np.column_stack([side.shear, side.shear])
+    return FaceRows(np.concatenate([own.C, slides], axis=1), np.concatenate([own.d, limits], axis=1))
+
+
+def _rows(assembly: Assembly, numbers: Strengths, bending: Bending | None, dry: bool) -> list[tuple[Ints, FaceRows]]:
+    """Return the rows of one label by groups of faces (k,): standard ones, and those of each criterion."""
+    label = "dry" if dry else "inner"
+    plain, found = np.ones(len(assembly.interfaces), dtype=bool), []
+    for one in assembly.face_strengths.criteria:
+        which = np.flatnonzero(one.faces)
+        if one.label == label and which.size:
+            found.append((which, rows_of(one, geometry_of(assembly.interfaces, which, bending, label))))
+            plain[which] = False
+    standard = _standard(numbers, bending, dry=dry)
+    gauges = tuple(_taken(gauge, plain) for gauge in standard.gauges)
+    return [(np.flatnonzero(plain), FaceRows(standard.C[plain], standard.d[plain], gauges)), *found]
+
+
+def _taken(gauge: Gauge, faces: Bools) -> Gauge:
+    numbers = (np.asarray(part)[faces] for part in (gauge.torsion, gauge.capacity, gauge.friction))
+    return Gauge(None if gauge.shear is None else gauge.shear[faces], *numbers)
+
+
+def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: int, dry: bool) -> LabelRows:
+    """Return one label's sets in stresses: needed rows, vertices, rays, class of each face.
+
+    width: resultants of the core. InputError for unusable rows.
+    """
+    count, most = len(assembly.interfaces), max(rows.C.shape[1] for _, rows in groups)
+    table = np.zeros((count, most, width + 1))
+    for which, rows in groups:
+        size = abs(rows.C).max(axis=2, initial=0.0)
+        size = np.where(size > 0.0, size, 1.0)[..., None]
+        columns = np.arange(width) if rows.C.shape[2] == width else np.array([0, 3, 4])
+        places = which[:, None, None], np.arange(rows.C.shape[1])[:, None]
+        table[(*places, columns)], table[(*places, [width])] = rows.C / size, rows.d[..., None] / size
+    kinds, first, kind = np.unique(table.reshape(count, -1), axis=0, return_index=True, return_inverse=True)
+    kind, own = kind.ravel(), [one for one in assembly.face_strengths.criteria if (one.label == "dry") == dry]
+    names = [next(((one.key, one.name) for one in own if one.faces[face]), ("materials", "standard")) for face in first]
+    parts = [_core(one, *name) for one, name in zip(kinds.reshape(-1, most, width + 1), names, strict=True)]
+    limits, vertices, rays = (_padded([part[k] for part in parts], repeat=k == 1)[kind] for k in range(3))
+    shear, numbers, coupled = _gauges(groups, count)
+    k, c, mu = numbers
+    found = LabelRows(limits[..., :-1], limits[..., -1], shear, k, c, mu, coupled, vertices, rays, kind)
+    for one in own:
+        low = vertices[one.faces, :, 0].min(axis=1, initial=np.inf)[:, None]
+        spare = c[one.faces] + mu[one.faces] * low
+        if spare.min(initial=0.0) < -_ROUNDED * max(1e-300, float(c[one.faces].max(initial=0.0))):
+            problem = f'N of "{one.name}" reaches {float(low.min()):g}, where c + μN is negative'
+            raise InputError(one.key, problem, "N of at least −c/μ")
+    return found
+
+
+def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Floats, Bools]:
+    """Return B (m, 2, 2); k, c and μ (3, m, 2) of the gauges of shear and torsion; and a mask (m,) of those in one."""
+    # Gauges are divided by the larger of the size of B and k. Where rows limit shear, B is zero.
+    shear, coupled = np.zeros((count, 2, 2)), np.zeros(count, dtype=bool)
+    numbers = np.zeros((3, count, 2))
+    for which, rows in groups:
+        for gauge in rows.gauges:
+            torsion, capacity, friction = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
+            size = np.array(torsion)
+            if gauge.shear is not None:
+                size = np.maximum(size, np.linalg.norm(gauge.shear, ord=2, axis=(1, 2)))
+                shear[which] = gauge.shear / size[:, None, None]
+                coupled[which] = torsion > 0.0
+            for place, limits in ((0, gauge.shear is not None), (1, bool(np.all(torsion > 0.0)))):
+                if limits and len(which):
+                    numbers[:, which, place] = np.array([torsion if place else size, capacity, friction]) / size
+    return shear, numbers, coupled
+
+
+def _padded(parts: list[Floats], *, repeat: bool) -> Floats:
+    """Return arrays (r, q) of several lengths as one (k, most, q), filled with zeros or with their first row."""
+    most = max(len(part) for part in parts)
+    found = np.zeros((len(parts), most, parts[0].shape[1]))
+    for place, part in enumerate(parts):
+        found[place, : len(part)] = part
+        if repeat:
+            found[place, len(part) :] = part[0]
+    return found
+
+
+def _core(table: Floats, key: str, name: str) -> tuple[Floats, Floats, Floats]:
+    """Return rows (r, q + 1), vertices (p, q) and rays (r, q) of a core; InputError for an unusable set."""
+    table = np.unique(table[np.any(table[:, :-1] != 0.0, axis=1)], axis=0)
+    width = table.shape[1] - 1
+    used = np.any(table[:, :-1] != 0.0, axis=0) | ((width == 3) | np.isin(np.arange(width), [0, 3, 4]))
+    used[1:3] |= (width == 6) & used[1:3].any()
+    count, rows, constants = int(used.sum()), table[:, :-1][:, used], table[:, -1]
+    if np.linalg.matrix_rank(rows) < count if len(rows) else True:
+        raise InputError(key, f'"{name}" leaves a force or moment without limit', "rows that limit all of them")
+    if math.comb(len(rows) + 1, count) > _MOST:
+        raise InputError(key, f'"{name}" has {len(rows)} rows of {count} resultants', "fewer rows")
+    found = corners(rows, constants)
+    vertices, rays = (np.zeros((len(part), width)) for part in found)
+    vertices[:, used], rays[:, used] = found
+    if not len(vertices):
+        raise InputError(key, f'no force satisfies all rows of "{name}"', "a set that is not empty")
+    if rays[:, 0].min(initial=0.0) < 0.0:
+        raise InputError(key, f'"{name}" lets N fall without limit', "a tensile strength")
+    if not (vertices[:, 0].any() or rays[:, 0].any()):
+        raise InputError(key, f'"{name}" carries no N', "rows that let N act")
+    generators = np.vstack([np.column_stack([vertices, np.ones(len(vertices))]), np.pad(rays, ((0, 0), (0, 1)))])
+    if np.linalg.matrix_rank(generators) == count + 1:
+        # A facet holds as many extreme points or rays as resultants; other rows touch the set, or stay away.
+        gap = abs(generators @ table.T) / np.maximum(abs(generators).max(axis=1), 1e-300)[:, None]
+        table = table[(gap <= _TOUCHES * max(1.0, float(constants.max()))).sum(axis=0) >= count]
+    return table, vertices, rays
+
+
+def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
+    """Return sets of stresses that enclose those of both labels."""
+    # The cores have hulls of (N, moments), and of N with what rows limit of shear and torsion. A gauge is the widest
+    # circle in the two of shear, with a line above the capacities of both labels.
+    vertices = np.concatenate([dry.vertices, inner.vertices], axis=1)
+    rays = np.concatenate([dry.rays, inner.rays], axis=1)
+    facts = [part for one in (dry, inner) for part in (one.kind, one.B.reshape(-1, 4), one.k, one.c, one.mu)]
+    _, first, kind = np.unique(np.column_stack(facts), axis=0, return_index=True, return_inverse=True)
+    parts = [_hull_of(dimension, dry, inner, face) for face in first.tolist()]
+    kind = kind.ravel()
+    table = _padded(parts, repeat=False)[kind]
+    ends = [(one.vertices[:, :, 0].min(axis=1), one.vertices[:, :, 0].max(axis=1)) for one in (dry, inner)]
+    low = vertices[:, :, 0].min(axis=1)[:, None]
+    steep = np.max([np.where(one.endless[:, None], one.mu, 0.0) for one in (dry, inner)], axis=0)
+    # The line starts at the least N of both, above every end of the capacities.
+    start = np.max(
+        [
+            one.c + one.mu * end[:, None] - steep * (end[:, None] - low)
+            for one, (bottom, top) in zip((dry, inner), ends, strict=True)
+            for end in (bottom, np.where(one.endless, bottom, top))
+        ],
+        axis=0,
+    )
+    narrow = np.min([np.linalg.svd(one.B, compute_uv=False)[:, 1] for one in (dry, inner)], axis=0)
+    turns = np.minimum(dry.k, inner.k)
+    held = np.column_stack([narrow, turns[:, 1]]) > 0.0  # the others stand in rows
+    return LabelRows(
+        table[..., :-1],
+        table[..., -1],
+        narrow[:, None, None] * np.eye(2),
+        turns,
+        np.where(held, start - steep * low, 0.0),
+        np.where(held, steep, 0.0),
+        dry.coupled & inner.coupled,
+        vertices,
+        rays,
+        kind,
+    )
+
+
+def _hull_of(dimension: int, dry: LabelRows, inner: LabelRows, face: int) -> Floats:
+    """Return the rows (r, q + 1) of the hulls of both labels of a face, in each part of their core."""
+    both, width = (dry, inner), dry.C.shape[2]
+    parts = [[0, 2], [0, 1]] if dimension == 2 else [[0, 1, 2] if width == 3 else [0, 3, 4]]
+    if width > 3:
+        parts += [[0, 1, 2]] * any(not one.B[face].any() for one in both)
+        parts += [[0, 5]] * any(not one.k[face, 1] for one in both)
+    table = list[Floats]()
+    for part in parts:
+        vertices, rays = (np.vstack([_ends(one, face, part, ends) for one in both]) for ends in ("vertices", "rays"))
+        rows, constants = enclosing_rows(vertices, rays[np.any(rays != 0.0, axis=1)])
+        found = np.zeros((len(rows), width + 1))
+        found[:, part], found[:, -1] = rows, constants
+        # All parts have the same range of N.
+        table.append(found if not table else found[np.any(found[:, part[1:]] != 0.0, axis=1)])
+    return np.vstack(table)
+
+
+def _ends(one: LabelRows, face: int, part: list[int], ends: str) -> Floats:
+    """Return vertices or rays (p, k) of a part of a set; those of a polygon about it where a gauge is its limit."""
+    points = np.asarray(getattr(one, ends)[face][:, part])
+    place, held = int(part == [0, 5]), one.B[face].any() if part == [0, 1, 2] else one.k[face, 1] > 0.0
+    if one.C.shape[2] == 3 or part == [0, 3, 4] or not held:
+        return points
+    normal = np.unique(points[:, 0])
+    reach = one.mu[face, place] * normal + (one.c[face, place] if ends == "vertices" else 0.0)
+    if place:
+        around = np.array([[1.0], [-1.0]]) / one.k[face, 1]
+    else:
+        angles = (np.arange(8) + 0.5) * np.pi / 4.0
+        circle = np.column_stack([np.cos(angles), np.sin(angles)]) / np.cos(np.pi / 8.0)
+        around = circle @ np.linalg.inv(one.B[face]).T
+    points = reach[:, None, None] * around
+    return np.column_stack([np.repeat(normal, len(around)), points.reshape(-1, around.shape[1])])
+
+
+def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
+    """Return sets whose rows of bending, shear and others have places of their own, so that they share sparsity."""
+    # Within a kind rows stand by falling N, in space by the angle of the moments, or of shear.
+    ordered, kinds = [], []
+    for one in sets:
+        c = one.C
+        idle = ~np.any(c != 0.0, axis=2)
+        if dimension == 2:
+            kind = np.where(c[..., 1] == 0.0, np.where(c[..., 2] == 0.0, 2, 0), np.where(c[..., 2] == 0.0, 1, 2))
+            keys = [np.where(kind == 1, c[..., 1], c[..., 2]), -c[..., 0]]
+        else:
+            first, *more = (3, 1, 5) if c.shape[2] == 6 else (1,)
+            others = np.any(c[..., [*more, *(place + 1 for place in more[:1])]] != 0.0, axis=2)
+            kind = np.where(others, 2, np.where(c[..., 0] > 0.0, 0, 1))
+            pair = c[..., first : first + 2]
+            keys = [np.round(np.mod(np.arctan2(-pair[..., 1], -pair[..., 0]), 2.0 * np.pi), 12)]
+        kind = np.where(idle, 3, kind)
+        order = np.tile(np.arange(c.shape[1]), (len(c), 1))
+        for key in (*keys, kind):
+            order = np.take_along_axis(order, np.argsort(np.take_along_axis(key, order, 1), axis=1, kind="stable"), 1)
+        ordered.append((np.take_along_axis(c, order[..., None], 1), np.take_along_axis(one.d, order, 1)))
+        kinds.append(np.take_along_axis(kind, order, 1))
+    slots = [max(int((kind == number).sum(axis=1).max(initial=0)) for kind in kinds) for number in range(3)]
+    p, q = (max(getattr(one, name).shape[1] for one in sets) for name in ("vertices", "rays"))
+    found = []
+    for one, (c, d), kind in zip(sets, ordered, kinds, strict=True):
+        rows, constants = np.zeros((*c.shape[:1], sum(slots), c.shape[2])), np.zeros((len(c), sum(slots)))
+        for number in range(3):
+            face, place = np.nonzero(kind == number)
+            first = np.argmax(kind == number, axis=1)[face]
+            at = sum(slots[:number]) + place - first
+            rows[face, at], constants[face, at] = c[face, place], d[face, place]
+        found.append(replace(one, C=rows, d=constants, vertices=_widened(one.vertices, p), rays=_widened(one.rays, q)))
+    return found
+
+
+def _widened(points: Floats, most: int) -> Floats:
+    """Return points (m, p, q), the last repeated until there are `most`; zeros where there are none."""
+    more = most - points.shape[1]
+    last = points[:, -1:] if points.shape[1] else np.zeros((len(points), 1, points.shape[2]))
+    return np.concatenate([points, np.repeat(last, more, axis=1)], axis=1)
+
+
+def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> YieldSet:
+    """Make the yield sets of all faces of a planar or spatial assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+    scaling : Scaling
+        Scales of the assembly.
+    inner_bending : {"uncoupled", "kern"}
+        Bending form of inner faces in space; ignored in the plane.
+
+    Returns
+    -------
+    YieldSet
+        One class for plane and space; with the standard criterion alone it also states friction apart.
+
+    Raises
+    ------
+    InputError
+        A dry compressive strength is given for a spatial face that is no rectangle, or a criterion is unusable.
+    """
+    make = row_yield if assembly.face_strengths.criteria else standard_yield
+    return make(assembly, scaling, inner_bending)

@@ -28,8 +28,6 @@ LONG: Final = 5.0
 
 @dataclass(frozen=True)
 class CostEstimate:
-    """Expected time and memory to evaluate one labelling."""
-
     seconds: float  # time on one core, in seconds
     memory: float  # memory of one process, in bytes
 

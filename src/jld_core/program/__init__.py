@@ -20,7 +20,5 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "template": ["Beside"],
-    },
+    {"template": ["Beside"]},
 )

@@ -9,16 +9,16 @@ from jld_core.plugins import door
 from jld_core.refinement.refine import refine
 
 if TYPE_CHECKING:
-    from jld_core.refinement import arrangement, transfer
-    from jld_core.refinement.refine import crack_cells
+    from jld_core.refinement import arrangement
+    from jld_core.refinement.refine import KINDS, crack_cells
 
 __all__ = [
+    "KINDS",
     "arrangement",
     "crack_cells",
     "refine",
-    "transfer",
 ]
 
 __getattr__ = door("masonry")  # bonds, voussoirs, walls
 
-export_lazily(__name__, {"refine": ["crack_cells"]}, submodules=["arrangement", "transfer"])
+export_lazily(__name__, {"refine": ["KINDS", "crack_cells"]}, submodules=["arrangement"])

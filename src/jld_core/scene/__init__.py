@@ -29,9 +29,6 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "materials": ["FillLoad"],
-        "reading": ["NeedsImport"],
-    },
+    {"materials": ["FillLoad"], "reading": ["NeedsImport"]},
     submodules=["cracks", "design", "loads", "move", "standard", "uncertain", "units"],
 )

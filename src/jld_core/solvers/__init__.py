@@ -16,7 +16,7 @@ from jld_core.program.template import Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver
-from jld_core.solvers.schur.system import SchurSolver
+from jld_core.solvers.schur import SchurSolver
 
 if TYPE_CHECKING:
     from jld_core.solvers.highs import highs_ends, highs_of
@@ -166,7 +166,5 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "highs": ["highs_of", "highs_ends"],
-    },
+    {"highs": ["highs_of", "highs_ends"]},
 )

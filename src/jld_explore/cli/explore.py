@@ -24,7 +24,7 @@ from jld_explore import Exploration, explore
 from jld_explore.cli.ending import raise_on_signals
 from jld_explore.cli.options import AsJson, Option, SceneFile, refuse_itself, setting_options, with_cracks, with_options
 from jld_explore.cli.streams import say
-from jld_explore.drivers.registry import driver_kinds, owners
+from jld_explore.drivers.choice import driver_kinds, owners
 from jld_explore.report import words
 from jld_explore.report.folder import check_folder
 from jld_explore.report.words import speed

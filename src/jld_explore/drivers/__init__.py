@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from jld_core.lazy_exports import export_lazily
 from jld_explore.drivers.base import DriverOptions
+from jld_explore.drivers.choice import DRIVERS, make_driver
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
 from jld_explore.drivers.operators.segmentations import operators
-from jld_explore.drivers.registry import DRIVERS, make_driver
 from jld_explore.drivers.searcher import Register
 
 if TYPE_CHECKING:
@@ -26,7 +26,5 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "genetic": ["Genetic"],
-    },
+    {"genetic": ["Genetic"]},
 )

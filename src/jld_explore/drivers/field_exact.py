@@ -308,7 +308,6 @@ class FieldExact(ProvingDriver):
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Keep the bounds of evaluated labellings (k, m)."""
         low = [found.low if found.status is Status.COLLAPSE else -math.inf for found in evaluations]
         high = [found.high if math.isfinite(found.high) else math.inf for found in evaluations]
         self.incumbents.learn(labellings, low, high)

@@ -337,7 +337,6 @@ class Portfolio(Anneal):
         return np.minimum(self._choice.geometric(1.0 / self._steps[kind], size=count), _MOST_STEPS)
 
     def _varied(self, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:
-        """Return random changes (k, m) of labels (m,)."""
         many, batches, origins = self._numbers("vary", count), [self._none], []
         rows = np.repeat(labels[None], count, axis=0)
         for steps in range(1, int(many.max(initial=0)) + 1):

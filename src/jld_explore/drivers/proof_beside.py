@@ -17,8 +17,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import applies_to
-from jld_core.limit.case_relaxation import AnyRelaxation, relaxation_of
-from jld_core.limit.normal_caps import NormalCaps
+from jld_core.limit.case_relaxation import AnyRelaxation, NormalCaps, relaxation_of
 from jld_core.limit.options import SolveOptions, Status
 from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of

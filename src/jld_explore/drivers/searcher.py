@@ -250,7 +250,6 @@ class Searcher(Driver):
         return found
 
     def draw(self, count: int) -> Bits:
-        """Draw at most `count` random labellings (j, m)."""
         return self.operators.draw(count, self.rng)
 
     def _remaining(self) -> Iterator[Bits]:

@@ -26,8 +26,6 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "protocol": ["Evaluator"],
-    },
+    {"protocol": ["Evaluator"]},
     submodules=["field_evaluator"],
 )

@@ -91,7 +91,6 @@ class FieldEvaluator(LabellingEvaluator):
         return self._together(labels[None])[0]
 
     def _together(self, labellings: Bits) -> list[Evaluation]:
-        """Bound labellings (k, m) on the coarsest mesh."""
         start = time.perf_counter()
         lows, highs = np.moveaxis(np.array([coarse.both(labellings) for coarse in self._coarse]), 1, 0)
         nominal: list[float | None] = [None] * len(labellings)

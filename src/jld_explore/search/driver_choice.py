@@ -20,12 +20,11 @@ from jld_core.strengths import Route
 from jld_core.threads import memory_limit
 from jld_explore.drivers import make_driver
 from jld_explore.drivers.base import Driver
-from jld_explore.drivers.choice import REACH, driver_for
+from jld_explore.drivers.choice import REACH, driver_for, driver_named
 from jld_explore.drivers.enumeration import Enumeration, size_up_to
 from jld_explore.drivers.exact.certifying import check_certifiable
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.field_exact import FieldExact
-from jld_explore.drivers.registry import driver_named
 from jld_explore.search.settings import ExploreSettings
 from jld_explore.space.search_space import SearchSpace
 

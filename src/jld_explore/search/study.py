@@ -143,7 +143,6 @@ class Study:
 
     @property
     def elapsed(self) -> float:
-        """Return the time since the study began, s."""
         return self.deadline.elapsed()
 
     @property

@@ -35,9 +35,6 @@ __all__ = [
 
 export_lazily(
     __name__,
-    {
-        "labelling": ["cut"],
-        "search_space": ["feasible", "reasons_against"],
-    },
+    {"labelling": ["cut"], "search_space": ["feasible", "reasons_against"]},
     submodules=["labelling"],
 )

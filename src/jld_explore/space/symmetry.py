@@ -15,7 +15,7 @@ from jld_core.assembly import Assembly, Elements, Interfaces, faces_of
 from jld_core.build import cases_of_scene
 from jld_core.errors import InputError
 from jld_core.geometry.vectors import frame
-from jld_core.mechanics.compiled_rows import maps_criteria
+from jld_core.mechanics.criteria import maps_criteria
 from jld_core.scene import PointLoad
 from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_core.scene.loads import BodyLoad, FaceLoad, LoadEntry, TiltLoad

@@ -256,7 +256,6 @@ def _loads(work: Design) -> str:
 
 
 def _tried(work: Design) -> list[dict[str, str]]:
-    """Return one table row per tessellation, by column."""
     rows = []
     for tessellation in work.tessellations:
         its_trials = [trial for trial in work.trials if trial.tessellation == tessellation.name]

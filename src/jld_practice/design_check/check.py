@@ -152,8 +152,6 @@ _ROUNDING: Final = 1e-12
 
 @dataclass(frozen=True)
 class Combination:
-    """Choice between the factors of each permanent action."""
-
     # self_weight, dead, prestressing: factors that are taken for self-weight, stated dead loads and prestress
     self_weight: Effect
     dead: Effect
@@ -214,7 +212,6 @@ def _loads(assembly: Assembly) -> tuple[LoadCase, ...]:
 
 
 def _weights(assembly: Assembly) -> Floats:
-    """Return the self-weights (n, d), zero on supports."""
     return np.where(assembly.elements.support[:, None], 0.0, assembly.elements.weight)
 
 

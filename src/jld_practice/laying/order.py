@@ -259,7 +259,6 @@ def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
 
 
 def _without(there: Bools, move: Move) -> Bools:
-    """Return the blocks (k,) present after a move."""
     left = there.copy()
     left[list(move[0])] = False
     return left

@@ -578,7 +578,6 @@ class ConflictSources:
         return batch.exhausted
 
     def _workers_due(self) -> bool:
-        """Return True if worker processes should start now."""
         if self._solo_relaxations is not None:
             return self._context.relaxation.solves >= self._solo_relaxations
         others = self._on_cluster or self._jobs > _THREADS or not self._context.relaxation.batched

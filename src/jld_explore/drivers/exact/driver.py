@@ -213,7 +213,6 @@ class ConflictDriver(ProvingDriver):
         return {"proof_check": ProofCheck("", 0.0).to_dict(), **found} if whole else found
 
     def _restart(self) -> None:
-        """Forget all conflicts and begin with new sources."""
         self._begin_again(self._state.clear)
         self._steps = self._search()
 
@@ -260,7 +259,6 @@ class ConflictDriver(ProvingDriver):
     _heuristics: Heuristics
 
     def ask(self, limit: int | None = None) -> Bits:
-        """Return the next labellings (k, m) to evaluate."""
         # When nothing is left to prove this method checks the proof, after which one that is corrected goes on.
         if self._enumeration is not None:
             return self._enumeration.ask(limit)
@@ -711,7 +709,6 @@ class MinimumCount(ConflictDriver):
             self._target_begun = self._done = False
 
     def _restart(self) -> None:
-        """Forget all conflicts and start the proof again."""
         super()._restart()
         self._target_begun = self._done = False
 

@@ -130,7 +130,6 @@ class _ConflictCheck:
         self.corrected: dict[tuple[bytes, bytes], Conflict] = {}
 
     def weigh(self, conflicts: Sequence[Conflict]) -> None:
-        """Evaluate every mechanism in memory again."""
         cases = sorted({one.mechanism.case for one in conflicts if one.mechanism is not None})
         for case in cases:
             of_case = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]

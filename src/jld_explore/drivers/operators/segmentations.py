@@ -13,8 +13,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.batch.rows import Joining
 from jld_core.deadline import checkpoint
 from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, PartLimits, Parts, atom_graph, limits_of
-from jld_explore.drivers.operators.cutting import Cutter, Repair
-from jld_explore.drivers.operators.free_bits import FreeBits
+from jld_explore.drivers.operators.cutting import Cutter, FreeBits, Repair
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import SearchSpace
 
@@ -264,7 +263,6 @@ class Segmentations:
         ]  # fmt: skip
 
     def labels(self, parts: list[Parts]) -> Bits:
-        """Return the labellings (k, m) of k partitions."""
         names = np.array(parts, dtype=np.int64).reshape(len(parts), len(self.graph))
         across = names[:, self.graph.face_a] != names[:, self.graph.face_b]
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed))

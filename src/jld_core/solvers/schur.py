@@ -22,20 +22,21 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.deadline import Deadline
 from jld_core.errors import SolverError
-from jld_core.linalg.cholesky import Fronts
+from jld_core.linalg.factors import Fronts
 from jld_core.program import ConicProgram
 from jld_core.program.template import Structure
 from jld_core.solvers.base import EARLY, RawSolution, RawStatus, Solver, Suffices
-from jld_core.solvers.schur.compiled_fronts import (
+from jld_core.solvers.schur_fronts import (
     BlockEquations,
+    Cones,
     FaceBlocks,
     Family,
+    NesterovTodd,
     Solves,
     face_blocks,
     factorisation,
     filled,
 )
-from jld_core.solvers.schur.nesterov_todd import Cones, NesterovTodd
 
 _SHIFT = 1e-14  # added to the diagonal of the Schur complement, which is scaled to ones
 _RETRIES = 5  # attempts to factor; each failure multiplies the shift by 100
