@@ -68,6 +68,9 @@ class BoxBound:
     case: int = 0  # position of the load case whose mechanism it is
 
 
+_MORE: Final = 1.1  # factor on the opening that a mechanism lacks: a little more is added
+
+
 class BoxProblem:
     """Bounds on λ of one planar case of dry faces, over boxes of up to four parameters."""
 
@@ -245,7 +248,7 @@ class BoxProblem:
             room = forces @ opening - _ROUNDED * (sizes @ abs(opening))
             if room.min() <= 0.0:
                 return math.inf, None
-            velocity = velocity + 1.1 * float((np.maximum(missing, 0.0) / room).max()) * opening
+            velocity = velocity + _MORE * float((np.maximum(missing, 0.0) / room).max()) * opening
         return math.inf, None
 
 

@@ -445,13 +445,16 @@ def verify_box(path: Path, scene: Scene | None = None) -> VerifiedBox:
     return VerifiedBox(claim, held, boxes, path.stat().st_size, time.perf_counter() - start)
 
 
+_SAME: Final = 1e-9  # relative difference of numbers up to which two scenes are the same
+
+
 def _require_same(scene: Scene, held: Scene, path: str) -> None:
     """Raise InputError unless two scenes are the same structure and loads, to 1e-9."""
     one, other = build_assembly(scene), build_assembly(held)
     if one.elements.ids != other.elements.ids or _numbers(one).shape != _numbers(other).shape:
         same = False
     else:
-        same = np.allclose(_numbers(one), _numbers(other), rtol=1e-9, atol=1e-9)
+        same = np.allclose(_numbers(one), _numbers(other), rtol=_SAME, atol=_SAME)
     if not same:
         raise InputError(path, f"it is of another scene ({held.name!r})", f"a certificate of {scene.name!r}")
 

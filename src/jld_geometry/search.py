@@ -77,6 +77,11 @@ _STARTING: Final = 0.9  # share of a time limit for starts, where as many are ma
 _SHAKE: Final = 0.15  # standard deviation of the variables of further starts, relative to the mean edge
 
 
+_NEARLY: Final = 0.1  # share of `_RESTORED` from which a limit is held by further steps
+
+_SHAKEN: Final = (1.0, 0.5, 0.25, 0.1)  # shares of a random step, tried in turn
+
+
 class GeometrySearch:
     """Search for the best positions of the joints of one structure, by variables z (k,)."""
 
@@ -142,7 +147,7 @@ class GeometrySearch:
         for _ in range(_RESTORATIONS):
             present = limits.at(variables.places(values))
             lacks = np.where(limits.equal, abs(present.values), limits.least - present.values)
-            held |= lacks > 0.1 * _RESTORED
+            held |= lacks > _NEARLY * _RESTORED
             rows = np.flatnonzero(held)
             if lacks.max(initial=0.0) <= _RESTORED:
                 return values
@@ -274,7 +279,7 @@ class GeometrySearch:
             step[-1] = 0.0
         centre = np.zeros(len(step)) if best is None or number % 2 == 0 else best
         low, high = self.bounds(np.zeros(len(step)), math.inf)
-        for share in (1.0, 0.5, 0.25, 0.1):
+        for share in _SHAKEN:
             moved = centre + share * step
             values = self.restored(np.clip(moved, low, high))
             if values is not None and self.evaluator.assembly(values) is not None:

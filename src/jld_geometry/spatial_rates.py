@@ -290,6 +290,9 @@ def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats
     return np.asarray(rates + 0.5 * stuck * sign * np.cross(after, normal))
 
 
+_RESIDUAL: Final = 1e-10  # residual asked of the solver of corner forces
+
+
 def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
     """Return normal forces (k,) at corners (k, 2) of given N, M1, M2, of least power on gaps (k,)."""
     # Of all such forces they have the least power on the gaps.
@@ -310,7 +313,7 @@ def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
         total / scale + slack,
         none,
         free,
-        {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+        {"primal_feasibility_tolerance": _RESIDUAL, "dual_feasibility_tolerance": _RESIDUAL},
     )
     program.run()
     solved = np.array(program.getSolution().col_value)

@@ -259,6 +259,9 @@ class Evaluated:
         return self.result is not None and self.result.status is Status.LOCKED
 
 
+_THICKER: Final = 0.2  # largest relative change of the thickness in one Newton step
+
+
 class Evaluator:
     """Proven values of one structure at any positions of its vertices, by variables z (k,)."""
 
@@ -427,7 +430,8 @@ class Evaluator:
         whole = self.variables.thickness
         for _ in range(_ROUNDS):
             point = self.missing(values)
-            low[-1], high[-1] = -0.2 * (whole + values[-1]), 0.2 * (whole + values[-1])
+            high[-1] = _THICKER * (whole + values[-1])
+            low[-1] = -high[-1]
             answer = None if point is None else self.step(point, low, high, "thickness")
             if point is None or answer is None:
                 return None

@@ -44,6 +44,9 @@ class StressField:
     rate: Floats
 
 
+_MORE = 1.01  # factor on the least share of an interior field that a mean needs
+
+
 class LowerBound:
     """Lower bounds on λ by stress fields, for many labellings of one problem; planar programs and factors are kept.
 
@@ -98,7 +101,7 @@ class LowerBound:
             if room_of_inner > 0.0:
                 # a little more than the mean needs
                 lack = max(-room_of_proposed, 0.0)
-                share = min(1.0, 1.01 * lack / (room_of_inner + lack))
+                share = min(1.0, _MORE * lack / (room_of_inner + lack))
                 point = (1.0 - share) * proposed.point + share * inner.point
                 field_of_mean = self.certify(point[: self._size], float(point[-1]), labels)
                 if field_of_mean is not None:

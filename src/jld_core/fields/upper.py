@@ -374,6 +374,9 @@ _ACTIVE = 1e-7
 _ROUNDS = 4
 
 
+_REGULAR = 1e-10  # added to the diagonal of the normal equations, since active flow rules may depend on each other
+
+
 class Settling:
     """Correction of velocities of one problem, so that active flow rules hold exactly, between solver and check."""
 
@@ -401,7 +404,7 @@ class Settling:
             matrix = self._active(moved, dry)
             if matrix is None:
                 break
-            square = sp.csc_matrix(matrix @ matrix.T + 1e-10 * sp.eye_array(matrix.shape[0]))
+            square = sp.csc_matrix(matrix @ matrix.T + _REGULAR * sp.eye_array(matrix.shape[0]))
             solver = splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
             before = moved
             for _ in range(4):
@@ -497,6 +500,9 @@ class Rates:
     # opening, slip: (f, d) normal jump δn, opening positive, and size |δs| of the tangential jump at corners of sides
     opening: Floats
     slip: Floats
+
+
+_MORE = 1.0 + 1e-9  # factor on the opening that flow rules lack: a little more is added
 
 
 class UpperBound:
@@ -621,7 +627,7 @@ class UpperBound:
             motion = self._opening()
             if motion is not None:
                 # the room of the motion is at least one in every flow rule, and flow rules are concave
-                share = worst * (1.0 + 1e-9)
+                share = worst * _MORE
                 velocity = velocity + share * motion
                 rates = self.rates(velocity)
             allowance = self.allowance(velocity)
@@ -658,7 +664,7 @@ class UpperBound:
         small = lacks[lacks <= share * float(abs(velocity).max())]
         worst = float(small.max(initial=0.0))
         motion = self._opening() if worst > 0.0 else None
-        return velocity if motion is None else velocity + worst * (1.0 + 1e-9) * motion
+        return velocity if motion is None else velocity + worst * _MORE * motion
 
     def _worst(self, rates: Rates, labels: Bits) -> float:
         """Return the largest opening that any flow rule lacks, scaled; up to 0 where all hold."""

@@ -75,10 +75,13 @@ def torsion_length(polygons: Floats) -> Floats:
     return np.asarray((distance * total).sum(axis=1) / (6.0 * area(polygons)))
 
 
+_VANISHES: Final = 1e-150  # distance, relative to s, below which its term is 0 in numbers
+
+
 def _radial(d: Floats, s: Floats) -> Floats:
     """Evaluate s √(s² + d²) + d² asinh(s/|d|), whose limit for d → 0 is s |s|."""
     apart = np.abs(d)
-    through = apart <= 1e-150 * np.abs(s)
+    through = apart <= _VANISHES * np.abs(s)
     ratio = s / np.where(through | (apart == 0.0), 1.0, apart)
     return np.asarray(s * np.hypot(s, d) + np.where(through, 0.0, d * d * np.arcsinh(ratio)))
 

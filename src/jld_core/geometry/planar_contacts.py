@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -40,12 +40,15 @@ def without_repeats(polygons: list[Floats]) -> list[Floats]:
     return kept
 
 
+_NO_AREA: Final = 1e-14  # area of a polygon, over the square of its extent, up to which it has none
+
+
 def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) -> tuple[str, ...]:
     """Raise InputError for polygons not simple, without area, or overlapping; warn of overlaps up to `within`."""
     count = np.array([len(polygon) for polygon in polygons])
     for few in np.flatnonzero(count < 3)[:1].tolist():
         raise InputError(f"element {ids[few]!r}", "its polygon has no area", "three corners not in a line")
-    least_area = 1e-14 * _spans(polygons) ** 2
+    least_area = _NO_AREA * _spans(polygons) ** 2
     hull = shapely.convex_hull(
         shapely.multipoints(np.concatenate(polygons), indices=np.repeat(np.arange(len(count)), count))
     )

@@ -96,6 +96,9 @@ def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Flo
     return node[inside][order], edge[inside][order], off[inside][order], share[inside][order]
 
 
+_RESTS: Final = 1e-15  # distance from an edge, relative to the size of all, up to which a node lies on it
+
+
 def _onto_edges(
     place: Floats, rings: list[list[int]], node_of: Ints, closed: Sequence[bool], tolerance: float
 ) -> tuple[Floats, list[list[int]], Ints]:
@@ -108,7 +111,7 @@ def _onto_edges(
         node, edge, off, share = _hits(place, edges, tolerance)
         node, nearest = np.unique(node, return_index=True)
         edge, off, share = edge[nearest], off[nearest], share[nearest]
-        if not np.any(off > 1e-15 * size):
+        if not np.any(off > _RESTS * size):
             break
         alone = _without_swaps(place, node, edges[edge], tolerance)
         node, edge, share = node[alone], edge[alone], share[alone]

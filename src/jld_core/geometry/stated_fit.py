@@ -65,6 +65,9 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
     return Fit(length, beyond, max([0.0, *off]), max([0.0, *(-height for height in off)]))
 
 
+_GRID: Final = 1e-3  # grid of regions, as a share of what contacts may be off
+
+
 def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Floats, ...]], normals: Floats) -> Fit:
     """Measure the misfit of a stated plane contact (k, 3) and the facets of a solid; outward: (3,)."""
     axes, origin = across(outward), polygon[0]
@@ -84,7 +87,7 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
         heights = (rings[0].mean(axis=0) - points) @ normal / (outward @ normal)
         if abs(heights).max() <= _OFF * size:
             facets.append((heights, shapely.buffer(region, tolerances.FACE * size, join_style="mitre"), shared))
-    grid = 1e-3 * tolerances.FACE * size
+    grid = _GRID * tolerances.FACE * size
     regions, off = list[shapely.Geometry](), list[float]()
     # as for lines, a facet counts only where no nearer one lies
     for heights, region, shared in sorted(facets, key=lambda facet: float(abs(facet[0]).max())):
@@ -225,6 +228,9 @@ def refuse_overlaps(pairs: Sequence[Overlap], expected: str, within: float) -> t
     raise Misfit(where, problem, f'{expected}, or a "tolerance" above {deepest:.2g}', deepest)
 
 
+_CLOSES: Final = 1.1  # factor on the widest gap for a tolerance that closes it
+
+
 def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple[str, ...]:
     """Describe near misses in one sentence, with their number and the first places."""
     if not misses:
@@ -237,7 +243,7 @@ def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple
         else "a pair of faces nearly touches and is"
     )
     more = ", …" if len(misses) > _SHOWN else ""
-    return (f'{count} not joined: {shown}{more}; "tolerance": {1.1 * widest:.2g} closes such gaps',)
+    return (f'{count} not joined: {shown}{more}; "tolerance": {_CLOSES * widest:.2g} closes such gaps',)
 
 
 def _gap(miss: NearMiss, unit: str) -> str:

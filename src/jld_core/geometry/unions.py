@@ -162,6 +162,9 @@ def _weld(points: Floats, reach: float) -> Ints:
     return rank[inverse]
 
 
+_GRID: Final = 1e-9  # grid of unions, relative to the size of the solids
+
+
 def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
     """Compute outer regions of solids in one plane, normal and loops (k, 3); opposite facets cancel."""
     normal = facets.normal[plane[0]]
@@ -174,7 +177,7 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
         return area_of(shapely.Polygon(loops[0], loops[1:]))
 
     sides = [[region(k) for k in plane if facets.normal[k] @ normal * sign > 0.0] for sign in (1.0, -1.0)]
-    grid = 1e-9 * size
+    grid = _GRID * size
     up, down = (shapely.union_all(side, grid_size=grid) if side else shapely.Polygon() for side in sides)
     outside = []
     for sign, region_up, region_down in ((1.0, up, down), (-1.0, down, up)):

@@ -209,6 +209,9 @@ def _slack_sum_program(
     return pack(rows, np.concatenate(ends), objective, s.equalities, inequalities, s.cones, s.places, program.bodies)
 
 
+_BALANCED = 1e-6  # residual of balance, scaled, up to which multipliers count as a solution
+
+
 def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
     """Find velocities (equalities,) with jumps strictly inside those of finite dissipation; None if there are none."""
     # The jumps are −Gᵀz, where G are the yield rows and z lies at least 1 inside their dual cones.
@@ -223,7 +226,7 @@ def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
     point = least_multipliers(matrix[: s.equalities], yields, at_least, linear, s.cones, s)
     residual = sp.hstack([matrix[: s.equalities].T, yields.T]) @ point
     multipliers = point[s.equalities :]
-    if not np.all(np.isfinite(residual)) or abs(residual).max(initial=0.0) > 1e-6:
+    if not np.all(np.isfinite(residual)) or abs(residual).max(initial=0.0) > _BALANCED:
         return None
     if np.any(multipliers[:linear] < 0.5) or np.any(multipliers[starts] < 0.5):
         return None

@@ -49,6 +49,9 @@ class BatchBounds:
         return Status.LOCKED if self.locked[position] else Status.COLLAPSE
 
 
+_MOST = 0.8  # share of settled trial labellings from which the batch solver settles most
+
+
 class BatchAnalysis:
     """Batch solver of one limit analysis, safe for concurrent use by several threads.
 
@@ -74,7 +77,7 @@ class BatchAnalysis:
     @property
     def settles_most(self) -> bool:
         """Return True if the batch solver settled at least 80 % of its trial labellings."""
-        return self.batch.settled_fraction >= 0.8
+        return self.batch.settled_fraction >= _MOST
 
     def prove(self, labellings: Bits) -> BatchBounds:
         """Compute scaled bounds for labellings (k, m), settled where `LimitAnalysis.status_of` would agree."""

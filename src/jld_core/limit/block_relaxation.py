@@ -178,6 +178,12 @@ class _Mechanism:
     portion: Floats
 
 
+# Share of the rounding allowed for sums that a jump needs: it is a sum of six products
+_OF_JUMPS: Final = 1e-2
+
+_MORE: Final = 1.01  # factor on the opening that a mechanism lacks: a little more is added
+
+
 class BlockRelaxation:
     """Upper bounds on scaled λ over the segmentations into selectable blocks.
 
@@ -338,10 +344,10 @@ class BlockRelaxation:
         # Count rounding before terms cancel; a jump is a sum of six products, far fewer than ROUNDING allows for.
         work = (abs(parts.dead) + most * abs(parts.live)) * abs(velocity)
         size = self._sums(work.sum(axis=1), parts.part_block)
-        np.add.at(size, parts.joint_block, 1e-2 * self._inner.strength(parts.joint_face) * parts.speed(velocity))
+        np.add.at(size, parts.joint_block, _OF_JUMPS * self._inner.strength(parts.joint_face) * parts.speed(velocity))
         speed = np.einsum("kij,ki->k", abs(parts.arm[strong]), abs(velocity[parts.side_part[strong]]))
         still = np.append(abs(wall).sum(axis=1), 0.0)
-        np.add.at(size, block, 1e-2 * self._dry.strength(face) * (speed + still[parts.side_shared[strong]]))
+        np.add.at(size, block, _OF_JUMPS * self._dry.strength(face) * (speed + still[parts.side_shared[strong]]))
         return _Mechanism(live, cost, inside, size, answer.price, answer.portion)
 
     @property
@@ -360,7 +366,7 @@ class BlockRelaxation:
             if self._opening is None:
                 return None if margin < 0.0 else (velocity, wall)
             # Open by at least the rounding error of the velocities.
-            step = max(-1.01 * margin + tolerances.ROUNDING * size if margin < 0.0 else 0.0, share * size)
+            step = max(-_MORE * margin + tolerances.ROUNDING * size if margin < 0.0 else 0.0, share * size)
             step /= self._opening_margin
             velocity, wall = velocity + step * self._opening[0], wall + step * self._opening[1]
             if self._margin(velocity, wall, allowed) < 0.0:

@@ -136,9 +136,15 @@ def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
     return np.inf if much else error
 
 
+# Relative amount by which the lower bound exceeds the upper one where they contradict each other
+_CROSSED: Final = 10.0 * tolerances.ROUNDING
+
+DIVERGED: Final = 1e30  # size that values of a failed solve may have
+
+
 def usable(vector: Floats) -> bool:
     """Return True if a vector is below 1e30, unlike those that a failed solve may leave."""
-    return not vector.size or bool(abs(vector).max() < 1e30)
+    return not vector.size or bool(abs(vector).max() < DIVERGED)
 
 
 class EquilibriumProjectors:
@@ -482,7 +488,7 @@ def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
     bool or array of bool
         True where the bounds contradict each other; False where one is NaN.
     """
-    return low - high > 10.0 * tolerances.ROUNDING * np.maximum(np.maximum(abs(low), abs(high)), least)
+    return low - high > _CROSSED * np.maximum(np.maximum(abs(low), abs(high)), least)
 
 
 def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
@@ -588,7 +594,7 @@ class Proof:
             return False
         # Same test as `brackets.crossed`, which accepts arrays and takes ten times as long.
         low, high = self.state.load, self.motion.bound
-        return bool(low - high > 10.0 * tolerances.ROUNDING * max(abs(low), abs(high), 1.0))
+        return bool(low - high > _CROSSED * max(abs(low), abs(high), 1.0))
 
     @property
     def low(self) -> float:

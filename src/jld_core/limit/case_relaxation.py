@@ -23,6 +23,7 @@ from jld_core.deadline import Deadline, checkpoint
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_program import CappedWedge
 from jld_core.limit.block_relaxation import Asked, BlockMechanism, BlockRelaxation, Choice
+from jld_core.limit.bounds import DIVERGED
 from jld_core.limit.mechanism import DualBound, MinimizedConflict, WorkBalances
 from jld_core.program import ConicProgram, Template
 from jld_core.program.template import Structure
@@ -103,6 +104,9 @@ class _HullEntries:
         rows, columns, owners, dry, inner = (np.concatenate(parts) for parts in zip(*self._parts, strict=True))
         order = np.lexsort((rows, columns))
         return rows[order], columns[order], owners[order], dry[order], inner[order]
+
+
+_OPENED: Final = 1e-9  # share of its speed by which a mechanism is opened, so that rounding closes no face
 
 
 class SharedHull:
@@ -306,14 +310,14 @@ class Relaxation(PartialLabellingBounds):
         fine = np.isfinite(velocities).all(axis=1)
         which, velocities = which[fine], velocities[fine]
         size = abs(velocities).max(axis=1, initial=0.0)
-        moving = (size > 0.0) & (size < 1e30)  # A failed solve may leave any values behind.
+        moving = (size > 0.0) & (size < DIVERGED)  # A failed solve may leave any values behind.
         which, velocities = which[moving], velocities[moving] / size[moving, None]
         opening = self._repair.opening()
         for parted in (False, True):
             if parted:
                 if opening is None:
                     return
-                velocities = velocities + 1e-9 / float(abs(opening.velocity).max()) * opening.velocity
+                velocities = velocities + _OPENED / float(abs(opening.velocity).max()) * opening.velocity
             if not len(which):
                 return
             answers = self._refutations(velocities, labellings[which], undecided[which], thresholds[which])
@@ -609,7 +613,7 @@ class NormalCaps:
             return math.inf
         velocities = [velocity]
         if self._opening is not None:
-            step = 1e-9 * float(abs(velocity).max(initial=1.0)) / float(abs(self._opening.velocity).max())
+            step = _OPENED * float(abs(velocity).max(initial=1.0)) / float(abs(self._opening.velocity).max())
             velocities.append(velocity + step * self._opening.velocity)
         return min(self._value(one, face, threshold, most) for one in velocities)
 

@@ -59,6 +59,10 @@ _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
 _Allowed: TypeAlias = tuple[Ints, Floats]
 
 
+_NO_WORK: Final = 1e-9  # live work, scaled, up to which it may be zero but for the solver's residual
+_SHARES: Final = np.logspace(-14.0, -3.0, 23)  # shares of a motion inside the allowed jumps, tried in turn
+
+
 class FacialReduction:
     """Repair of motions and states of assemblies that a self-stress confines, docs/method.md (3.12)."""
 
@@ -72,7 +76,7 @@ class FacialReduction:
             return None
         # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
         # first with rays of the live load treated as self-stress.
-        idle = not normalise and abs(motion.work) < 1e-9
+        idle = not normalise and abs(motion.work) < _NO_WORK
         return (self._repaired(motion, labels, normalise, idle, True) if idle else None) or self._repaired(
             motion, labels, normalise, idle, False
         )
@@ -180,7 +184,7 @@ class FacialReduction:
         size = float(abs(start).max()) / max(float(abs(inward).max()), 1e-300)
         if not np.isfinite(size):
             return None
-        for share in (0.0, *np.logspace(-14.0, -3.0, 23 if step else 0)):
+        for share in (0.0, *(_SHARES if step else ())):
             velocity = start + share * size * inward
             work = float(live @ velocity)
             if normalise:

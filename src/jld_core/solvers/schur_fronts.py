@@ -26,6 +26,8 @@ from jld_core.linalg.factors import Fronts
 from jld_core.program import ConicProgram
 from jld_core.program.template import Structure
 
+_LONGEST = 1e10  # longest step, where no cone bounds it
+
 
 @dataclass(frozen=True)
 class Cones:
@@ -78,10 +80,10 @@ class Cones:
         return float(min(linear.min(initial=np.inf), inside.min(initial=np.inf)))
 
     def step(self, vector: Floats, direction: Floats) -> float:
-        """Return the step length α ≤ 1e10 to the boundary of the cones, from a vector inside."""
+        """Return the step length α ≤ `_LONGEST` to the boundary of the cones, from a vector inside."""
         # α is the largest number for which vector + α·direction lies in the cones.
         (vl, vc), (dl, dc) = self.parts(vector), self.parts(direction)
-        ratio = 1e-10
+        ratio = 1.0 / _LONGEST
         if self.linear:
             ratio = max(ratio, float((-dl / vl).max()))
         if self.count:

@@ -219,7 +219,7 @@ def _level_lines(points: Floats, triangles: Ints, values: Floats, size: float) -
     for level in levels.tolist():
         # a level through a node passes beside it
         apart = at_corners - level
-        apart = np.where(np.abs(apart) < 1e-9 * (high - low), 1e-9 * (high - low), apart)
+        apart = np.where(np.abs(apart) < _GRID * (high - low), _GRID * (high - low), apart)
         cut = np.flatnonzero((apart.min(axis=1) < 0.0) & (apart.max(axis=1) > 0.0))
         # the corner that lies alone on its side of the level: the line crosses both of its edges
         d = apart[cut]
@@ -237,13 +237,16 @@ def _level_lines(points: Floats, triangles: Ints, values: Floats, size: float) -
     return np.concatenate(segments), np.concatenate(owner)
 
 
+_GRID: Final = 1e-9  # grid of joints, relative to the body; levels keep as far from nodes, relative to their range
+
+
 def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float) -> list[shapely.Polygon]:
     """Return the polygons that joints and the outline enclose; joints straightened between crossings."""
     # Cells reach a little beyond the outline.
     body = shapely.union_all(shapely.polygons(field.points[field.triangles]))
     extent = float(np.ptp(field.points, axis=0).max())
     outline = shapely.boundary(body)
-    whole = shapely.line_merge(shapely.union_all([outline, *lines], grid_size=1e-9 * extent))
+    whole = shapely.line_merge(shapely.union_all([outline, *lines], grid_size=_GRID * extent))
     near, beside = outline.buffer(_ON * extent), outline.buffer(_BESIDE * size)
     chains = []
     for chain in shapely.get_parts(whole):
@@ -260,7 +263,7 @@ def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float
         pieces = [piece for piece in shapely.get_parts(rest) if not piece.is_empty]
         chains += [_extended(piece, near, _PAST * _OUTSIDE * size) for piece in pieces]
     around = shapely.boundary(body.buffer(_OUTSIDE * size, join_style="mitre"))
-    noded = shapely.union_all([around, *chains], grid_size=1e-9 * extent)
+    noded = shapely.union_all([around, *chains], grid_size=_GRID * extent)
     polygons = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(noded))))
     return [polygon for polygon in polygons if body.contains(polygon.representative_point())]
 
@@ -463,6 +466,9 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
     return Tessellation(name, words, None, problem)
 
 
+_STRETCHER: Final = 1.6  # length of a stretcher over the side of a cell
+
+
 def _planar(
     outline: Scene, assembly: Assembly, options: DesignOptions, until: Deadline | None
 ) -> list[tuple[str, str, _Make]]:
@@ -486,7 +492,7 @@ def _planar(
 
     def stones(size: float) -> Scene:
         height = _fitting(upper[1] - lower[1], size * cell / math.sqrt(2.0))
-        return _ready(refine(outline, (1.6 * size * cell, height), kind="bond", snap=_SNAP).scene, arcs)
+        return _ready(refine(outline, (_STRETCHER * size * cell, height), kind="bond", snap=_SNAP).scene, arcs)
 
     def voussoirs(size: float) -> Scene:
         count, rings = _voussoirs(arcs, lower, upper, size * cell)
@@ -542,7 +548,7 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
 
         def cut(size: float) -> Scene:
             course = _fitting(height, size * cell / math.sqrt(2.0))
-            return _ready(refine(outline, (1.6 * size * cell, course), kind="bond", lintel=lintel).scene, [])
+            return _ready(refine(outline, (_STRETCHER * size * cell, course), kind="bond", lintel=lintel).scene, [])
 
         return cut
 

@@ -82,6 +82,11 @@ def certify(
     Certifier(scene, driver.space, bound).write(path, driver.state.conflicts, best)
 
 
+_RESIDUAL: Final = 1e-10  # residual asked of the solver, whose mechanisms are rounded to whole numbers
+
+_ROUNDED_UP: Final = 1.0 + 1e-9  # factor on a ceiling: more than it is rounded
+
+
 class Certifier:
     """Search for the mechanisms and rules that certify a bound on λ over a space."""
 
@@ -104,7 +109,7 @@ class Certifier:
         self._clauses: list[list[int]] = list(self._checker.labellings.beginning)
         self._reasons: list[Reason | None] = [None] * len(self._clauses)
         self._hints: dict[int, tuple[Bits, Bits, bool]] = {}
-        self._solver = make_solver("clarabel", tolerance=1e-10)
+        self._solver = make_solver("clarabel", tolerance=_RESIDUAL)
         rules = self._checker.labellings
         candidates = np.flatnonzero(space.candidates).tolist()
         always_dry = [face for face in candidates if rules.too_large([face]) is not None]
@@ -284,7 +289,7 @@ class Certifier:
             if ceiling is None:
                 continue
             threshold = self.bound * float(self._space.assembly.required[case]) / unit
-            most = float(ceiling) / unit * (1.0 + 1e-9)
+            most = float(ceiling) / unit * _ROUNDED_UP
             for again in (False, True):  # by the batch solver, then more accurately
                 asked = allowed, threshold, most
                 choice = program.choose(*asked) if again else program.bound_all([asked])[0]
