@@ -20,8 +20,6 @@ from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
-import numpy as np
-import scipy.sparse as sp
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -29,7 +27,7 @@ from benchmarks.common import RESULTS, about, scene, stated, table, write
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly
 from jld_core.models.rigid_blocks import prove_condensed
-from jld_core.program import ConicProgram, Template, pack
+from jld_core.program import Template
 from jld_core.solvers import SOLVERS as KNOWN
 from jld_core.solvers import ClarabelSolver, Solver
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
@@ -48,16 +46,12 @@ class Found:
 
 @dataclass(frozen=True)
 class Way:
-    """One route: name, family (what it is drawn as), which assemblies it takes, and how it is run.
-
-    easier: the name of a route that is faster on every scene; where that one does not finish, this is not tried.
-    """
+    """One route: name, family (what it is drawn as), which assemblies it takes, and how it is run."""
 
     name: str
     family: str
     takes: Callable[[Assembly], bool]
     run: Callable[[Assembly], Found]
-    easier: str = ""
 
 
 def any_scene(assembly: Assembly) -> bool:
@@ -68,11 +62,6 @@ def any_scene(assembly: Assembly) -> bool:
 def planar(assembly: Assembly) -> bool:
     """Is its program linear?"""
     return assembly.dimension == 2
-
-
-def spatial(assembly: Assembly) -> bool:
-    """Has its program cones?"""
-    return assembly.dimension == 3
 
 
 def has_blocks(assembly: Assembly) -> bool:
@@ -131,30 +120,6 @@ def bare(assembly: Assembly) -> Found:
     return Found(float(answer.point[-1]) * template.scaling.load, note=answer.note)
 
 
-def linearised(program: ConicProgram, facets: int, inside: bool) -> ConicProgram:
-    """The program with every cone |V| ≤ t replaced by a regular polygon in it or around it.
-
-    facets: ≥ 3 sides. Cones of three rows only (spatial faces without compressive strength).
-    """
-    s = program.structure
-    # turned by a quarter of a side: with a corner or a side along the load one of the two would be exact by chance
-    angles = 2.0 * np.pi * (np.arange(facets) + 0.25) / facets
-    reach = math.cos(math.pi / facets) if inside else 1.0
-    side = np.column_stack([np.full(facets, reach), -np.cos(angles), -np.sin(angles)])
-    turn = sp.block_diag([sp.eye_array(s.equalities + s.linear), sp.kron(sp.eye_array(len(s.cones)), side)])
-    rows = turn.tocsr() @ program.matrix
-    linear = s.linear + facets * len(s.cones)
-    return pack(rows, turn @ program.rhs, program.objective, s.equalities, linear, ())
-
-
-def polygons(assembly: Assembly, facets: int, inside: bool) -> Found:
-    """A linear program with polygons for cones, by Clarabel, which is quicker at these than HiGHS; believed."""
-    template = Template(assembly)
-    program = linearised(template.program(assembly.labels), facets, inside)
-    answer = ClarabelSolver(1e-8).solve(program)
-    return Found(float(answer.point[-1]) * template.scaling.load, note=answer.note)
-
-
 def by_cvxpy(assembly: Assembly, solver: str) -> Found:
     """Stated in CVXPY as one would write it, at the solver's own tolerances."""
     return Found(stated(assembly, assembly.labels, solver))
@@ -177,17 +142,6 @@ def _named() -> list[Way]:
     ]
 
 
-def _polygonal() -> list[Way]:
-    ways = []
-    for side in ("inside", "outside"):
-        before = ""
-        for facets in (4, 8, 16, 32):
-            name, run = f"{facets} facets {side}", partial(polygons, facets=facets, inside=side == "inside")
-            ways.append(Way(name, f"cones as polygons, {side}", spatial, run, before))
-            before = name
-    return ways
-
-
 DEFAULT: Final = "jld, default"
 BRACKETED: Final = ("jld, default", "jld, Clarabel", "jld, other solver", "jld, condensed")
 """Families whose λ comes with proven bounds."""
@@ -203,7 +157,6 @@ SOLVERS: Final[tuple[Way, ...]] = (
     Way("Clarabel, bare", "Clarabel, bare", any_scene, bare),
     *(Way(f"CVXPY, {s}", "CVXPY", any_scene, partial(by_cvxpy, solver=s)) for s in ("CLARABEL", "ECOS", "SCS")),
     *(Way(f"CVXPY, {s}", "CVXPY", planar, partial(by_cvxpy, solver=s)) for s in ("HIGHS", "SCIPY", "OSQP")),
-    *_polygonal(),
 )
 
 
@@ -300,19 +253,7 @@ def measure_all(
     assembly: Assembly, small: Assembly, ways: tuple[Way, ...] = SOLVERS, limit: int = LIMIT
 ) -> list[Measured]:
     """All routes that take the assembly, in order."""
-    found: list[Measured] = []
-    late: set[str] = set()
-    for way in ways:
-        if not way.takes(assembly):
-            continue
-        if way.easier in late:
-            one = Measured(way, math.nan, Found(math.nan), f"not in {limit} s ({way.easier} was not)")
-        else:
-            one = measure(way, assembly, small, limit)
-        if math.isnan(one.seconds) and one.failure.startswith("not in"):
-            late.add(way.name)
-        found.append(one)
-    return found
+    return [measure(way, assembly, small, limit) for way in ways if way.takes(assembly)]
 
 
 def reference_of(found: list[Measured]) -> Reference:
@@ -368,8 +309,6 @@ MARKS: Final = {
     "jld, condensed": ("s", "#8c510a", 48),
     "Clarabel, bare": ("X", "#4d4d4d", 60),
     "CVXPY": ("P", "#2166ac", 60),
-    "cones as polygons, inside": ("^", "#1b7837", 48),
-    "cones as polygons, outside": ("v", "#762a83", 48),
 }
 """Marker, colour and size by family; bracketed families are filled and warm."""
 
@@ -391,7 +330,7 @@ def draw(results: dict[str, tuple[list[Measured], Reference]]) -> Figure:
             handles[words] = ax.scatter(one.seconds, error, size, marker=marker, linewidth=1.3, zorder=3, **look)
             if most:
                 ax.plot([one.seconds] * 2, [error, error / 4.0], ":|", color="0.3", lw=1.0, zorder=2)
-            text = re.sub("jld, |CVXPY, | inside| outside", "", one.way.name)
+            text = re.sub("jld, |CVXPY, ", "", one.way.name)
             at = (6.0, (3.0, -8.0, 13.0, -18.0)[k % 4])
             ax.annotate(text, (one.seconds, error), at, textcoords="offset points", fontsize=6.5, color=colour)
             if error < best:

@@ -17,5 +17,5 @@ Bools = NDArray[np.bool_]
 """Array of bool."""
 
 
+# Labels of all interfaces, shape (m,), in the order of the assembly: True = dry, False = inner.
 Bits = NDArray[np.bool_]
-"""Labels of all interfaces, shape (m,), in the order of the assembly: True = dry, False = inner."""

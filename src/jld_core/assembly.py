@@ -553,8 +553,8 @@ def with_members(assembly: Assembly, labels: Bits) -> Bits:
     return whole
 
 
+# One labelling: m letters d and i, or m values True or 1 (dry) and False or 0 (inner).
 Labels = str | ArrayLike
-"""One labelling: m letters d and i, or m values True or 1 (dry) and False or 0 (inner)."""
 
 _LETTERS: Final = {"d": True, "i": False}  # labels by their letters, as in results.csv
 

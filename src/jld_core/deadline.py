@@ -19,8 +19,6 @@ class DeadlinePassed(Exception):
 class Deadline:
     """Time at which work must end, with a start; pickled, it ends elsewhere at the same time of day.
 
-    A deadline pickled for another process or machine ends there at the same time of day.
-
     Parameters
     ----------
     seconds : float, optional

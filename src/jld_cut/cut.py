@@ -350,6 +350,8 @@ def _keyed(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Cl
     best = clock.run(
         "keys", KEYED, lambda: keyed(chosen.family, chosen.block, chosen.low, wish.setting, sound), least=1.0
     )
+    if clock.left(KEYED) <= 0.0 and "keys" not in clock.left_out:
+        clock.left_out.append("further keys")
     return chosen if best is None else replace(made[best.block.tobytes()], keys=best.keys)
 
 
@@ -459,9 +461,8 @@ def verdict(summary: dict[str, Any]) -> str:
         of_cells, bound = summary.get("load_factor_of_cells"), summary.get("bound")
         below = of_cells is not None and bound is not None and of_cells < bound * (1 - 1e-3)
         last = f"exceeds {bound:.3g} on them, whether it goes together or not" if below else "is stronger on them"
-        told += (
-            "; by plane joints" * bool(keys) + f"; no fewer parts of these cells do, and no layout of as many {last}"
-        )
+        joints = " with plane joints," if keys else ""
+        told += f";{joints} no fewer parts of these cells do, and no layout of as many {last}"
     if low is not None and not summary["meets"]:
         told += f"; {summary['require']:g} was asked"
     if summary["too_large"]:

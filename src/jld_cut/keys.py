@@ -27,7 +27,7 @@ _DEPTH: Final = 1 / 6  # of a key, by the same
 _BEHIND: Final = 0.3  # most of what lies behind the joint that a key goes into
 _LONG: Final = 1.5  # ratio of its sides from which a joint is keyed along them, or the share of its box that it fills
 _FULL: Final = 0.85
-_LEAST: Final = 0.02  # slip of a joint that is keyed by the largest
+_LEAST: Final = 0.02  # slip of a face of a joint that is keyed by the largest movement of all
 _OPENS: Final = 1.05  # most opening of a joint that slides, by that of its friction or by its slip
 _SLIDES: Final = 0.5  # share of the area of a joint that slides
 
@@ -67,7 +67,9 @@ def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
     faces = assembly.interfaces
     slip = faces.e1 * jumps[:, 1, None] + faces.e2 * jumps[:, 2, None]
     # a joint that slides opens by its friction, one that turns about an edge by more
-    rubs = jumps[:, 0] <= _OPENS * max(1.0, friction) * np.linalg.norm(slip, axis=1)
+    size = np.linalg.norm(slip, axis=1)
+    rubs = jumps[:, 0] <= _OPENS * max(1.0, friction) * size
+    rubs &= size > _LEAST * np.linalg.norm(jumps[:, :3], axis=1).max()
     # cells of supports belong to no part
     part = np.append(block[truth.of], np.full(len(assembly.elements) - len(truth.of), -1))
     first, second, at = part[faces.a], part[faces.b], np.asarray(faces.origin)
@@ -85,8 +87,6 @@ def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
             sign = np.where(first[slid] == below, 1.0, -1.0)
             along = (sign * faces.area[slid]) @ slip[slid]
             made.append(Slide(below, above, plane, shapely.union_all(pieces), along))
-    largest = max((float(np.linalg.norm(one.along)) for one in made), default=0.0)
-    made = [one for one in made if np.linalg.norm(one.along) > max(_LEAST * largest, 1e-300)]
     return sorted(made, key=lambda one: -float(np.linalg.norm(one.along)))
 
 

@@ -36,8 +36,8 @@ from jld_dilation.rlt_relaxation import (
 )
 from jld_dilation.sweep import BlockSweep, MultiStartSearch, initial_forces
 
+# Number of faces up to which products are formed; larger scenes have only cheap bounds, unless given more time.
 FACES: Final = 60
-"""Number of faces up to which products are formed; larger scenes have only cheap bounds, unless given more time."""
 
 # Distance from the lowest solution found, relative, below which a certificate is not refined further
 _ENOUGH: Final = 2e-7
@@ -165,8 +165,8 @@ class LowerBoundSearch:
 
 _TRIED: Final = 3  # number of states of a relaxation from which the search for solutions continues
 
+# Search for a lower bound: analysis, labels, solutions found so far, processor time in seconds; None without one.
 BoundSearch = Callable[[LimitAnalysis, Bits, MultiStartSearch, float], LowerBound | None]
-"""Search for a lower bound: analysis, labels, solutions found so far, processor time in seconds; None without one."""
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ from jld_dilation.rlt_relaxation import LowerBoundProblem, RltOptions, RltSoluti
 # Distance from the lowest solution found, relative, below which a certificate is not refined further
 _ENOUGH_SWEPT: Final = 4e-7
 
+# Least and largest initial slack σ: decrease of λ per unit of cost, relative to λ or to 1.
 _FINE, _COARSE = 1e-8, 1e-5
-"""Least and largest initial slack σ: decrease of λ per unit of cost, relative to λ or to 1."""
 
 # Initial slack between these limits, as a fraction of the relative distance from the lowest solution found
 _SHARE: Final = 1e-4

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -39,50 +39,30 @@ def shown_reading(file: Path) -> Iterator[Callable[[str, int, int], None]]:
         yield show
 
 
+@cli_options.with_options(cli_options.READING, before="facet")
 def import_command(
     file: Annotated[
         Path,
         typer.Argument(help="DXF, SVG, CSV, 3DM, IFC, STEP, OBJ, PLY, STL or COMPAS JSON file.", show_default=False),
     ],
     out: cli_options.Out,
-    layer: cli_options.OnlyLayers = None,
-    skip: cli_options.SkippedLayers = None,
-    hole: cli_options.HoleLayers = None,
-    support: cli_options.SupportLayers = None,
-    load: cli_options.LoadLayers = None,
-    dry: cli_options.DryLayers = None,
-    inner: cli_options.InnerLayers = None,
-    thickness: cli_options.Thickness = None,
-    tolerance: cli_options.Tolerance = None,
     facet: Annotated[
         float | None,
         typer.Option(help="Largest distance of chords from arcs, in the file's unit; default 1e-3 of the size."),
     ] = None,
-    unit: cli_options.FileUnit = None,
-    up: cli_options.Up = None,
     like: Annotated[Path | None, typer.Option(help="Scene to take materials, search and body loads from.")] = None,
     seconds: Annotated[
         float | None, typer.Option(help="Time in which the file must be read; default 60, and 5 for each megabyte.")
     ] = None,
     as_json: cli_options.AsJson = False,
+    **reading: Any,
 ) -> None:
     """Convert a drawing or a file of solids to a scene, and report what was assumed.
 
     The report says what was found, snapped, assumed, skipped, and what is doubtful.
     """
-    layers = cli_options.layer_options(
-        layer=layer, skip=skip, hole=hole, support=support, load=load, dry=dry, inner=inner
-    )
-    options = ImportOptions(
-        **layers,
-        thickness=thickness,
-        tolerance=tolerance,
-        facet=facet,
-        unit=unit,
-        up=up,
-        like=None if like is None else load_scene(like),
-        seconds=seconds,
-    )
+    materials = None if like is None else load_scene(like)
+    options = ImportOptions(**cli_options.of_reading(reading), facet=facet, like=materials, seconds=seconds)
     cli_options.refuse_itself(file, out)
     with shown_reading(file) as progress:
         found = import_file(file, options, progress=progress)

@@ -34,8 +34,8 @@ LOWEST: Final = "lowest"
 SNAP: Final = 1e-6
 """Default snapping tolerance of solids, and least one of drawings, relative to the size."""
 
+# Default snapping tolerance of drawings, relative to the size: gaps of 1 mm in 2 m are closed.
 CLOSED: Final = 5e-4
-"""Default snapping tolerance of drawings, relative to the size: gaps of 1 mm in 2 m are closed."""
 
 EDGE: Final = 0.02
 """Largest default snapping tolerance of drawings, relative to the median edge, so that small shapes are kept."""
@@ -221,16 +221,14 @@ LAYER_ROLES: Final = ("skip", "support", "dry", "inner", "load", "hole")
 """Options of an import that give layers a role, in the order in which they count."""
 
 
+# Materials of an imported scene without others: kg/m³, friction coefficient, Pa. Users should edit them.
+# Where blocks crack anywhere they are crushed at 2 τ = 10 MPa, beyond the stresses of stones under usual loads, so
+# that λ by faces, which crush at no stress, means the same stone.
 DEFAULT_MATERIALS: Final[dict[str, Any]] = {
     "density": 2000.0,
     "dry": {"friction_coefficient": 0.6},
     "inner": {"tensile_strength": 2e5, "shear_strength": 5e6},
 }
-"""Materials of an imported scene without others: kg/m³, friction coefficient, Pa. Users should edit them.
-
-Where blocks crack anywhere they are crushed at 2 τ = 10 MPa, beyond the stresses of stones under usual loads, so that λ
-by faces, which crush at no stress, means the same stone.
-"""
 
 DEFAULT_STRENGTHS: Final = "inner strengths {tensile_strength:g} and {shear_strength:g}".format(
     **DEFAULT_MATERIALS["inner"]

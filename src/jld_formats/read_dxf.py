@@ -51,8 +51,8 @@ _TEXT_BOX: Final = 8  # flag of a boundary of a hatch that keeps a text free
 # Gaps of a boundary of a hatch, relative to its size: up to which its ends are one, and beyond which it is open
 _JOINED, _OPEN = 1e-6, 0.02
 
+# Prefix of numbered custom properties in drawings written by jld: scene keys that a drawing does not show.
 FACTS: Final = "jld"
-"""Prefix of numbered custom properties in drawings written by jld: scene keys that a drawing does not show."""
 
 
 def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
@@ -265,11 +265,14 @@ class _Reader:
 
     def _curve(self, entity: Any, layer: str) -> bool:
         """Read an ellipse or spline as chords; return False if it is unusable, see `_add`."""
-        rough = entity.flattening(1e30, segments=8) if entity.dxftype() == "SPLINE" else entity.flattening(1e30)
-        size = float(np.ptp(np.array([(p.x, p.y) for p in rough]), axis=0).max())
+        points = self._chords(entity.construction_tool(), 8)
+        return self._add(np.column_stack([points, 0.0 * points[:, 0]]), bool(getattr(entity, "closed", False)), layer)
+
+    def _chords(self, curve: Any, pieces: int) -> Any:
+        """Return points (k, 2) of a curve whose chords are a facet off; pieces: at least between two knots."""
+        size = float(np.ptp(_flattened(curve, 1e30, 2 * pieces), axis=0).max())
         facet = FACET * size if self.options.facet is None else self.options.facet
-        points = list(entity.flattening(max(facet, 1e-6 * size)))
-        return self._add([(p.x, p.y, 0.0) for p in points], bool(getattr(entity, "closed", False)), layer)
+        return _flattened(curve, max(facet, 1e-6 * size), pieces)
 
     _ellipse = _spline = _curve
 
@@ -337,12 +340,8 @@ class _Reader:
                 sweep = np.mod(np.radians(edge.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
                 pieces.append(arc_points(tuple(edge.center)[:2], edge.radius, first, sweep))
             else:
-                curve = edge.construction_tool()
-                rough = np.array([tuple(p)[:2] for p in curve.flattening(1e30, 16)], dtype=float)
-                size = float(np.ptp(rough, axis=0).max())
-                facet = FACET * size if self.options.facet is None else self.options.facet
-                fine = [tuple(p)[:2] for p in curve.flattening(max(facet, 1e-6 * size), 16)]
-                pieces.append(np.column_stack([np.array(fine, dtype=float), np.zeros(len(fine))]))
+                fine = self._chords(edge.construction_tool(), 16)
+                pieces.append(np.column_stack([fine, np.zeros(len(fine))]))
         return _rings(pieces)
 
     def _point(self, entity: Any, layer: str) -> bool:
@@ -362,6 +361,24 @@ class _Reader:
         at = entity.dxf.insert
         self.marks.append(Mark((at.x, at.y), layer, str(entity.plain_text())))
         return True
+
+
+_MOST_CHORDS: Final = 4096  # of a spline whose ends are not clamped
+
+
+def _flattened(curve: Any, facet: float, pieces: int) -> Any:
+    """Return points (k, 2) of a curve whose chords are `facet` off."""
+    knots = curve.knots() if hasattr(curve, "knots") else ()
+    low, high = (knots[curve.order - 1], knots[curve.count]) if knots else (0.0, 0.0)
+    if not knots or (low, high) == (knots[0], knots[-1]):
+        return np.array([tuple(point)[:2] for point in curve.flattening(facet, pieces)], dtype=float)
+    while True:  # ezdxf flattens splines over all their knots, beyond the ends of those that are not clamped
+        parameters = np.linspace(low, high, 4 * pieces + 1).tolist()
+        points = np.array([tuple(point)[:2] for point in curve.points(parameters)], dtype=float)
+        off = np.linalg.norm(0.5 * (points[:-2:2] + points[2::2]) - points[1::2], axis=1).max()
+        if off < 4.0 * facet or 4 * pieces >= _MOST_CHORDS:
+            return points
+        pieces *= 2
 
 
 def _backwards(piece: Any) -> Any:

@@ -70,8 +70,8 @@ def _of_mesh(mesh: Any) -> tuple[Floats, Faces]:
     return unique, tuple(faces)
 
 
+# Key of the document's user text in files written by jld: scene keys that the model does not show.
 FACTS: Final = "jld"
-"""Key of the document's user text in files written by jld: scene keys that the model does not show."""
 
 UNITS: Final = {
     "Millimeters": "mm", "Centimeters": "cm", "Decimeters": "dm", "Meters": "m", "Kilometers": "km", "Inches": "in",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import time
 from collections.abc import Iterable, Mapping
@@ -80,31 +78,13 @@ def _line(node: Node) -> dict[str, Any]:
 
 def read(path: Path) -> tuple[BoxClaim, list[Node]]:
     """Read a certificate without checking scene and tree; InputError if it is damaged."""
-    try:
-        text = path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), getattr(error, "strerror", None) or "it cannot be read", _EXPECTED) from None
-    try:
-        lines = [
-            json.loads(line, object_pairs_hook=certificate.json_object, parse_constant=certificate.no_number)
-            for line in text.splitlines()
-        ]
-        head, last = lines[0], lines[-1]
-        version, digest = head.pop(KEY), last.pop("sha256")
-        if last or len(lines) < 2 or type(version) is not int:
-            raise ValueError
-        known = version == VERSION and head.keys() == BoxClaim.__dataclass_fields__.keys()
-        claim, nodes = (_claim(head), [_node(line) for line in lines[1:-1]]) if known else (None, [])
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
-        raise InputError(str(path), "it is no certificate of a box, or not whole", _EXPECTED) from None
-    if version != VERSION:
-        raise InputError(str(path), f"it is of version {version}", f"version {VERSION}")
-    if claim is None:
-        raise InputError(str(path), "the keys of its first line are not those of a certificate", _EXPECTED)
-    body = text[: text.rstrip(b"\n").rfind(b"\n") + 1]
-    if hashlib.sha256(body).hexdigest() != digest:
-        raise InputError(str(path), "its digest is not that of its lines", "a certificate as it was written")
-    return claim, nodes
+
+    def parse(head: dict[str, Any], lines: list[Any]) -> tuple[BoxClaim, list[Node]]:
+        if head.keys() != BoxClaim.__dataclass_fields__.keys():
+            raise InputError(str(path), "the keys of its first line are not those of a certificate", _EXPECTED)
+        return _claim(head), [_node(line) for line in lines]
+
+    return certificate.read_lines(path, KEY.removeprefix("jld "), _EXPECTED, VERSION, parse)
 
 
 def _claim(head: dict[str, Any]) -> BoxClaim:

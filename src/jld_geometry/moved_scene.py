@@ -14,6 +14,17 @@ from jld_geometry.convex_cells import VertexMesh, merged_points
 from jld_geometry.variables import SAME
 
 
+def _stated_interfaces(geometry: Any, assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
+    """Return the interfaces of an assembly as a scene states them, without their places."""
+    ids, faces = assembly.elements.ids, assembly.interfaces
+    found = []
+    for k, given in enumerate(geometry.given):
+        own = {} if given is None else given.model_dump(mode="json", exclude_defaults=True)
+        label = "dry" if labels[k] else "inner"
+        found.append({**own, "elements": [ids[faces.a[k]], ids[faces.b[k]]], "label": label})
+    return found
+
+
 class MovedScene:
     """Planar scene whose vertices, and points that name them, move; all else stays."""
 
@@ -25,12 +36,7 @@ class MovedScene:
         document["thickness"] = float(assembly.interfaces.l2[0]) if len(assembly.interfaces) else 1.0
         geometry = build_geometry(scene)
         self._elements = [entry.model_dump(mode="json", exclude_defaults=True) for entry in geometry.entries]
-        ids, faces = assembly.elements.ids, assembly.interfaces
-        self._interfaces: list[dict[str, Any]] = []
-        for k, given in enumerate(geometry.given):
-            own = {} if given is None else given.model_dump(mode="json", exclude_defaults=True)
-            label = "dry" if labels[k] else "inner"
-            self._interfaces.append({**own, "elements": [ids[faces.a[k]], ids[faces.b[k]]], "label": label})
+        self._interfaces = _stated_interfaces(geometry, assembly, labels)
         self._document = document
         self._size = assembly.size
 
@@ -167,12 +173,7 @@ class SpatialMovedScene:
                     for part in _parts(ring, list(face), joints, moving)
                 ]
             self._elements.append(own)
-        ids, contacts = assembly.elements.ids, assembly.interfaces
-        self._interfaces: list[dict[str, Any]] = []
-        for k, given in enumerate(geometry.given):
-            stated = {} if given is None else given.model_dump(mode="json", exclude_defaults=True)
-            label = "dry" if labels[k] else "inner"
-            self._interfaces.append({**stated, "elements": [ids[contacts.a[k]], ids[contacts.b[k]]], "label": label})
+        self._interfaces = _stated_interfaces(geometry, assembly, labels)
         self._document = document
 
     def at(self, places: Floats, friction: float = 1.0) -> Scene:

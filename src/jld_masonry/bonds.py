@@ -58,8 +58,8 @@ def without(pieces: list[tuple[float, float]], left: float, right: float, least:
 Rectangle = tuple[float, float, float, float]
 """Least x and y, and largest x and y, of an upright wall or stone in plan."""
 
+# Least distance of a head joint from an end of its wall and from a line that it must not meet, in stretchers.
 SLIVER = 0.25
-"""Least distance of a head joint from an end of its wall and from a line that it must not meet, in stretchers."""
 
 _NEAR = 1e-6  # distance, relative to the extent of a plan, up to which coordinates are the same
 

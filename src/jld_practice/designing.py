@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -20,6 +20,7 @@ OutlineFile = Annotated[
 Folder = Annotated[Path, typer.Option("-o", "--out", help="Folder for page, picture and scene.", show_default=False)]
 
 
+@cli_options.with_options({k: v for k, v in cli_options.READING.items() if k != "load"}, before="laid")
 def design(
     context: typer.Context,
     outline: OutlineFile,
@@ -50,16 +51,6 @@ def design(
     density: Annotated[float | None, typer.Option(help="Density of the stone, kg/m³.")] = None,
     tension: Annotated[float | None, typer.Option(help="Tensile strength of the stone, Pa.")] = None,
     shear: Annotated[float | None, typer.Option(help="Shear strength of the stone, Pa.")] = None,
-    layer: cli_options.OnlyLayers = None,
-    skip: cli_options.SkippedLayers = None,
-    hole: cli_options.HoleLayers = None,
-    support: cli_options.SupportLayers = None,
-    dry: cli_options.DryLayers = None,
-    inner: cli_options.InnerLayers = None,
-    thickness: cli_options.Thickness = None,
-    tolerance: cli_options.Tolerance = None,
-    unit: cli_options.FileUnit = None,
-    up: cli_options.Up = None,
     laid: Annotated[
         Literal["translation", "standing", "left-to-right", "right-to-left", "springings"] | None,
         typer.Option(help="Only layouts that can be laid (from where), or whose every stage stands."),
@@ -68,6 +59,7 @@ def design(
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of searches and irregular cells.")] = 0,
     as_json: cli_options.AsJson = False,
+    **reading: Any,
 ) -> None:
     """Design the blocks of an outline: cells tried, joints searched and moved, the best checked.
 
@@ -81,15 +73,6 @@ def design(
     forces = [text for text in load or () if exchange_forces.is_force(text)]
     if len(forces) > 1:
         raise ParameterError("load", f"{len(forces)} forces are given", "one force, which may act at several places")
-    layers = cli_options.layer_options(
-        layer=layer,
-        skip=skip,
-        hole=hole,
-        support=support,
-        load_layer=[text for text in load or () if text not in forces],
-        dry=dry,
-        inner=inner,
-    )
     options = DesignOptions(
         block_mass=block_mass,
         shapes=shapes,
@@ -103,11 +86,8 @@ def design(
         density=density,
         tension=tension,
         shear=shear,
-        thickness=thickness,
-        tolerance=tolerance,
-        unit=unit,
-        up=up,
-        **layers,
+        load_layer=tuple(text for text in load or () if text not in forces),
+        **cli_options.of_reading(reading),
         laid=laid,
         seconds=seconds,
         jobs=jobs or os.cpu_count() or 1,

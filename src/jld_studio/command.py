@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,6 +12,7 @@ from jld_explore.cli import streams
 from jld_formats import ImportOptions
 
 
+@cli_options.with_options(cli_options.READING)
 def studio(
     source: Annotated[
         Path | None,
@@ -19,17 +20,7 @@ def studio(
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
-    layer: cli_options.OnlyLayers = None,
-    skip: cli_options.SkippedLayers = None,
-    hole: cli_options.HoleLayers = None,
-    support: cli_options.SupportLayers = None,
-    load: cli_options.LoadLayers = None,
-    dry: cli_options.DryLayers = None,
-    inner: cli_options.InnerLayers = None,
-    thickness: cli_options.Thickness = None,
-    tolerance: cli_options.Tolerance = None,
-    unit: cli_options.FileUnit = None,
-    up: cli_options.Up = None,
+    **reading: Any,
 ) -> None:
     """Serve a page on this machine on which the proven load of a layout follows each change.
 
@@ -38,8 +29,4 @@ def studio(
     """
     from jld_studio import open_studio
 
-    layers = cli_options.layer_options(
-        layer=layer, skip=skip, hole=hole, support=support, load=load, dry=dry, inner=inner
-    )
-    options = ImportOptions(thickness=thickness, tolerance=tolerance, unit=unit, up=up, **layers)
-    open_studio(source, port, streams.say, browser, options)
+    open_studio(source, port, streams.say, browser, ImportOptions(**cli_options.of_reading(reading)))

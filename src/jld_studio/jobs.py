@@ -26,8 +26,8 @@ from jld_explore import ExploreSettings, Interrupted, Progress, explore
 from jld_explore.evaluation import raise_deferred
 from jld_explore.space import LETTERS, from_string, to_string
 
+# Purpose of a search; "study" is a study begun outside the studio, "design" is `jld design` of a file.
 Kind = Literal["improve", "prove", "explore", "design", "study"]
-"""Purpose of a search; "study" is a study begun outside the studio, "design" is `jld design` of a file."""
 _KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 State = Literal["running", "stopping", "stopped", "done", "failed"]
 """State of a search."""

@@ -148,8 +148,8 @@ class LayoutSolver:
         return page_data.solution_of(analysis.solve(structures.with_members(analysis.assembly, from_string(letters))))
 
 
+# Largest size of the HTML of one output with a page, bytes, so that a search adds at most 200 kB to a notebook.
 LARGEST: Final = 190_000
-"""Largest size of the HTML of one output with a page, bytes, so that a search adds at most 200 kB to a notebook."""
 
 # Strongest rows of the table, and layouts solved besides those of the front, of which the first that fit are shown
 _ROWS: Final = ((1000, 20), (300, 8), (100, 3), (30, 1))

@@ -232,17 +232,17 @@ def _size(value: float, unit: str, behind: str = "") -> str:
     return f"{value:.4g} {unit}{behind}".replace("-", "−")
 
 
+# Time within which the bracket of a layout is refined, s of work; no mesh is begun that is expected to end later.
 SECONDS: Final = 2.0
-"""Time within which the bracket of a layout is refined, s of work; no mesh is begun that is expected to end later."""
 
+# Longest expected time of one mesh, s: a change of the page waits for the mesh that is being solved.
 STEP: Final = 0.6
-"""Longest expected time of one mesh, s: a change of the page waits for the mesh that is being solved."""
 
 LARGEST: Final = 3000
 """Triangles of the coarsest mesh above which nothing is bounded: both bounds would take longer than `SECONDS`."""
 
+# Number of layouts whose refinement is kept, so that a layout that is shown again goes on where it stopped.
 KEPT_BRACKETS: Final = 8
-"""Number of layouts whose refinement is kept, so that a layout that is shown again goes on where it stopped."""
 
 
 class FieldBracket:
@@ -328,8 +328,8 @@ KEPT: Final = 16
 SPACES: Final = 4
 """Number of cached search spaces; the key contains limits and weights."""
 
+# Parts of a scene besides labels that a page may change; "vertices" are those of joints of planar scenes.
 CHANGEABLE: Final = ("materials", "loads", "search", "vertices")
-"""Parts of a scene besides labels that a page may change; "vertices" are those of joints of planar scenes."""
 
 _SCENE: Final = "scene"  # name of the scene in messages, which a key of the page does not have
 
@@ -529,8 +529,8 @@ def _bodies(assembly: Assembly) -> dict[str, Any]:
     return {"centroids": columns.rounded(elements.centroid), "weights": columns.rounded(weight, columns.DIGITS)}
 
 
+# Number of scenes beside the first whose solver stays in memory; others are built again when they are asked for.
 SESSIONS: Final = 6
-"""Number of scenes beside the first whose solver stays in memory; others are built again when they are asked for."""
 FOLDER: Final = "scenes"
 """Folder for the scenes of kept candidates."""
 _NAME: Final = re.compile(r"[0-9a-f]{16}")  # pattern of the name of a scene

@@ -182,8 +182,8 @@ _NAMES: Final = {2: ("N", "V", "M"), 3: ("N", "V1", "V2", "M1", "M2", "MT")}
 
 _MOST: Final = 600_000  # groups of vertices and rays that are tried for facets of a polytope
 
+# Rows C (k, r, q) and constants d (k, r) of C x + d ≥ 0, in stresses.
 Limits = tuple[Floats, Floats]
-"""Rows C (k, r, q) and constants d (k, r) of C x + d ≥ 0, in stresses."""
 
 
 class Surface:

@@ -362,8 +362,8 @@ def tints_of(assembly: Assembly, labels: Bits) -> list[str]:
     return [TINTS[colour] if colour >= 0 else SUPPORT for colour in colours]
 
 
+# Number of frames from rest to the drawn displacement and back; the opposite one would let blocks penetrate.
 FRAMES: Final = 24
-"""Number of frames from rest to the drawn displacement and back; the opposite one would let blocks penetrate."""
 
 PER_SECOND: Final = 12
 """Frames per second."""

@@ -24,8 +24,8 @@ Displacements are linear in velocities; larger rotations would visibly enlarge e
 SMALL: Final = 0.01
 """Share of the largest movement or force of a figure below which nothing is drawn."""
 
+# Utilisation from which a face is marked as yielding, below 1 because forces belong to a lower bound of λ.
 YIELDING: Final = 0.995
-"""Utilisation from which a face is marked as yielding, below 1 because forces belong to a lower bound of λ."""
 
 
 class MovementSign(StrEnum):

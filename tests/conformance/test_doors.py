@@ -193,19 +193,14 @@ def pressed(name: str) -> Document:
 
 STONE = {"element": "b", "force": [1000.0, 0.0]}
 
+FILL_LOAD = {"on_fill": {"at": 1.0}, "weight": 2e3}
+BESIDE_FILL = changed(FILLED, loads__live=[{"element": "b", "force": [1e4, 0]}, FILL_LOAD])
+
 OF_A_LOAD = {
-    "<PointLoad>.element": live(STACK, {"element": "b", "force": [1000.0, 0]}, {"element": "a", "force": [1000.0, 0]}),
-    "<PointLoad>.force": live(STACK, {"element": "b", "force": [1000.0, 0]}, {"element": "b", "force": [800.0, 0]}),
-    "<PointLoad>.at": live(
-        TALL,
-        {"element": "b", "force": [1000.0, 0], "at": [1.5, 2.1]},
-        {"element": "b", "force": [1000.0, 0], "at": [1.5, 2.4]},
-    ),
-    "<PointLoad>.moment": live(
-        TALL,
-        {"element": "b", "force": [1000.0, 0], "moment": -100.0},
-        {"element": "b", "force": [1000.0, 0], "moment": -200.0},
-    ),
+    "<PointLoad>.element": of(STACK, loads__live__0__element=("b", "a")),
+    "<PointLoad>.force": of(STACK, loads__live__0__force=([1000.0, 0], [800.0, 0])),
+    "<PointLoad>.at": of(changed(TALL, loads__live=[STONE]), loads__live__0__at=([1.5, 2.1], [1.5, 2.4])),
+    "<PointLoad>.moment": of(changed(TALL, loads__live=[STONE]), loads__live__0__moment=(-100.0, -200.0)),
     "<BodyLoad>.body": live(STACK, {"body": [0.1, 0.0]}, {"body": [0.2, 0.0]}),
     "<FaceLoad>.face.between": Row(pressed("b"), pressed("a")),
     "<FaceLoad>.face.along": live(STACK, {"face": FACE, "pressure": 500.0}, {"face": HALF, "pressure": 500.0}),
@@ -217,27 +212,11 @@ OF_A_LOAD = {
     "<FaceLoad>.traction": live(
         SPATIAL, {"face": PATCH, "traction": [500.0, 0.0, 0.0]}, {"face": PATCH, "traction": [600.0, 0.0, 0.0]}
     ),
-    "<FillLoad>.on_fill.at": Row(
-        *(
-            changed(FILLED, loads__live=[{"element": "b", "force": [1e4, 0]}, {"on_fill": {"at": at}, "weight": 2e3}])
-            for at in (1.0, 3.2)
-        )
+    "<FillLoad>.on_fill.at": of(BESIDE_FILL, loads__live__1__on_fill__at=(1.0, 3.2)),
+    "<FillLoad>.on_fill.width": of(
+        changed(BESIDE_FILL, loads__live__1__on_fill__at=3.3), loads__live__1__on_fill__width=(0.2, 1.0)
     ),
-    "<FillLoad>.on_fill.width": Row(
-        *(
-            changed(
-                FILLED,
-                loads__live=[{"element": "b", "force": [1e4, 0]}, {"on_fill": {"at": 3.3, "width": w}, "weight": 2e3}],
-            )
-            for w in (0.2, 1.0)
-        )
-    ),
-    "<FillLoad>.weight": Row(
-        *(
-            changed(FILLED, loads__live=[{"element": "b", "force": [1e4, 0]}, {"on_fill": {"at": 1.0}, "weight": w}])
-            for w in (2e3, 4e3)
-        )
-    ),
+    "<FillLoad>.weight": of(BESIDE_FILL, loads__live__1__weight=(2e3, 4e3)),
 }
 """Keys of an entry of a live load."""
 
@@ -272,6 +251,19 @@ CUT_UP = changed(CANTILEVER, cracks={"kind": "cells", "cell": 0.25})
 SIDE = {"label": "inner"}
 FIELDS = changed(TALL, materials__inner__compressive_strength=6e4, cracks={"kind": "fields", "gap": 0.4})
 
+GLUE = {"tensile_strength": 1e4, "shear_strength": 3e3}
+GLUED = changed(STACK, labels={"inner": [["a", "b"]]}, materials__inner=GLUE)
+STATED_GLUE = changed(STATED, interfaces__1__label="inner", materials__inner=GLUE)
+ONE_BLOCK = changed(STACK, elements__1__block="X", elements__2__block="X")
+AXLES = [{"weight": 500.0}, {"weight": 500.0, "distance": 0.4}]
+UNEVEN = changed(ON_CANTILEVER, loads__moving__0__steps=2, loads__moving__0__axles=AXLES)
+UNEVEN = changed(UNEVEN, loads__moving__0__axles__0__weight=900.0, loads__moving__0__axles__1__weight=100.0)
+LIFTED = changed(TIED, loads__live__0__force=[-1000.0, 0.0])
+AT = {"element": "b", "at": [1.1, 1.5]}
+LOW_TIE = {**TIE, "from": {"element": "b", "at": [1.2, 1.5]}}
+THROUGH = changed(STACK, members=[{**TIE, "tension": 500.0, "through": [AT]}])
+OVER_B = changed(TIED, members__0__from__at=[1.2, 2.4], members__0__through=[{**AT, "at": [1.1, 1.8]}])
+
 ROWS: dict[str, Row] = {
     "grid.cell": row(GRID, grid__cell=[0.6, 0.5]),
     "grid.thickness": row(GRID, grid__thickness=0.8),
@@ -285,7 +277,7 @@ ROWS: dict[str, Row] = {
         changed(SPATIAL, materials__dry__friction_coefficient=2.0),
         elements__2__centroid=([1.5, 1.5, 2.0], [1.4, 1.5, 2.0]),
     ),
-    "elements.block": row(STACK, elements__1__block="X", elements__2__block="X"),
+    "elements.block": Row(STACK, ONE_BLOCK),
     "elements.support": row(changed(TALL, loads__live=[{"body": [0.1, 0.0]}]), elements__1__support=True),
     "thickness": of(STACK, thickness=(1.0, 0.7)),
     "tolerance": of(
@@ -316,18 +308,8 @@ ROWS: dict[str, Row] = {
         changed(STATED, materials__dry__friction_coefficient=2.0), interfaces__0__compressive_strength=(6e4, 8e4)
     ),
     "interfaces.cohesion": of(STATED, interfaces__1__cohesion=(100.0, 200.0)),
-    "interfaces.inner_friction_coefficient": of(
-        changed(
-            STATED, interfaces__1__label="inner", materials__inner={"tensile_strength": 1e4, "shear_strength": 3e3}
-        ),
-        interfaces__1__inner_friction_coefficient=(0.05, 0.1),
-    ),
-    "interfaces.inner_friction_angle": of(
-        changed(
-            STATED, interfaces__1__label="inner", materials__inner={"tensile_strength": 1e4, "shear_strength": 3e3}
-        ),
-        interfaces__1__inner_friction_angle=(3.0, 6.0),
-    ),
+    "interfaces.inner_friction_coefficient": of(STATED_GLUE, interfaces__1__inner_friction_coefficient=(0.05, 0.1)),
+    "interfaces.inner_friction_angle": of(STATED_GLUE, interfaces__1__inner_friction_angle=(3.0, 6.0)),
     "materials.density": row(STACK, materials__density=1800.0),
     "materials.gravity": of(STACK, materials__gravity=(9.81, [1.0, -9.0])),
     "materials.dry.friction_angle": of(
@@ -344,18 +326,8 @@ ROWS: dict[str, Row] = {
         changed(SHEARED, materials__inner__shear_strength=1e4), materials__inner__shear_strength=8e3
     ),
     "materials.inner.compressive_strength": of(CANTILEVER, materials__inner__compressive_strength=(8e4, 9e4)),
-    "materials.inner.friction_angle": of(
-        changed(
-            STACK, labels={"inner": [["a", "b"]]}, materials__inner={"tensile_strength": 1e4, "shear_strength": 3e3}
-        ),
-        materials__inner__friction_angle=(3.0, 6.0),
-    ),
-    "materials.inner.friction_coefficient": of(
-        changed(
-            STACK, labels={"inner": [["a", "b"]]}, materials__inner={"tensile_strength": 1e4, "shear_strength": 3e3}
-        ),
-        materials__inner__friction_coefficient=(0.05, 0.1),
-    ),
+    "materials.inner.friction_angle": of(GLUED, materials__inner__friction_angle=(3.0, 6.0)),
+    "materials.inner.friction_coefficient": of(GLUED, materials__inner__friction_coefficient=(0.05, 0.1)),
     "cracks<CellCracks>.kind": row(CUT_UP, cracks="faces"),
     "cracks<CellCracks>.cell": Row(CUT_UP, changed(CUT_UP, cracks__cell=0.5)),
     "cracks<FieldCracks>.kind": Row(changed(FIELDS, cracks="faces"), FIELDS),
@@ -368,76 +340,31 @@ ROWS: dict[str, Row] = {
         loads__moving__0__axles__1__distance=(0.2, 0.4),
     ),
     "loads.moving.path": row(ON_CANTILEVER, loads__moving__0__path=[[0.6, 1], [1.2, 1]]),
-    "loads.moving.steps": Row(
-        *(
-            changed(
-                ON_CANTILEVER,
-                loads__moving__0__axles=[{"weight": 500.0}, {"weight": 500.0, "distance": 0.4}],
-                loads__moving__0__steps=steps,
-            )
-            for steps in (3, 6)
-        )
-    ),
-    "loads.moving.both_directions": Row(
-        *(
-            changed(
-                ON_CANTILEVER,
-                loads__moving__0__steps=2,
-                loads__moving__0__axles=[{"weight": 900.0}, {"weight": 100.0, "distance": 0.4}],
-                loads__moving__0__both_directions=both,
-            )
-            for both in (False, True)
-        )
-    ),
+    "loads.moving.steps": of(changed(ON_CANTILEVER, loads__moving__0__axles=AXLES), loads__moving__0__steps=(3, 6)),
+    "loads.moving.both_directions": of(UNEVEN, loads__moving__0__both_directions=(False, True)),
     "loads.moving.required": of(MOVING, loads__moving__0__required=(1.0, 2.0)),
     "loads.pushes.of_weight": of(PUSHED, loads__pushes__of_weight=(1.0, 0.5)),
-    "loads.pushes.directions": Row(*(changed(LEANING, **{PUSHES: number}) for number in (1, 2))),
+    "loads.pushes.directions": of(LEANING, **{PUSHES: (1, 2)}),
     "loads.pushes.required": of(PUSHED, loads__pushes__required=(1.0, 2.0)),
     "members.kind": Row(PINNED, changed(STACK, members=[{**PIN, "kind": "tie", "tension": 500.0}])),
-    "members.from.element": Row(
-        *(row(STACK, members=[{**TIE, "from": {"element": e, "at": [1.2, 1.5]}, "tension": 500.0}]).after for e in "ba")
+    "members.from.element": of(
+        changed(STACK, members=[{**LOW_TIE, "tension": 500.0}]), members__0__from__element=("b", "a")
     ),
     "members.from.at": row(TIED, members__0__from__at=[1.2, 2.0]),
-    "members.to.element": Row(
-        changed(TIED, members__0__to={"element": "s", "at": [1.2, 0.5]}),
-        changed(TIED, members__0__to={"element": "a", "at": [1.2, 0.5]}),
-    ),
+    "members.to.element": of(changed(TIED, members__0__to__at=[1.2, 0.5]), members__0__to__element=("s", "a")),
     "members.to.at": row(TIED, members__0__to__at=[0.8, 0.4]),
-    "members.through.element": Row(
-        *(
-            changed(STACK, members=[{**TIE, "through": [{"element": name, "at": [1.1, 1.5]}], "tension": 500.0}])
-            for name in "ab"
-        )
-    ),
-    "members.through.at": Row(
-        *(
-            changed(
-                TIED,
-                members__0__from={"element": "b", "at": [1.2, 2.4]},
-                members__0__through=[{"element": "b", "at": at}],
-            )
-            for at in ([1.1, 1.8], [1.3, 2.0])
-        )
-    ),
+    "members.through.element": of(THROUGH, members__0__through__0__element=("a", "b")),
+    "members.through.at": of(OVER_B, members__0__through__0__at=([1.1, 1.8], [1.3, 2.0])),
     "members.tension": row(TIED, members__0__tension=700.0),
-    "members.compression": Row(
-        *(changed(TIED, loads__live__0__force=[-1000.0, 0.0], members__0__compression=c) for c in (100.0, 300.0))
-    ),
-    "members.prestress": Row(
-        *(
-            changed(TIED, members__0__tension=500.0, loads__live__0__force=[-1000.0, 0.0], members__0__prestress=p)
-            for p in (100.0, 300.0)
-        )
-    ),
+    "members.compression": of(LIFTED, members__0__compression=(100.0, 300.0)),
+    "members.prestress": of(changed(LIFTED, members__0__tension=500.0), members__0__prestress=(100.0, 300.0)),
     "members.shear": row(PINNED, members__0__shear=700.0),
     "fill.level": row(FILLED, fill__level=2.3),
     "fill.density": row(FILLED, fill__density=1600.0),
     "fill.friction_angle": row(FILLED, fill__friction_angle=32.0),
     "fill.cohesion": of(FILLED, fill__cohesion=(1e3, 2e3)),
     "fill.surcharge": of(FILLED, fill__surcharge=(1e3, 2e3)),
-    "fill.dispersal": Row(
-        *(changed(OF_A_LOAD["<FillLoad>.on_fill.at"].after, fill__dispersal=angle) for angle in (10.0, 45.0))
-    ),
+    "fill.dispersal": of(OF_A_LOAD["<FillLoad>.on_fill.at"].after, fill__dispersal=(10.0, 45.0)),
     "fill.active": of(
         changed(FILLED, loads__live__0__force=[-1e4, 0.0], elements__0=box("s", -3, -1, 6, 0, support=True)),
         fill__active=(1.0, 0.5),
@@ -448,10 +375,7 @@ ROWS: dict[str, Row] = {
     "fill.to": of(FILLED, fill__to=(6.0, 2.0)),
     "labels.default": of(STACK, labels__default=("dry", "inner")),
     "labels.inner": row(STACK, labels__inner=[["a", "b"]]),
-    "labels.dry": Row(
-        changed(STACK, elements__1__block="X", elements__2__block="X"),
-        changed(STACK, elements__1__block="X", elements__2__block="X", labels__dry=[["a", "b"]]),
-    ),
+    "labels.dry": row(ONE_BLOCK, labels__dry=[["a", "b"]]),
 }
 for ending, one in OF_LIVE.items():
     ROWS[f"loads.live{ending}"] = one

@@ -16,7 +16,6 @@ from cases import scene_in_space as scene
 from command import SCENES
 from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry import outlines as polygons
-from jld_core.geometry import planar_contacts, spatial_contacts
 
 ARCH = grid_document(
     ["#aabbcc#", "#aaabcc#"], friction=0.6, live=[{"element": "c3r0", "force": [0, -1]}, {"body": [0.2, 0]}]
@@ -101,14 +100,14 @@ def test_overhanging_solid_rocks_about_its_contact_at_any_angle(degrees: float) 
 def test_spikes_slivers_and_necks_are_no_part_of_a_region() -> None:
     thin = 1e-13
     square = [[0, 0], [1, 0], [1, 0.5], [4, 0.5], [1, 0.5 + thin], [1, 1], [0, 1]]
-    ((shell, holes),) = spatial_contacts.clean_parts(shapely.Polygon(square), 1e-5)
+    ((shell, holes),) = polygons.clean_parts(shapely.Polygon(square), 1e-5)
     assert (len(shell), holes) == (4, ())
     assert np.ptp(shell, axis=0) == pytest.approx([1.0, 1.0], abs=1e-12)
     dumbbell = [[0, 0], [1, 0], [1, 0.5], [3, 0.5], [3, 0], [4, 0], [4, 1], [3, 1], [3, 0.5 + thin], [1, 0.5 + thin]]
-    parts = spatial_contacts.clean_parts(shapely.Polygon([*dumbbell, [1, 1], [0, 1]]), 1e-5)
+    parts = polygons.clean_parts(shapely.Polygon([*dumbbell, [1, 1], [0, 1]]), 1e-5)
     assert [len(ring) for ring, _ in parts] == [4, 4]
     assert [float(polygons.area(ring[None])[0]) for ring, _ in parts] == pytest.approx([1.0, 1.0], rel=1e-9)
-    assert spatial_contacts.clean_parts(shapely.box(0.0, 0.0, 1.0, 1e-7), 1e-5) == []
+    assert polygons.clean_parts(shapely.box(0.0, 0.0, 1.0, 1e-7), 1e-5) == []
 
 
 def test_corners_do_not_depend_on_where_the_outline_begins() -> None:
@@ -149,7 +148,7 @@ def test_polygons_that_share_an_edge_up_to_rounding_share_no_area() -> None:
         [-2.609338242877931, 1.0434529483175925],
         [-3.298004170013834, 0.46955328609545405],
     ]
-    assert planar_contacts.intersections([shapely.Polygon(one)], [shapely.Polygon(other)])[0].area <= 1e-12
+    assert polygons.intersections([shapely.Polygon(one)], [shapely.Polygon(other)])[0].area <= 1e-12
     elements = [{"id": "a", "polygon": other}, {"id": "g", "polygon": one, "support": True}]
     built = build_assembly(parse_scene(scene(elements, live=[{"body": [1, 0]}])))
     assert built.interfaces.l1[0] == pytest.approx(np.hypot(0.68866592713, 0.57389966222), rel=1e-9)

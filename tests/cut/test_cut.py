@@ -507,6 +507,11 @@ TOLD |= {"too_large": [], "can_be_laid": True, "coarse_truth": "", "faulty_files
         ({"load_factor_of_cells": 2.0, "bound": 3.0}, ["no layout of as many exceeds 3 on them"], "watertight"),
         ({"proven": False, "uncut": [2.0, 2.0]}, ["carry at least 2 times"], "no fewer parts"),
         ({"faulty_files": ["part 3 has 1 edges"], "too_large": [2]}, ["not watertight: part 3", "fit the box: 2"], "λ"),
+        (
+            {"keys": [{"told": f"tongue of part {k} into 1"} for k in (2, 3, 4, 5)], "load_factor_without_keys": 1.2},
+            ["part 3 into 1, tongue of part 4 into 1 and 1 more; 1.2 without)", "; with plane joints, no fewer parts"],
+            "part 5",
+        ),
         ({"coarse_truth": "no face"}, ["λ of the cells of the search"], "fit the box"),
     ],
 )

@@ -26,6 +26,7 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.evaluation import Records
 from jld_explore.space import count_named, feasible, values_of
 from jld_explore.space.limits import Range
+from jld_explore.verification import verify
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
@@ -120,6 +121,27 @@ def test_spaces_of_other_kinds(rows: list[str], options: dict[str, Any], tmp_pat
     assert found.summary.proven is True
     assert found.summary.best == every.summary.best
     assert found.summary.unbounded == every.summary.unbounded
+    assert (found.summary.bound is None) == (every.summary.bound is None) == found.summary.unbounded
+
+
+def test_the_bound_of_layouts_that_all_fall_is_that_of_their_best(tmp_path: Path) -> None:
+    """A leaning stack that the live load holds: none stands at 0, and the strongest is proven, with a certificate."""
+    outlines = [[[k, k], [k + 1, k], [k + 2, k + 1], [k + 1, k + 1]] for k in range(2)]
+    document = {
+        **grid_document(["aa", "##"], friction=3.0, tension=100.0, shear=1e4, candidates="all+supports"),
+        "elements": [
+            {"id": "g", "support": True, "polygon": [[0, -1], [1, -1], [1, 0], [0, 0]]},
+            *({"id": f"s{k}", "polygon": outline} for k, outline in enumerate(outlines)),
+        ],
+        "loads": {"live": [{"element": "s1", "force": [-1000, 0], "at": [2, 2]}]},
+    }
+    del document["grid"]
+    proof = tmp_path / "proof"
+    settings: dict[str, Any] = {"pictures": False, "driver": "exact", "certificate": proof}
+    found = explore(parse_scene(document), tmp_path / "out", **settings).summary
+    assert (found.proven, found.facts["stands_at_zero"]) == (True, False)
+    assert found.bound == pytest.approx(found.best, rel=1e-6)
+    assert verify(proof).claim.bound >= found.best
 
 
 def _boxes(size: tuple[int, int, int], **materials: Any) -> dict[str, Any]:

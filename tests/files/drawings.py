@@ -289,10 +289,21 @@ def _curves() -> list[File]:
         space.add_line((0, 0), (2, 0))
         polyline(space, box(0, -0.3, 2, 0), "FUNDAMENT")
 
+    def unclamped(_: Any, space: Any) -> None:  # from (2, 0) to (0, 0), as closed splines of CAD have their knots
+        points = [(2, -1), (2, 0), (2, 1), (1, 2), (0, 1), (0, 0), (0, -1)]
+        space.add_spline(degree=3).control_points = [(x, y, 0) for x, y in points]
+        space.query("SPLINE")[0].knots = list(range(-3, 8))
+        space.add_line((0, 0), (2, 0))
+        polyline(space, box(0, -0.3, 2, 0), "FUNDAMENT")
+
     ring = math.pi / 2 * (1.3**2 - 1)
     table: list[tuple[str, Draw, float]] = [("arcs_and_lines", arch, ring), ("bulges", bulges, ring)]
-    table += [("ellipse", ellipse, math.pi), ("spline", spline, 2.4)]
-    return [File(f"curve_{n}.dxf", "AutoCAD", writes(draw), 1, area, whole=whole) for n, draw, area in table]
+    table += [("ellipse", ellipse, math.pi), ("spline", spline, 2.4), ("unclamped", unclamped, 2.672222)]
+    # ezdxf, by which `whole` measures, runs beyond the ends of the last one
+    return [
+        File(f"curve_{n}.dxf", "AutoCAD", writes(draw), 1, area, whole=None if n == "unclamped" else whole)
+        for n, draw, area in table
+    ]
 
 
 ROLES = {  # opening, support, axis, frame

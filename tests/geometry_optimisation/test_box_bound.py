@@ -369,9 +369,9 @@ def test_a_file_that_was_altered_is_refused(done: Any, tmp_path: Path) -> None:
             verify_box(file)
     head = lines[0]
     for key, value, said in (
-        ("bound", None, "no certificate of a box"),
-        ("box", [[0.1, 0.0], [0.0, 0.1]], "no certificate of a box"),
-        ("load_factor", None, "no certificate of a box"),
+        ("bound", None, "no box certificate"),
+        ("box", [[0.1, 0.0], [0.0, 0.1]], "no box certificate"),
+        ("load_factor", None, "no box certificate"),
         ("jld box certificate", 2, "it is of version 2"),
         ("directions", [[[[9.0, 9.0], [1.0, 0.0]]], []], "is no corner of an element"),
     ):

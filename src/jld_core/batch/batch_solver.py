@@ -133,8 +133,8 @@ class BatchResults:
 
 
 _UNDECIDED: Final = interface.codes("JldLabel")["UNDECIDED"]  # label of a face that may be dry or inner
+# Largest number of samples of one call: the values that a label of the compiled solver can take.
 SAMPLES_OF_A_CALL: Final = 256
-"""Largest number of samples of one call: the values that a label of the compiled solver can take."""
 
 # Weight of the mean solution of random labellings at the start; the least-norm forces in equilibrium have the rest
 _SHARE: Final = 0.7

@@ -41,10 +41,10 @@ UNIT_FLAGS: Final[dict[str, tuple[str, ...]]] = {"cones.cpp": ("-ffp-contract=of
 """Compiler flags of single units. Cone programs write fused products out, and round alike alone and together."""
 INTERFACE: Final = Path(__file__).parent / "interface.py"
 """Module that states the C interface; the header and the hash of the sources depend on it."""
+# Seconds after which a compiler is given up on first use; 24 s of one core were measured for the largest variant.
 PATIENCE: Final = 600.0
-"""Seconds after which a compiler is given up on first use; 24 s of one core were measured for the largest variant."""
+# Compiler flags of every variant, without fast-math: proofs compare with infinities and rely on the order of sums.
 FLAGS: Final = ("-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-g0")
-"""Compiler flags of every variant, without fast-math: proofs compare with infinities and rely on the order of sums."""
 
 VARIANT_FLAGS: Final[dict[str, tuple[str, ...]]] = {
     # Default tuning avoids chains of fused products; it was measured 25 % slower here.

@@ -119,18 +119,17 @@ def _found(wish: str) -> tuple[str, Path] | None:
 def chosen() -> str | None:
     """Return the name of the batch solver's variant in use, or None if there is none.
 
-    The environment variable `JLD_KERNEL` selects it, "off" for none. By default it is the fastest variant that is built
-    and runs here. If nothing is built yet, that variant is compiled first.
+    By default it is the fastest that is built and runs here; if nothing is built yet, that one is compiled first.
 
     Returns
     -------
     str or None
-        Name of the variant, or the path that `JLD_KERNEL` gives.
+        Name, or the path that `JLD_KERNEL` gives.
 
     Raises
     ------
     InputError
-        `JLD_KERNEL` names a variant that is not built or does not run here.
+        The environment variable `JLD_KERNEL` ("off" for none) names a variant that is not built or does not run here.
     """
     found = _found(os.environ.get(SWITCH, ""))
     return None if found is None else found[0]
@@ -174,32 +173,26 @@ def described() -> str:
 # but 0, 1 and 0 at last, with 15.6, 21.7 and 31 iterations for one; `TRIES` took 17.1 at 278 faces.
 LARGE: Final = 200
 """Faces of a planar assembly from which on `LARGE_TRIES` apply. Source: benchmarks/batch_solver.py."""
+# Faces of a planar assembly from which on bounds use half the lanes of AVX-512.
+# Workspaces of eight labellings no longer fit into the cache: half take 1.2, 1.0 and 0.7 to 0.9 times as long at 278,
+# 946 and 1 225 faces and more.
 NARROW: Final = 1000
-"""Faces of a planar assembly from which on bounds use half the lanes of AVX-512.
-
-Workspaces of eight labellings no longer fit into the cache: half take 1.2, 1.0 and 0.7 to 0.9 times as long at 278, 946
-and 1 225 faces and more.
-"""
+# Range of the share of dry faces of the random labellings whose mean solution gives the starting point.
 DRY_SHARES: Final = (0.0, 1.0)
-"""Range of the share of dry faces of the random labellings whose mean solution gives the starting point."""
 # Iterations of the first pass: 20.2 instead of 23.6 at 946 faces, 27.1 instead of 30.3 at 2 016 (layouts in blocks of
 # four); 26.0 instead of 26.8 and 28.7 instead of 30.0 (random labels of any share); 30.9 instead of 29.7 and 34.2
 # instead of 33.5 (less than a third dry).
+# That range for planar assemblies of `LARGE` faces and more.
+# Below a half, random labels join elements to few blocks, and λ is far above that of layouts. Source:
+# benchmarks/batch_solver.py.
 LARGE_DRY_SHARES: Final = (0.5, 1.0)
-"""That range for planar assemblies of `LARGE` faces and more.
-
-Below a half, random labels join elements to few blocks, and λ is far above that of layouts. Source:
-benchmarks/batch_solver.py.
-"""
 SAMPLES: Final = 32
 """Random labellings whose mean solution gives the starting point."""
 # With 32, 16, 8 and none a layout takes 31.2, 30.5, 29.3 and 31.8 iterations at 2 016 faces, 21.8, 22.4, 22.5 and 22.3
 # at 946, and 15.8, 16.2, 16.2 and 17.7 at 278.
+# The same for planar assemblies of `NARROW` faces and more, and spatial ones of `LARGE` faces and more.
+# There each takes as long as a layout, and saves few iterations of one. Source: benchmarks/batch_solver.py.
 FEW_SAMPLES: Final = 8
-"""The same for planar assemblies of `NARROW` faces and more, and spatial ones of `LARGE` faces and more.
-
-There each takes as long as a layout, and saves few iterations of one. Source: benchmarks/batch_solver.py.
-"""
 
 # Defaults of `library.Try`; `JldTry` in interface.py defines each field
 _FIRST: Final[dict[str, Any]] = {
@@ -216,6 +209,8 @@ _FIRST: Final[dict[str, Any]] = {
     "press": 0.0,
     "endless": 1e300,
 }
+# Settings of the passes over open labellings, planar.
+# 2 and 3 look for a ray of unbounded load and for a state on the boundary. Source: benchmarks/batch_solver.py.
 TRIES: Final = (
     Try(**_FIRST | {"endless": 1e4}, most=28),
     Try(**_FIRST | {"aim": -1.0, "press": 1e-2}, most=28),
@@ -223,12 +218,12 @@ TRIES: Final = (
     Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
     Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
 )
-"""Settings of the passes over open labellings, planar.
-
-2 and 3 look for a ray of unbounded load and for a state on the boundary. Source: benchmarks/batch_solver.py.
-"""
 # Settings of a pass that begins where the last one has ended, with equilibrium restored to the last digit
 _RESUMED: Final = _FIRST | {"resumes": 1, "apart": 1, "most": 16}
+# Settings of the passes over large planar assemblies.
+# Each begins where the last one ended. A small proximal term follows forces that drift long, and rounding of many
+# elements needs a larger margin; upper bounds need exact jumps, hence small terms in later passes. Pass 5 begins anew
+# with shorter steps and a larger margin. Source: benchmarks/batch_solver.py.
 LARGE_TRIES: Final = (
     Try(**_FIRST | {"endless": 1e4, "proximal": 1e-8, "margin": 1e-9, "most": 40}),
     TRIES[1],
@@ -240,13 +235,9 @@ LARGE_TRIES: Final = (
     Try(**_RESUMED | {"proximal": 1e-11}),
     TRIES[2],
 )
-"""Settings of the passes over large planar assemblies.
 
-Each begins where the last one ended. A small proximal term follows forces that drift long, and rounding of many
-elements needs a larger margin; upper bounds need exact jumps, hence small terms in later passes. Pass 5 begins anew
-with shorter steps and a larger margin. Source: benchmarks/batch_solver.py.
-"""
-
+# Settings of the passes over open labellings, spatial.
+# None looks for states on the boundary of a cone. Source: benchmarks/batch_solver.py.
 SPATIAL_TRIES: Final = tuple(
     Try(**_FIRST | {"target": 3e-8, "jumps": 1e-7, "near": 1e-2} | more)
     for more in (
@@ -260,10 +251,6 @@ SPATIAL_TRIES: Final = tuple(
 )
 # Where inner faces are strong beside the weights and few joints are dry, larger margins end a digit short: of 96
 # layouts in few blocks of 144 faces all but 3 are proven with the third and fourth pass, all but some 45 without.
-"""Settings of the passes over open labellings, spatial.
-
-None looks for states on the boundary of a cone. Source: benchmarks/batch_solver.py.
-"""
 
 
 def narrow(dimension: int, faces: int) -> bool:

@@ -235,8 +235,8 @@ def _flat(lists: list[list[int]]) -> Int32s:
     return np.array([value for one in lists for value in one], dtype=np.int32)
 
 
+# Number of faces above which the batch solver is not used: others solve large structures faster, one at a time.
 LARGEST: Final = 3000
-"""Number of faces above which the batch solver is not used: others solve large structures faster, one at a time."""
 
 EDGES: Final = 16
 """Largest number of hull edges of a spatial face."""
@@ -246,11 +246,9 @@ _SIZES: Final = (4, 8, EDGES)  # numbers of hull edges for which the batch solve
 # Rows of the shear cone of a spatial face, columns N, V1, V2, M1, M2, MT and the bound t on shear
 _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0, -1.0] + [0.0] * 4])
 
+# Number of scalar products of one factorisation above which the batch solver is not used.
+# 6³ cubes take 8 million, 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million.
 MOST: Final = 15_000_000
-"""Number of scalar products of one factorisation above which the batch solver is not used.
-
-6³ cubes take 8 million, 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million.
-"""
 
 _SMALL: Final = 300  # number of faces up to which every structure stays below `MOST`, so that none is counted
 

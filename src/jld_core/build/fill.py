@@ -23,8 +23,8 @@ from jld_core.loads import Traction, edge_traction
 from jld_core.scene import FillLoad
 from jld_core.scene.materials import Fill
 
+# Force at a point: element, place, vector, stated width or None, and whether the place is the centroid.
 PointEntry = tuple[int, Floats, Floats, float | None, bool]
-"""Force at a point: element, place, vector, stated width or None, and whether the place is the centroid."""
 
 _DRAWN: Final = 0.025  # length of the line that stands for a horizontal pressure in pictures, in sizes of the structure
 

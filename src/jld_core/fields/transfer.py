@@ -15,11 +15,9 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.fields.lower import LowerBound, StressField
 from jld_core.fields.upper import UpperBound, VelocityField
 
+# Opening that a flow rule may lack, over the largest velocity, and that an opening motion makes good.
+# The first that costs little is taken: where cells hardly open, their motion dissipates much.
 REPAIRED = (1e-7, 1e-9, 0.0)
-"""Opening that a flow rule may lack, over the largest velocity, and that an opening motion makes good.
-
-The first that costs little is taken: where cells hardly open, their motion dissipates much.
-"""
 
 _COST = 1e-3  # relative rise of the bound of the field's own labelling up to which a repair is accepted
 

@@ -57,14 +57,7 @@ def second_moments(polygons: Floats) -> Floats:
 
 
 def torsion_length(polygons: Floats) -> Floats:
-    """Compute the torsion length c_T, the mean distance from the centroid, of polygons.
-
-    polygons: (n, k, 2), simple and counter-clockwise. The result (n,) is c_T = (1/A) ∫ r dA, a length, docs/method.md
-    (1.6). It is exact: the sum over triangles from the centroid to each edge. The edge has signed distance d, and its
-    ends lie at s0 and s1 along it. Each triangle contributes, taken from s0 to s1,
-
-        ∫ r dA = ∫ ρ³/3 dθ = (d/3) ∫ √(s² + d²) ds = (d/6) [s √(s² + d²) + d² asinh(s/d)].
-    """
+    """Return the torsion length c_T (n,) of polygons (n, k, 2), the mean distance from the centroid, (1.6)."""
     p = polygons - centroid(polygons)[:, None]
     edge = np.roll(p, -1, axis=1) - p
     length = np.hypot(edge[..., 0], edge[..., 1])
@@ -203,8 +196,8 @@ def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
 SNAP: Final = 1e-3
 """Grid width for uniting the elements of a block, relative to `reach_of(assembly)`."""
 
+# Offset of the rounding grid, in steps: coordinates on halves of a step would round to either side.
 PLACE: Final = 0.37
-"""Offset of the rounding grid, in steps: coordinates on halves of a step would round to either side."""
 
 
 def beside(points: Floats) -> tuple[Floats, Floats]:

@@ -101,30 +101,20 @@ def solids(
     ----------
     ids : list of str
         Names of the n elements, for error messages.
-    vertices : list of (k, 3) arrays
-        Vertices of each element, scene units.
-    faces : list of Faces
-        Loops of vertex indices of each element, in any sense of rotation.
+    vertices, faces : list of (k, 3) arrays, list of Faces
+        Vertices of each element, and its loops of indices in any sense of rotation.
 
     Returns
     -------
-    vertices : list of (k, 3) arrays
-        Vertices of each element.
-    faces : list of Faces
-        Loops with outward orientation. They name coinciding vertices as one where the surface would be open otherwise.
-    volume : (n,) array
-        Volumes, scene units.
-    centroid : (n, 3) array
-        Centroids, scene units.
+    vertices, faces : list of (k, 3) arrays, list of Faces
+        Loops outward; they name coinciding vertices as one where the surface would be open otherwise.
+    volume, centroid : (n,) and (n, 3) array
+        By the divergence theorem on triangles about the mean corner of each face, which need not be plane.
 
     Raises
     ------
     InputError
         The surface of an element is not closed, or encloses no volume.
-
-    Notes
-    -----
-    Volumes follow from the divergence theorem on triangles about the mean corner of each face, which need not be plane.
     """
     vertices, faces = list(vertices), list(faces)
     surface = lay_out(vertices, faces)

@@ -14,11 +14,9 @@ from jld_core.program import ConicProgram, beginnings, pack
 from jld_core.program.template import Structure
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, is_large, solve_auxiliary
 
+# Largest force, scaled, of a self-stress that gives a row slack 1.
+# A self-stress that needs more counts as none, for example that of friction a rounding error below 45°.
 LARGEST: Final = 1e3
-"""Largest force, scaled, of a self-stress that gives a row slack 1.
-
-A self-stress that needs more counts as none, for example that of friction a rounding error below 45°.
-"""
 
 
 # Number of sides of the polygons inscribed in friction circles, with corners on both axes and between them

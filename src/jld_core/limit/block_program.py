@@ -225,12 +225,10 @@ def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
     return np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(-1, q, q)
 
 
+# Share of the threshold that the λ of every block must reach.
+# Values nearer to 1 make the relaxation tighter. The program is then often infeasible, and an infeasibility proof
+# gives a worse bound than a low λ.
 LEAST: Final = 0.5
-"""Share of the threshold that the λ of every block must reach.
-
-Values nearer to 1 make the relaxation tighter. The program is then often infeasible, and an infeasibility proof gives a
-worse bound than a low λ.
-"""
 
 
 _LEAST_CAP: Final = 1e-9  # least normal force, scaled, by which the row of a cap is divided
@@ -583,15 +581,13 @@ class _Copies:
 
 
 class ConeProgram(AllBlocksProgram):
-    """Program min −λ of the block relaxation for any yield set.
+    """Program min −λ of the block relaxation for any yield set; TypeError if cones have different sizes.
 
-    Its dual is docs/method.md (6.5), (6.6). Columns: x of each block; resultants and extra variables of each side,
-    then of each joint; λ of each block times x; λ. Rows: cover of every element, equal shares of λ, equal forces on
-    shared faces, equilibrium of each part, linear rows, cones. Attributes `shape`, `x`, `cover`, `share`,
-    `equal_forces`, `balance`: as in `BlockProgram`.
-
-    template: scaled programs of one assembly. parts: parts, sides and joints of the possible blocks. Raises TypeError
-    if cones have different sizes.
+    Columns: x of each block; resultants and extra variables of each side, then of each joint; λ of each block times x;
+    λ.
+    Rows: cover of every element, equal shares of λ, equal forces on shared faces, equilibrium of each part, linear
+    rows,
+    cones. Attributes are those of `BlockProgram`.
     """
 
     def __init__(self, template: Template, parts: BlockParts) -> None:

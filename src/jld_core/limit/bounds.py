@@ -446,8 +446,6 @@ class Prover:
 def relative_width(low: float, high: float, load_scale: float) -> float:
     """Compute the relative width of a bracket, docs/method.md (3.13).
 
-    The width is divided by max(|low|, |high|, load_scale).
-
     Parameters
     ----------
     low, high : float
@@ -458,7 +456,7 @@ def relative_width(low: float, high: float, load_scale: float) -> float:
     Returns
     -------
     float
-        Relative width; inf where a bound is missing.
+        Width over max(|low|, |high|, load_scale); inf where a bound is missing.
     """
     if not (np.isfinite(low) and np.isfinite(high)):
         return np.inf
@@ -472,9 +470,7 @@ def exceeds(low: float, bound: float, load_scale: float) -> bool:
 
 
 def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
-    """Return whether lower bounds exceed upper bounds by more than rounding.
-
-    In that case neither bound is reliable.
+    """Return whether lower bounds exceed upper bounds by more than rounding, so that neither is reliable.
 
     Parameters
     ----------
@@ -486,7 +482,7 @@ def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
     Returns
     -------
     bool or array of bool
-        True where the bounds contradict each other; False where one is NaN.
+        False where one is NaN.
     """
     return low - high > _CROSSED * np.maximum(np.maximum(abs(low), abs(high)), least)
 
@@ -639,11 +635,9 @@ class Proof:
         return low if is_wide else 0.5 * (low + high)
 
 
+# Least and largest number of faces of a spatial assembly for which the batch solver is faster for one labelling.
+# Its setup is included. Source: benchmarks/results/batch_solver_single.md.
 FACES_WHERE_BATCH_IS_FASTER: Final = (48, 400)
-"""Least and largest number of faces of a spatial assembly for which the batch solver is faster for one labelling.
-
-Its setup is included. Source: benchmarks/results/batch_solver_single.md.
-"""
 
 
 def offer_results(

@@ -30,8 +30,8 @@ Start = Literal["associative", "gravity", "vertex"]
 FLOOR_SECONDS: Final = 60.0
 """Default processor time, in seconds, for the lower bound on λ over all non-dilatant solutions."""
 
+# Default time for the bounds of one load case by fields, s. No mesh is begun that is not expected to end in it.
 FIELD_SECONDS: Final = 60.0
-"""Default time for the bounds of one load case by fields, s. No mesh is begun that is not expected to end in it."""
 
 # Allowed values of each option that takes one of several words
 _WORDS: Final = {

@@ -460,22 +460,20 @@ def result_of(
     Parameters
     ----------
     template : Template
-        Template of the proof; supplies the assembly and the scaling.
+        Supplies the assembly and the scaling.
     labels : (m,) bool array
-        Labels, True = dry.
+        True = dry.
     options : SolveOptions
-        Options to record in the result.
+        Options to record.
     proof : Proof
         Bounds and status, scaled.
-    assemble : float
-        Seconds spent on building the analysis.
-    elapsed : float
-        Seconds since then.
+    assemble, elapsed : float
+        Seconds spent on building the analysis, and since then.
 
     Returns
     -------
     LimitAnalysisResult
-        The result, scene units.
+        The result.
     """
     scaling, (low, high), status = template.scaling, proof.bracket, proof.status
     scale = load_scale(template.assembly) / scaling.load

@@ -202,11 +202,11 @@ def solve_by_fields(
     assembly : Assembly
         Assembly with or without load cases; in space of convex cells.
     labels : (m,) bool array, optional
-        Labels, True = dry. Default: the labels of the scene.
+        True = dry. Default: the labels of the scene.
     gap : float
         Relative width of the bracket at which refinement ends; above 0.
     seconds : float
-        Time for each load case, s (see `bounds_by_fields` and `bounds_by_fields`).
+        Time for each load case, s (see `bounds_by_fields`).
 
     Returns
     -------
@@ -216,7 +216,7 @@ def solve_by_fields(
     Raises
     ------
     InputError
-        As `bounds_by_fields`, or in space as `bounds_by_fields`.
+        As `bounds_by_fields`.
 
     Notes
     -----

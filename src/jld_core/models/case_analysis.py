@@ -224,8 +224,8 @@ def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Pr
     return found
 
 
+# What can be solved: a scene file, a dict as in the file, a scene or an assembly.
 Structure = str | Path | Mapping[str, Any] | Scene | Assembly
-"""What can be solved: a scene file, a dict as in the file, a scene or an assembly."""
 
 
 def assembly_of(structure: Structure) -> Assembly:

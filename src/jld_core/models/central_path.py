@@ -50,9 +50,7 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
     Returns
     -------
     EffectiveAreas
-        Ratio (m,) = c_T / c_T,e: torsion length of the whole face over that of its effective rectangle. Arm (m, 2) =
-        (x2, −x1) / c_T, with centre of pressure x. Inner faces, faces without normal force and faces that are not
-        rectangles have ratio 1 and arm 0.
+        Those of inner faces, faces without normal force and faces that are not rectangles are whole.
     """
     # Source: docs/method.md (2.14), (2.15).
     faces = assembly.interfaces

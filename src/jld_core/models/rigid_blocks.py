@@ -435,17 +435,16 @@ def limit_analysis(
     assembly : Assembly
         Assembly without load cases, or one load case of an assembly.
     options : Model
-        Options; only solver, gap and inner bending are used here.
+        Only solver, gap and inner bending are used here.
     reference : (m,) bool array, optional
         Labelling on which solvers are set up, True = dry. Default: all faces dry.
     single_labelling : bool, optional
-        True if only one labelling will be solved; the analysis is then set up for this labelling where that is faster.
-        Default: any number of labellings.
+        Only one labelling will be solved; the analysis is set up for it where that is faster.
 
     Returns
     -------
     LimitAnalysis
-        Analysis of the assembly under associative friction.
+        Analysis under associative friction.
     """
     solver, gap, bending = options.solver, options.gap, options.inner_bending
     return LimitAnalysis(
@@ -495,20 +494,18 @@ def solve_labelling(
     analysis : LimitAnalysis
         Analysis returned by `limit_analysis` for the same options.
     labels : (m,) bool array
-        Labels, True = dry.
+        True = dry.
     options : Model
         Modelling options.
     stands : bool, optional
         Also decide whether the structure stands at λ = 0.
     pruning_threshold : float, optional
-        λ in scene units at or below which the labelling is irrelevant. Only zero dilation uses this value, see
-        `jld_dilation.prove`.
+        λ in scene units at or below which the labelling is irrelevant, used by zero dilation alone.
 
     Returns
     -------
     Proof
-        Proof about the assembly of `analysis`, in the scaled units of `analysis`. Under concave contact the
-        proof is transferred from points to whole faces.
+        Scaled as `analysis`. Under concave contact it is transferred from points to whole faces.
     """
     if options.contact == "concave" and analysis.assembly.dimension == 3:
         points, parent = point_contact_assembly(analysis.assembly, labels)

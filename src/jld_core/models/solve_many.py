@@ -187,9 +187,7 @@ def solve_many(
     elements, own = rigid(assembly, rows)
     each = [_solve_many(case, own, chosen) for case in elements.by_case]
     whole = [replace(one, assembly=case, labels=rows) for case, one in zip(assembly.by_case, each, strict=True)]
-    if not assembly.cases:
-        return whole[0]
-    return _governing(assembly, rows, chosen, {case.name: one for case, one in zip(assembly.cases, whole, strict=True)})
+    return _governing(assembly, rows, chosen, whole)
 
 
 def _by_fields(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
@@ -199,9 +197,7 @@ def _by_fields(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
     found = [solve_cracked(assembly, row, model) for row in labels]
     bounds = [[case_bounds_of(one) for one in each.cases.values()] for each in found if isinstance(each, FieldResult)]
     each = [_collected(case, labels, model, [row[k] for row in bounds]) for k, case in enumerate(assembly.by_case)]
-    if not assembly.cases:
-        return each[0]
-    return _governing(assembly, labels, model, {case.name: one for case, one in zip(assembly.cases, each, strict=True)})
+    return _governing(assembly, labels, model, each)
 
 
 def _collected(assembly: Assembly, labels: Bits, model: Model, bounds: list[CaseBounds]) -> BatchResult:
@@ -232,8 +228,11 @@ def _solve_many(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
     return BatchResult(assembly, labels, load_factor, low, high, done, model)
 
 
-def _governing(assembly: Assembly, labels: Bits, model: Model, cases: dict[str, BatchResult]) -> BatchResult:
-    """Combine the results of load cases into the least λ / required of each labelling."""
+def _governing(assembly: Assembly, labels: Bits, model: Model, results: list[BatchResult]) -> BatchResult:
+    """Combine the results of load cases into the least λ / required of each labelling; without cases the one."""
+    if not assembly.cases:
+        return results[0]
+    cases = {case.name: one for case, one in zip(assembly.cases, results, strict=True)}
     required, names = assembly.required.tolist(), list(cases)
     decided = [
         governing(

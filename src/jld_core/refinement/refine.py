@@ -257,8 +257,8 @@ def _densities(scene: Scene, assembly: Assembly) -> dict[str, float]:
 KINDS: Final = ("grid", "bond", "voronoi", "radial")
 """Names of the kinds of cells of a given size; the last two are planar only."""
 
+# Names of the groups of old joints that a search must keep, for the parameter `by` of `refine`.
 BY: Final = ("block", "material")
-"""Names of the groups of old joints that a search must keep, for the parameter `by` of `refine`."""
 
 SNAP: Final = 0.4
 """Largest distance, relative to a cell, to which corners of cells move: beyond it cells degenerate."""

@@ -52,8 +52,8 @@ class PointLoad(Part):
         return self
 
 
+# Largest number of forces of a moving load at all its positions; each takes some 30 µs to place.
 MOST_FORCES: Final = 200_000
-"""Largest number of forces of a moving load at all its positions; each takes some 30 µs to place."""
 
 OUTSIDE: Final = "outside"
 """Name of what lies beyond the free boundary of an element."""

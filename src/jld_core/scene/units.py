@@ -14,6 +14,7 @@ from jld_core.scene.standard import STRESS_KEYS
 GRAVITY: Final = 9.81
 """Acceleration that converts a mass in a text to a force, m/s²: the default of `materials.gravity`."""
 
+# Newtons per unit of force; for a unit of mass, its weight. Pound-force by NIST SP 811, appendix B.8.
 NEWTONS: Final = {
     "N": 1.0,
     "daN": 10.0,
@@ -27,7 +28,6 @@ NEWTONS: Final = {
     "lbf": 4.4482216152605,
     "kip": 4448.2216152605,
 }
-"""Newtons per unit of force; for a unit of mass, its weight. Pound-force by NIST SP 811, appendix B.8."""
 
 MASSES: Final = frozenset({"kg", "t", "g", "lb"})
 """Units of mass among those of force."""
@@ -63,6 +63,7 @@ _EXAMPLES: Final = {
     _DENSITY: '2000 kg/m³" or "20 kN/m³',
 }
 
+# Keys of a scene whose numbers may be texts, and powers of force and length of what they hold.
 QUANTITIES: Final[dict[str, _Powers]] = {
     **dict.fromkeys(("force", "weight", "tension", "compression", "prestress", "shear"), _FORCE),
     **dict.fromkeys(
@@ -76,7 +77,6 @@ QUANTITIES: Final[dict[str, _Powers]] = {
         _STRESS,
     ),
 }
-"""Keys of a scene whose numbers may be texts, and powers of force and length of what they hold."""
 
 _SPREAD: Final = ("nominal", "low", "mean")  # keys of an object that stands for one number
 

@@ -24,10 +24,9 @@ if TYPE_CHECKING:
 SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 """Names that `make_solver` takes."""
 
+# Number of equations from which `schur` is faster and more accurate than Clarabel, without cones (False) and with
+# cones (True). Source: measured in benchmarks/large.py.
 LARGE: Final = {False: 2000, True: 600}
-"""Number of equations from which `schur` is faster and more accurate than Clarabel, without cones (False) and with
-cones (True). Source: measured in benchmarks/large.py.
-"""
 
 
 def make_solver(

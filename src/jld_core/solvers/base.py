@@ -15,11 +15,9 @@ from jld_core.program.template import Structure
 Suffices = Callable[[Floats, Floats], bool]
 """Test whether a point and multipliers suffice for the caller of a solver."""
 
+# Relative duality gap from which a solver offers its iterates, a third of `tolerances.GAP`.
+# Smaller values cost the iterations with the worst linear systems.
 EARLY: Final = 3e-7
-"""Relative duality gap from which a solver offers its iterates, a third of `tolerances.GAP`.
-
-Smaller values cost the iterations with the worst linear systems.
-"""
 
 
 class RawStatus(StrEnum):

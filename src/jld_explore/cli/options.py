@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from types import NoneType
-from typing import Annotated, Any, Literal, get_args, get_type_hints
+from typing import Annotated, Any, Final, Literal, get_args, get_type_hints
 
 import typer
 
@@ -21,33 +21,7 @@ Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", s
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 Source = Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)]
 Rank = Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")]
-OnlyLayers = Annotated[
-    list[str] | None,
-    typer.Option("--layer", help="Only these layers are read, beside those with a role; * and ?, may be given again."),
-]
-SkippedLayers = Annotated[list[str] | None, typer.Option("--skip", help="Layers that are not read.")]
-HoleLayers = Annotated[list[str] | None, typer.Option("--hole", help="Layers of openings.")]
-SupportLayers = Annotated[list[str] | None, typer.Option("--support", help="Layers of supports, or: lowest.")]
-LoadLayers = Annotated[
-    list[str] | None, typer.Option("--load", help="Layers of live loads; numbered layers are load cases.")
-]
-DryLayers = Annotated[list[str] | None, typer.Option("--dry", help="Layers of dry joints.")]
-InnerLayers = Annotated[list[str] | None, typer.Option("--inner", help="Layers of inner faces.")]
-Thickness = Annotated[float | None, typer.Option(help="Out-of-plane thickness of a drawing, m; default 1.")]
-Tolerance = Annotated[
-    float | None,
-    typer.Option(help="Gaps and overlaps up to it are closed, in the file's unit; default 5e-4 of the size."),
-]
-FileUnit = Annotated[
-    str | None, typer.Option(help="Unit of the file's lengths (mm, cm, m, in, ft), made metres; default its own.")
-]
-Up = Annotated[Literal["y", "z"] | None, typer.Option(help="Axis of solids that points upwards; default z.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-
-
-def layer_options(**given: list[str] | None) -> dict[str, Any]:
-    """Return the options of a command that name layers as those of `ImportOptions`."""
-    return {name: tuple(patterns or ()) for name, patterns in given.items()}
 
 
 def refuse_itself(source: Path, out: Path) -> None:
@@ -66,6 +40,33 @@ Robust = Annotated[
 Option = tuple[Any, Any]
 """Annotation and default of an option of a command."""
 
+READING: Final[dict[str, Option]] = {
+    name: (Annotated[kind | None, typer.Option(f"--{name}", help=words)], None)
+    for name, kind, words in (
+        ("layer", list[str], "Only these layers are read, beside those with a role; * and ?, may be given again."),
+        ("skip", list[str], "Layers that are not read."),
+        ("hole", list[str], "Layers of openings."),
+        ("support", list[str], "Layers of supports, or: lowest."),
+        ("load", list[str], "Layers of live loads; numbered layers are load cases."),
+        ("dry", list[str], "Layers of dry joints."),
+        ("inner", list[str], "Layers of inner faces."),
+        ("thickness", float, "Out-of-plane thickness of a drawing, m; default 1."),
+        ("tolerance", float, "Gaps and overlaps up to it are closed, in the file's unit; default 5e-4 of the size."),
+        ("unit", str, "Unit of the file's lengths (mm, cm, m, in, ft), made metres; default its own."),
+        ("up", Literal["y", "z"], "Axis of solids that points upwards; default z."),
+    )
+}
+"""Options of commands that read drawings and solids, by the names of `ImportOptions`."""
+
+
+def of_reading(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of `READING` as `ImportOptions` takes them: layers in tuples."""
+    return {
+        name: tuple(given[name] or ()) if get_args(hint)[0] == list[str] | None else given[name]
+        for name, (hint, _) in READING.items()
+        if name in given
+    }
+
 
 def setting_options(kind: type, *names: str, group: str | None = None) -> dict[str, Option]:
     """Return options for the fields that `setting` states, or those named; group: their heading in the help."""
@@ -83,22 +84,25 @@ def setting_options(kind: type, *names: str, group: str | None = None) -> dict[s
     return found
 
 
-def with_options(options: Mapping[str, Option]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Return a decorator of a command that adds options; the command gets their values as further keywords."""
+def with_options(
+    options: Mapping[str, Option], before: str = ""
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator of a command that adds options, which it gets as further keywords; last, or `before` one."""
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         known = inspect.signature(command).parameters.items()
         stated = {name: one for name, one in known if one.kind is not one.VAR_KEYWORD and name not in options}
         hints = get_type_hints(command, include_extras=True)
         types = {name: hints[name] for name in stated} | {name: hint for name, (hint, _) in options.items()}
-        parameters = [one.replace(annotation=types[name]) for name, one in stated.items()]
-        for name, (hint, default) in options.items():
-            parameters.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint))
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        own = [one.replace(annotation=types[name], kind=keyword) for name, one in stated.items()]
+        at = list(stated).index(before) if before else len(own)
+        added = [inspect.Parameter(name, keyword, default=one[1], annotation=one[0]) for name, one in options.items()]
 
         def run(**given: Any) -> None:
             command(**given)
 
-        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        run.__signature__ = inspect.Signature([*own[:at], *added, *own[at:]])  # type: ignore[attr-defined]
         run.__annotations__, run.__doc__ = types, command.__doc__
         return run
 

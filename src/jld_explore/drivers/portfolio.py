@@ -291,17 +291,17 @@ class Portfolio(Anneal):
                 fresh = (one != base) & ~taken
                 merged[fresh], taken = one[fresh], taken | fresh
             merges.append(merged)
-        found = self._read(np.array(merges))[0]
+        keys_of = np.array(merges) + 0.1 * np.reshape(self.rng.reals(len(merges) * len(base)), (-1, len(base)))
+        found = self.operators.read(keys_of)[0]
         return self._admitted(climb, found, [("merge", 1)] * len(found))
 
     def _carried(self, rows: Bits, base: Bits, labels: Bits) -> tuple[Bits, Ints]:
-        """Change labels (m,) as rows (k, m) change a base (m,), where both agree: labellings, and the row of each."""
+        """Change labels (m,) as rows (k, m) change a base (m,), where that gives blocks: labellings, row of each."""
         before, here, *after = self.operators.write(np.concatenate([base[None], labels[None], rows]))
-        return self._read(np.where((np.array(after) != before) & (here == before), after, here))
-
-    def _read(self, written: Floats) -> tuple[Bits, Ints]:
-        """Return labellings of keys (k, keys) whose blocks are joined in random order, and the row of each."""
-        return self.operators.read(written + 0.1 * np.reshape(self.rng.reals(written.size), written.shape))
+        changed = np.array(after) != before
+        apart = np.flatnonzero(~(changed & (here != before)).any(axis=1))
+        found, of = self.operators.read(np.where(changed[apart], np.array(after)[apart], here), repair=False)
+        return found, apart[of]
 
     def _admitted(self, climb: _Climb, rows: Bits, origins: list[tuple[str, int]], most: int | None = None) -> Bits:
         """Register new labellings among rows (k, m), the most promising if there are too many, with their origins."""

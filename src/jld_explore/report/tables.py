@@ -562,9 +562,12 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         certain = False
     if certain and not ranked.empty and not unbounded:
         bound = float(ranked["bracket_hi"].max())
-    if stands is False and bound is None and driver.finished:
+    if stands is False and (bound is not None or driver.finished):
         # a driver that proves that no layout stands has evaluated all that carry the live load nevertheless
-        bound = float(ranked["bracket_hi"].max())
+        known = -math.inf if bound is None or driver.finished else bound
+        bound = max(float(ranked["bracket_hi"].max()), known)
+    if unbounded:  # a driver may have a bound on all others
+        bound = None
     gap = None
     if best is not None and bound is not None:
         width = relative_width(float(ranked["bracket_lo"].max()), bound, load_scale(study.assembly))

@@ -35,8 +35,8 @@ _SAYING: Final = 1.0  # longest time to find out which stage of laying falls fir
 
 _MAKING: Final = 1.0  # time to make a driver once the time of a search is over, s
 
+# Share of the remaining time for counting the classes of a space; a slower count means that the space is large.
 COUNTING: Final = 0.06
-"""Share of the remaining time for counting the classes of a space; a slower count means that the space is large."""
 
 
 def choose_driver(

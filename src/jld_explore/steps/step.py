@@ -136,8 +136,8 @@ def run_steps(done: Exploration, steps: Iterable[Step], context: StepContext) ->
     return done
 
 
+# Time by which a command may pass its time limit: seconds, or a share of the limit if that is larger.
 LATENESS: Final = (2.0, 0.05)
-"""Time by which a command may pass its time limit: seconds, or a share of the limit if that is larger."""
 
 TABLES: Final = 0.2
 """Share of `lateness` until which shapes of blocks are counted for tables."""

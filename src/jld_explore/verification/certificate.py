@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from jld_core.errors import InputError
 from jld_core.files import whole_file
@@ -105,30 +105,52 @@ def _line(reason: Reason) -> dict[str, Any]:
     return {"lemma": reason.literals, "by": reason.by}
 
 
-def read(path: Path) -> tuple[Claim, list[Reason]]:
-    """Read a certificate without checking scene and reasons; InputError if it is damaged."""
+Content = TypeVar("Content")
+
+
+def read_lines(
+    path: Path, kind: str, expected: str, known: int, parse: Callable[[dict[str, Any], list[Any]], Content]
+) -> Content:
+    """Return what `parse` makes of the first line of a file, without its version under "jld KIND", and of the others.
+
+    InputError: a file that is none, or not whole, as `parse` says by ValueError; of another version; or changed.
+    """
     try:
         text = path.read_bytes()
     except (OSError, ValueError) as error:
-        raise InputError(str(path), getattr(error, "strerror", None) or "it cannot be read", _EXPECTED) from None
+        raise InputError(str(path), getattr(error, "strerror", None) or "it cannot be read", expected) from None
     try:
         lines = [
             json.loads(line, object_pairs_hook=json_object, parse_constant=no_number) for line in text.splitlines()
         ]
         head, last = lines[0], lines[-1]
-        version, digest = head.pop(_KEY), last.pop("sha256")
-        if last or len(lines) < 2 or not isinstance(head["scene"], dict):
+        version, digest = head.pop(f"jld {kind}"), last.pop("sha256")
+        if last or len(lines) < 2:
             raise ValueError
-        reasons = list(_reasons(lines[1:-1])) if version == VERSION else []
+        current = type(version) is int and version == known
+        content = parse(head, lines[1:-1]) if current else None
+    except InputError:
+        raise
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
-        raise InputError(str(path), "it is no certificate, or not whole", _EXPECTED) from None
-    if type(version) is not int or version != VERSION:
-        raise InputError(str(path), f"it is of version {_short(version)}", f"version {VERSION}")
-    claim = _claim(head, str(path))
+        raise InputError(str(path), f"it is no {kind}, or not whole", expected) from None
+    if content is None:
+        raise InputError(str(path), f"it is of version {_short(version)}", f"version {known}")
     body = text[: text.rstrip(b"\n").rfind(b"\n") + 1]
     if hashlib.sha256(body).hexdigest() != digest:
         raise InputError(str(path), "its digest is not that of its lines", "a certificate as it was written")
-    return claim, reasons
+    return content
+
+
+def read(path: Path) -> tuple[Claim, list[Reason]]:
+    """Read a certificate without checking scene and reasons; InputError if it is damaged."""
+
+    def parse(head: dict[str, Any], lines: list[Any]) -> tuple[Claim, list[Reason]]:
+        if not isinstance(head["scene"], dict):
+            raise ValueError
+        reasons = list(_reasons(lines))
+        return _claim(head, str(path)), reasons
+
+    return read_lines(path, _KEY.removeprefix("jld "), _EXPECTED, VERSION, parse)
 
 
 def _claim(head: dict[str, Any], path: str) -> Claim:

@@ -76,7 +76,7 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
 def certify(
     driver: Exact, scene: Scene, path: Path, best: tuple[Bits, float] | None, bound: float | None = None
 ) -> None:
-    bound = driver.bound if driver.bound is not None else bound
+    bound = max((one for one in (bound, driver.bound) if one is not None), default=None)
     if bound is None:
         raise ParameterError("certificate", "the search ended without any bound", _REMEDY)
     Certifier(scene, driver.space, bound).write(path, driver.state.conflicts, best)

@@ -117,11 +117,9 @@ def run_task(task: Task) -> TaskResult:
     return proof.work(task)
 
 
+# Time, s, that a worker spends on a cube per task.
+# Sending a task takes 1 % of this time. The conflicts that a worker knows are at most this old.
 TASK_SECONDS: Final = 0.3
-"""Time, s, that a worker spends on a cube per task.
-
-Sending a task takes 1 % of this time. The conflicts that a worker knows are at most this old.
-"""
 
 _TASKS_PER_WORKER: Final = 2  # tasks that a worker holds at a time: one in progress and one to continue with at once
 
@@ -469,11 +467,9 @@ class ThreadedGenerator:
                 self._results_changed.notify()
 
 
+# Relaxations before worker processes start, with and without the batch solver.
+# They take about as long as starting the processes.
 SOLO_RELAXATIONS: Final = (8000, 1000)
-"""Relaxations before worker processes start, with and without the batch solver.
-
-They take about as long as starting the processes.
-"""
 
 # Largest number of threads that generate conflicts in this process. A third thread draws labellings that are mostly
 # refuted for the same reasons at the same time.

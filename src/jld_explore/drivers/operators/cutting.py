@@ -519,7 +519,7 @@ class FreeBits:
         rows = [self.cross(one[None], other[None], rng) for one, other in zip(first, second, strict=True)]
         return np.concatenate([first[:0], *rows]), np.repeat(np.arange(len(rows)), [len(row) for row in rows])
 
-    def read(self, keys: Floats) -> tuple[Bits, Ints]:
+    def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
         rows = np.repeat(self.space.fixed[None], len(keys), axis=0)
         rows[:, self._faces] = keys > 0.5
         seeds = [np.random.default_rng(np.frombuffer(one.tobytes(), dtype=np.uint32)) for one in keys]

@@ -309,10 +309,14 @@ class Segmentations:
                 return found
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
-    def read(self, keys: Floats) -> tuple[Bits, Ints]:
-        found, of = (self.labels([]), np.empty(0, dtype=np.int64))
+    def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
+        found, of = self.labels([]), np.empty(0, dtype=np.int64)
         if self._batches is not None:
             found, of = self._batches.read_some(keys)
+            exact = ((self.write(found) > THRESHOLD) == (keys[of] > THRESHOLD)).all(axis=1)
+            found, of = found[exact], of[exact]
+            if not repair:
+                return found, of
         parts, rest = [], []
         for k in np.setdiff1d(np.arange(len(keys)), of).tolist():
             # the seed derives from the keys, so that the same keys give the same repair
@@ -542,8 +546,11 @@ class Operators(Protocol):
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         """Return one child of each couple (k, m), then one change of each single parent (i, m)."""
 
-    def read(self, keys: Floats) -> tuple[Bits, Ints]:
-        """Convert keys (k, keys) in [0, 1] to labellings (j, m), and the row (j,) of each; equal ones to equal ones."""
+    def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
+        """Convert keys (k, keys) in [0, 1] to labellings (j, m), and the row (j,) of each; equal ones to equal ones.
+
+        Without repair those are left out where a pair would not be as its key asks, if that is known at little cost.
+        """
 
     def write(self, labellings: Bits) -> Floats:
         """Return keys (k, keys) of labellings (k, m), from which `read` makes the same labellings again."""
