@@ -363,13 +363,7 @@ def move_by_fields(
     # Steps raise the bound by fields from above on a mesh that moves with the blocks. Values and brackets of the points
     # returned are those of these meshes; `before` and `after`, `start` and `value` are λ by faces.
     run = MoveRun(**options)
-    if assembly.dimension != 2:
-        raise InputError("cracks", "joints in space move by faces alone", '"faces"')
-    if scene.move is not None and scene.move.maximise != "load_factor":
-        raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
-    if assembly.has_low_values:
-        raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
-    fields_problem.require_planar_fields(assembly)
+    _refuse(scene, assembly)
     search = GeometrySearch(scene, assembly, labels, run.trust)
     fields = FieldSearch(search)
     best: tuple[FieldPoint, str] | None = None  # with the reason of its end
@@ -403,6 +397,17 @@ def move_by_fields(
     before = search.first()
     value = math.nan if result is None else result.load_factor
     return moved_result(search, before, (Evaluated(best[0].values, value, result, []), best[1]), run.points)
+
+
+def _refuse(scene: Scene, assembly: Assembly) -> None:
+    """Raise InputError for what fields do not move."""
+    if assembly.dimension != 2:
+        raise InputError("cracks", "joints in space move by faces alone", '"faces"')
+    if scene.move is not None and scene.move.maximise != "load_factor":
+        raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
+    if assembly.has_low_values:
+        raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
+    fields_problem.require_planar_fields(assembly)
 
 
 def _improve(

@@ -187,11 +187,17 @@ def _add_case(
     rows.add("linear", yields[:linear], right[:linear])
     rows.add("cones", yields[linear:], right[linear:])
     rows.cones += list(s.cones)
-    load = sp.csr_array(([1.0], ([0], [s.shape[1] - 1])), shape=(1, s.shape[1]))
+    _add_goal(rows, case, state, goal)
+
+
+def _add_goal(rows: _Rows, case: int, state: CaseState, goal: Goal) -> None:
+    """Add the row or rows that tie λ of one load case to the goal, or hold it at 0."""
+    columns = state.template.columns
+    load = sp.csr_array(([1.0], ([0], [columns - 1])), shape=(1, columns))
     if state.dead:
         rows.add("equal", rows.placed(case, load, None, None), np.zeros(1))
     elif goal == "load_factor":
-        scale = scaling.load / state.required / rows.unit
+        scale = state.template.scaling.load / state.required / rows.unit
         rows.add("linear", rows.placed(case, -scale * load, None, np.ones(1)), np.zeros(1))
     elif goal == "slack":
         rows.add("linear", rows.placed(case, -load, None, None), np.zeros(1))

@@ -175,14 +175,19 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     ends = np.stack([start[i] + low[hit, None] * unit[i], start[i] + high[hit, None] * unit[i]], axis=1)
     first_off, last_off = ends_off[:, hit]
     smaller_off = np.where(first_off * last_off < 0.0, 0.0, abs(ends_off[:, hit]).min(axis=0))
+    between, larger_off = _half_way(ends, outward[i], first_off, last_off)
+    return _FacingEdges(pair, ends, outward[i], larger_off, smaller_off, np.minimum(length[i], length[j]), between)
+
+
+def _half_way(ends: Floats, outward: Floats, first_off: Floats, last_off: Floats) -> tuple[Floats, Floats]:
+    """Return points (k, 2) between overlaps (k, 2, 2) and edges at these distances (k,), and the larger distances."""
     at_first = abs(first_off) >= abs(last_off)
     far, close = np.where(at_first, first_off, last_off), np.where(at_first, last_off, first_off)
     # Edges that cross near their middle have no room there: the point moves towards the end that is farther apart.
     towards_far = np.where(close * np.sign(far) >= -0.5 * abs(far), 0.5, 0.75)
     place = np.where(at_first, 1.0 - towards_far, towards_far)[:, None]
     half_way = 0.5 * (close + towards_far * (far - close))
-    between = ends[:, 0] + place * (ends[:, 1] - ends[:, 0]) + half_way[:, None] * outward[i]
-    return _FacingEdges(pair, ends, outward[i], far, smaller_off, np.minimum(length[i], length[j]), between)
+    return np.asarray(ends[:, 0] + place * (ends[:, 1] - ends[:, 0]) + half_way[:, None] * outward), np.asarray(far)
 
 
 def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:

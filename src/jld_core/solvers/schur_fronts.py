@@ -398,20 +398,13 @@ def face_blocks(structure: Structure) -> FaceBlocks:
     head = np.arange(rows)
     first = equalities + structure.linear
     head[first:] = first + (np.arange(rows - first) // size) * size
-    apart = np.zeros(columns, dtype=bool)
-    apart[np.bincount(column, minlength=columns) > _WIDE] = True
-    apart[-1] = True
-    chosen = yields & ~apart[column]
-    part = components(columns + rows, column[chosen], columns + head[row[chosen]])
-    # A column that shares its rows with no other column is a load factor and belongs to no face.
-    columns_of_part = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
     touched = np.zeros(columns, dtype=bool)
     touched[column[yields]] = True
-    apart |= touched & (columns_of_part[part[:columns]] == 1)
+    part, apart = _parts(column, row, yields, head, touched)
     idle = np.flatnonzero(~touched & ~apart)
     face_column = np.flatnonzero(touched & ~apart)
     border = np.flatnonzero(apart)
-    if len(border) > _MOST_BORDER or columns_of_part.max(initial=0) > _MOST:
+    if len(border) > _MOST_BORDER:
         raise SolverError("the columns of this program are not separable by face")
     faces, column_face = np.unique(part[face_column], return_inverse=True)
     row_part = part[columns + head]
@@ -432,6 +425,24 @@ def face_blocks(structure: Structure) -> FaceBlocks:
         border_yields=BorderEntries(data[in_yields], row[in_yields] - equalities, border_index[column[in_yields]]),
         border_equations=BorderEntries(data[in_equations], row[in_equations], border_index[column[in_equations]]),
     )
+
+
+def _parts(column: Ints, row: Ints, yields: Bools, head: Ints, touched: Bools) -> tuple[Ints, Bools]:
+    """Return the parts (columns + rows,) that yield rows join, and a mask (columns,) of those that border them.
+
+    column, row, yields: of each entry; head: (rows,) row that stands for it; touched: (columns,) enter yield rows.
+    """
+    columns, rows = len(touched), len(head)
+    apart = np.zeros(columns, dtype=bool)
+    apart[np.bincount(column, minlength=columns) > _WIDE] = True
+    apart[-1] = True
+    chosen = yields & ~apart[column]
+    part = components(columns + rows, column[chosen], columns + head[row[chosen]])
+    # A column that shares its rows with no other column is a load factor and belongs to no face.
+    columns_of_part = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
+    if columns_of_part.max(initial=0) > _MOST:
+        raise SolverError("the columns of this program are not separable by face")
+    return part, apart | (touched & (columns_of_part[part[:columns]] == 1))
 
 
 class _Layout:

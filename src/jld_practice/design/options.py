@@ -13,7 +13,17 @@ from typing import Any, Final, Literal
 import numpy as np
 import shapely
 
-from jld_core import Assembly, Floats, InputError, ParameterError, Scene, build_assembly, load_scene, parse_scene
+from jld_core import (
+    Assembly,
+    Elements,
+    Floats,
+    InputError,
+    ParameterError,
+    Scene,
+    build_assembly,
+    load_scene,
+    parse_scene,
+)
 from jld_core.build import build_geometry
 from jld_core.geometry import unions
 from jld_formats import ImportOptions, Notes, cells, forces, import_file, libraries
@@ -574,20 +584,10 @@ def _united(scene: Scene, notes: Notes) -> Scene:
     united = [{"id": f"outline{k}", "polygon": part.shell.tolist()} for k, part in enumerate(parts)]
     shapes = [shapely.Polygon(part.shell) for part in parts]
 
-    def moved(entry: dict[str, Any]) -> dict[str, Any]:
-        """Return a load that refers to the outline that its element is part of, wherever it acts."""
-        if "element" not in entry:
-            return entry
-        k = elements.index[entry["element"]]
-        inside = shapely.Polygon(elements.shape[k]).representative_point()
-        number = int(np.argmin(shapely.distance(shapes, inside)))
-        at = entry.get("at") or elements.centroid[k].tolist()
-        return {**entry, "element": f"outline{number}", **({"at": at} if entry.get("force") is not None else {})}
-
     for owner in owners:
         for key in ("live", "dead"):
             if key in owner:
-                owner[key] = [moved(entry) for entry in owner[key]]
+                owner[key] = [_on_outline(entry, elements, shapes) for entry in owner[key]]
     if scene.grid is not None:
         document["thickness"] = scene.grid.thickness
     dropped = [key for key in _OF_CELLS if document.get("search", {}).pop(key, None) is not None]
@@ -598,6 +598,17 @@ def _united(scene: Scene, notes: Notes) -> Scene:
         document.pop(key, None)
     document["elements"] = [*united, *(entry for entry in entries if entry.get("support"))]
     return parse_scene(document, scene.name)
+
+
+def _on_outline(entry: dict[str, Any], elements: Elements, outlines: list[shapely.Polygon]) -> dict[str, Any]:
+    """Return a load that refers to the outline that its element is part of, wherever it acts."""
+    if "element" not in entry:
+        return entry
+    k = elements.index[entry["element"]]
+    inside = shapely.Polygon(elements.shape[k]).representative_point()
+    number = int(np.argmin(shapely.distance(outlines, inside)))
+    at = entry.get("at") or elements.centroid[k].tolist()
+    return {**entry, "element": f"outline{number}", **({"at": at} if entry.get("force") is not None else {})}
 
 
 def _refuse_named_elements(scene: Scene, owners: list[dict[str, Any]]) -> None:
