@@ -271,8 +271,8 @@ def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: 
             f"{counts['proven']} of {len(whole)} are proven: all layouts of their cells with at most as many parts are "
             "known.",
             f"λ is at least {ratio.min():.3f} times that of planes along the axes with as many parts, and at least "
-            f"1.15 times it on {len(better)}: {', '.join(better)}. Such planes need more parts on {len(fewer)}: "
-            f"{', '.join(fewer)}.",
+            f"1.15 times it on {len(better)}: {', '.join(better)} (the planes have no keys). Such planes need more "
+            f"parts on {len(fewer)}: {', '.join(fewer)}.",
             f"Keys raise λ on {len(keyed)}: {', '.join(gains) or 'none'}. On the others none slides, or no key "
             "raises it.",
             f"Volumes of the files differ from those of the parts by at most {whole['file_error'].max():.1e}.",

@@ -109,16 +109,13 @@ def body_of(solid: Any, wish: Wish) -> Body:
     held = np.concatenate([ground.corners for ground in grounds_of(wish.setting, solid)])
     weight = wish.setting.matter.density * 9.81 * solid.volume() * np.array([0.0, 0.0, -1.0])
     forces, pushed = [], np.zeros(3)
+    each = [Facet(facet.corners[k : k + 1], facet.normals[k : k + 1]) for k in range(len(facet.corners))]
     for load in wish.setting.loads:
         if load.body:
             pushed = pushed + load.vector * np.linalg.norm(weight)
         else:
-            forces += [(force, at) for _, force, at in shares(load, _scattered(facet))]
+            forces += [(force, at) for _, force, at in shares(load, each)]
     return Body(solid, held, forces, weight + pushed, wish.limits)
-
-
-def _scattered(facet: Facet) -> list[Facet]:
-    return [Facet(facet.corners[k : k + 1], facet.normals[k : k + 1]) for k in range(len(facet.corners))]
 
 
 def family_of(name: str, title: str, body: Body, wish: Wish) -> Family | None:

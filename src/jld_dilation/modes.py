@@ -357,10 +357,6 @@ class Statics:
             force_bounds[3 * face : 3 * face + 3] = np.minimum((most, slides, most), coarse[3 * face])
         return force_bounds
 
-    def closed_modes(self) -> Bools:
-        """Return a mask (4m,) of modes that are proven not to move: y > 0 in every state."""
-        return self.proven_positive(self.modes.slacks, ~self.held)
-
     def proven_positive(self, forms: Floats, tested: Bools) -> Bools:
         """Return which `tested` (k,) forms (k, 3m + 2) are proven positive in every state."""
         found, seen = np.zeros(len(forms), dtype=bool), np.where(tested, np.inf, 0.0)
@@ -405,7 +401,8 @@ def bound_velocities(statics: Statics) -> Floats | None:
         return None
     capacity = abs(modes.capacities) @ sizes
     taken = np.zeros((0, loose.shape[1]))
-    for face in _by_weight(jumps[:, 1] @ loose):
+    # faces by the size of their slip in motions without opening, largest first
+    for face in np.argsort(-np.linalg.norm(jumps[:, 1] @ loose, axis=1), kind="stable").tolist():
         if len(taken) == loose.shape[1]:
             break
         way = jumps[face, 1] @ loose
@@ -437,11 +434,6 @@ def bound_velocities(statics: Statics) -> Floats | None:
         return None
     slips = abs(jumps[:, 1]) @ velocity
     return np.asarray(np.concatenate([velocity, slips]))
-
-
-def _by_weight(ways: Floats) -> list[int]:
-    """Sort faces by the size of their slip (m, k) in motions without opening, largest first."""
-    return [int(face) for face in np.argsort(-np.linalg.norm(ways, axis=1), kind="stable")]
 
 
 @dataclass(frozen=True)
@@ -483,4 +475,5 @@ class BoundedModes:
     def region(self, low: float, high: float, closed: Bools, held: Bools) -> Region:
         """Return the region low ≤ λ ≤ high of closed (z = 0) and held (y = 0) modes (4m,); proven ones close too."""
         statics = Statics(self.modes, low, high, held, self.force_bounds)
-        return Region(low, high, closed | statics.closed_modes(), held)
+        still = statics.proven_positive(self.modes.slacks, ~held)  # y > 0 in every state
+        return Region(low, high, closed | still, held)

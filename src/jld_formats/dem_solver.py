@@ -41,13 +41,10 @@ def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:
     results = Dem(layout, True, nodes).results()
     model, problems = model_and_problems(document)
     results["data"]["model_id"] = str(model.get("guid", ""))
-    results["data"]["problem_id"] = next((str(one) for one in _guids(document)), "") if problems else ""
+    stated = data_of(document).get("problems") or [{}]
+    results["data"]["problem_id"] = str(stated[0].get("guid", "")) if problems else ""
     results["data"]["metadata"]["assumed"] = list(notes.assumed)
     return results
-
-
-def _guids(document: dict[str, Any]) -> list[str]:
-    return [str(problem.get("guid", "")) for problem in data_of(document).get("problems") or []]
 
 
 def dem_solve(problem: Any, model: Any = None, **options: Any) -> Any:

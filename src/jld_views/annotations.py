@@ -274,7 +274,8 @@ def draw_members(
     if assembly.fill:
         joined = shapely.union_all([shapely.Polygon(outline) for outline in assembly.fill])
         parts = [np.array(part.exterior.coords) for part in getattr(joined, "geoms", [joined])]
-        drawn["fill"] = [ax.add_patch(_soil(part)) for part in parts]
+        look_of_soil: dict[str, Any] = {"facecolor": WHITE, "edgecolor": HATCH, "hatch": "....", "linewidth": 0.0}
+        drawn["fill"] = [ax.add_patch(Polygon(part, zorder=0.2, **look_of_soil)) for part in parts]
     if not members:
         return
     force = None if forces is None else effects(assembly, forces)
@@ -298,10 +299,6 @@ def draw_members(
             found.append(_written(ax, line, float(force[k])))
     if found:
         drawn["pressures" if set(members.kinds) == {"fill"} else "members"] = found
-
-
-def _soil(outline: Floats) -> Polygon:
-    return Polygon(outline, facecolor=WHITE, edgecolor=HATCH, hatch="....", linewidth=0.0, zorder=0.2)
 
 
 def _written(ax: Axes, line: Floats, force: float) -> Artist:

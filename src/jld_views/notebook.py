@@ -28,9 +28,8 @@ class AssemblyView:
         if len(thing.elements) > LARGEST:
             return None
         from jld_views import figures
-        from jld_views import figures as small_pictures
 
-        return small_pictures.drawing_of(figures.figure_of_assembly(thing))
+        return figures.drawing_of(figures.figure_of_assembly(thing))
 
     def figure(self, thing: Assembly, *, ids: bool = False, values: bool = False) -> Figure:
         from jld_views import figures
@@ -48,9 +47,8 @@ class ResultView:
         if len(thing.assembly.elements) > LARGEST:
             return None
         from jld_views import figures
-        from jld_views import figures as small_pictures
 
-        return small_pictures.drawing_of(figures.figure_of_result(thing))
+        return figures.drawing_of(figures.figure_of_result(thing))
 
     def figure(self, thing: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
         from jld_views import figures
@@ -80,9 +78,9 @@ class FieldResultView:
     def drawing(self, thing: by_fields.FieldResult) -> str | bytes | None:
         if len(thing.assembly.elements) > LARGEST:
             return None
-        from jld_views import figures as small_pictures
+        from jld_views import figures
 
-        return small_pictures.drawing_of(self.figure(thing))
+        return figures.drawing_of(self.figure(thing))
 
     def figure(self, thing: by_fields.FieldResult, *, ids: bool = False, values: bool = False) -> Figure:
         """Return the figure of a result; in space, where fields have no picture, that of the labelled structure."""

@@ -121,6 +121,7 @@ def test_spaces_of_other_kinds(rows: list[str], options: dict[str, Any], tmp_pat
     assert found.summary.proven is True
     assert found.summary.best == every.summary.best
     assert found.summary.unbounded == every.summary.unbounded
+    assert found.summary.unbounded or found.summary.bound >= found.summary.best
     assert (found.summary.bound is None) == (every.summary.bound is None) == found.summary.unbounded
 
 

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from jld_core import Scene, parse_scene
-from jld_explore import explore
+from jld_core import Scene, SolveOptions, build_assembly, parse_scene
+from jld_core.deadline import Deadline
+from jld_explore import explore, search_space
+from jld_explore.drivers import proof_beside
 
 SECONDS = 60.0
 
@@ -57,6 +59,17 @@ def test_a_search_under_a_time_limit_takes_up_what_is_proven_beside_it(tmp_path:
     assert done.summary.best <= best * (1.0 + 1e-6)
     assert done.summary.bound >= best * (1.0 - 1e-6)
     assert done.results["labelling"].is_unique
+
+
+def test_the_exact_driver_beside_a_search_evaluates_load_cases() -> None:
+    """Its process would otherwise end with a traceback, where the bound over all blocks does not meet the best."""
+    scene = beam(cases=True)
+    proof = proof_beside._Proof(search_space(scene, build_assembly(scene)), SolveOptions(), None)
+    proof.prove(Deadline(SECONDS))
+    assert proof.driver is not None
+    assert proof.driver.finished
+    assert proof.driver.bound is not None
+    assert proof.found.low == pytest.approx(proof.driver.bound, rel=1e-5)
 
 
 def test_a_space_without_a_bound_says_so(tmp_path: Path) -> None:

@@ -214,11 +214,6 @@ def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> t
     return None, problems
 
 
-def _is_there(library: Path) -> bool:
-    """Return True if a library exists and was compiled from the present sources."""
-    return library.exists() and is_current(library)
-
-
 def remove_others(library: Path) -> None:
     """Remove the other libraries of the same variant, which would be found first."""
     for other in library.parent.glob(f"{library.stem}.*"):
@@ -238,7 +233,8 @@ def main() -> None:
     if in_place:
         options = {"--best": [best()], "--ends": list(dict.fromkeys((best(), variants()[-1])))}
         folder, wanted = Path(__file__).parent, options.get("".join(wanted[1:]), list(variants()))
-        wanted = [name for name in wanted if not _is_there(folder / f"_{name}.so")]
+        built = {name: folder / f"_{name}.so" for name in wanted}
+        wanted = [name for name, path in built.items() if not (path.exists() and is_current(path))]
     elif wanted[0] in SANITIZED:
         folder, extra, wanted = Path(wanted[1]), SANITIZED[wanted[0]], [variants()[-1]]
     # Each compiler is a process of its own, so threads keep all cores busy.

@@ -253,8 +253,8 @@ def _inner_forces(
     yields = s.equalities + 1 + np.flatnonzero(within[pattern.row_face])
     linear = yields[yields < s.equalities + s.linear]
     conic = yields[yields >= s.equalities + s.linear]
-    cone_within = within[_cone_faces(pattern.row_face, pattern.linear, s.cones)]
-    sizes = tuple(np.array(s.cones, dtype=np.int64)[cone_within].tolist())
+    of_cones = pattern.row_face[pattern.linear + beginnings(s.cones)]
+    sizes = tuple(np.array(s.cones, dtype=np.int64)[within[of_cones]].tolist())
     # one slack for each block, in its linear rows and in the first rows of its cones
     block = rigid.group[faces.a]
     names, position = np.unique(block[inside], return_inverse=True)
@@ -303,10 +303,6 @@ def _columns_of(template: Template, within: Bools) -> Ints:
     owner = np.zeros(pattern.extra, dtype=np.int64)
     owner[pattern.column[further] - q * count] = pattern.face[further]
     return np.concatenate([columns, q * count + np.flatnonzero(within[owner])])
-
-
-def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
-    return np.asarray(row_face[linear + beginnings(cones)])
 
 
 def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, motion: Motion) -> Motion:

@@ -23,7 +23,7 @@ from jld_core.threads import memory_limit, one_thread
 from jld_explore.drivers.exact.block_bounds import BlockSpace, sides_of
 from jld_explore.drivers.exact.context import listed_blocks
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.evaluation import Evaluator, EvaluatorSettings, Pool
+from jld_explore.evaluation import EvaluatorSettings, Pool, evaluator_of
 from jld_explore.evaluation.cases import Standing
 from jld_explore.evaluation.pool import is_lost
 from jld_explore.evaluation.protocol import Evaluation
@@ -154,7 +154,7 @@ class _Proof:
     def prove(self, deadline: Deadline) -> None:
         """Run the exact driver until it ends or the deadline passes, in a thread that `_go_on` looks at."""
         driver = self.driver = Exact(self.space)
-        evaluator = Evaluator(self.space.assembly, EvaluatorSettings(self.model))
+        evaluator = evaluator_of(self.space.assembly, EvaluatorSettings(self.model))
         standing = Standing(self.space.assembly, self.model)
 
         def evaluated(labellings: Bits) -> tuple[Bits, list[Evaluation]]:

@@ -488,7 +488,7 @@ class RecordedEvaluator:
     def submit(self, labellings: Bits) -> PendingEvaluations:
         """Begin to evaluate the labellings (k, m) not on record."""
         found = self.records.find_all(labellings)
-        missing = _missing(found)
+        missing = np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
         run, first_required = None, False
         if missing.size:
             thresholds = None if self._front is None else self._front.thresholds(labellings[missing])
@@ -518,10 +518,6 @@ class RecordedEvaluator:
                         break
         complete = [evaluation for evaluation in found if evaluation is not None]
         return complete if len(complete) == len(found) else None
-
-
-def _missing(found: list[Evaluation | None]) -> Ints:
-    return np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
 
 
 REFINED_FILE: Final = "refined.npz"  # refined evaluations in the folder of a study

@@ -188,6 +188,11 @@ VISITED: Final = "visited"  # evidence of a point that was evaluated during a se
 COLUMN: Final = "evidence"  # name of the column of the evidence
 
 
+def raised(bound: float, best: pd.Series[Any]) -> float:
+    """Return a bound that is not below λ of a row, which lies somewhere in its bracket."""
+    return max(bound, float(best["load_factor"])) if best["bracket_lo"] <= bound else bound
+
+
 def front_rows(
     front: pd.DataFrame, summary: Mapping[str, Any], axes: Sequence[tuple[str, str]], *, complete: bool, aimed: bool
 ) -> list[dict[str, Any]]:
@@ -214,7 +219,7 @@ def front_rows(
             {
                 "count": value,
                 "load_factor": float(best["load_factor"]),
-                "bound": None if bound is None else float(bound),
+                "bound": None if bound is None else raised(float(bound), best),
                 "proven": sure,
                 COLUMN: PROVEN if sure else FOUND if aimed or strongest else VISITED,
             }

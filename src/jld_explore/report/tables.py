@@ -26,7 +26,7 @@ from jld_explore.evaluation import Records
 from jld_explore.evaluation.cases import Standing
 from jld_explore.evaluation.protocol import BOUND, ORDER, load_factors, settled, statuses
 from jld_explore.evaluation.records import RefinedRecords
-from jld_explore.report.columns import csv_of
+from jld_explore.report.columns import csv_of, raised
 from jld_explore.search.state import StopReason, versions
 from jld_explore.search.study import Study
 from jld_explore.space import Count, count_named, registered, unpack
@@ -568,6 +568,8 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         bound = max(float(ranked["bracket_hi"].max()), known)
     if unbounded:  # a driver may have a bound on all others
         bound = None
+    if bound is not None and not ranked.empty:
+        bound = raised(bound, ranked.iloc[0])
     gap = None
     if best is not None and bound is not None:
         width = relative_width(float(ranked["bracket_lo"].max()), bound, load_scale(study.assembly))

@@ -12,7 +12,6 @@ from typing import Final, Literal
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
-from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, Choice, applies_to
 from jld_explore.drivers.exact.block_bounds import BlockBoundPool
 from jld_explore.drivers.exact.context import BlockTables, PossibleBlocks, ProofContext
@@ -377,7 +376,9 @@ class BlockSearch:
         tree = BlockTree(self._bounds, self._context.space, blocks, least, root)
         self._root_proof = tuple(map(BlockEvidence, tree.root.mechanisms))
         narrow = self._context.relaxation.batched and root - least <= _NARROW_GAP[self._bounds.batched] * abs(root)
-        quick = all(map(_has_wedges, self._context.analyses))
+        # the relaxation of wedges is a linear program; with cones it is too slow for a tree
+        sets = [analysis.template.yield_set for analysis in self._context.analyses]
+        quick = all(one.coulomb_wedge(dry=True) is not None for one in sets)
         if self._wanted == "on" or (quick and not narrow and root - tree.root.bound >= _GAP_CLOSED * (root - least)):
             self._tree = tree
         return min(root, tree.root.bound)
@@ -453,8 +454,3 @@ class BlockSearch:
         self._offered.add(labels.tobytes())
         nothing = np.zeros(len(labels), dtype=bool)
         return labels if self._context.relaxation.refute(labels, nothing, threshold) is None else None
-
-
-def _has_wedges(analysis: LimitAnalysis) -> bool:
-    """Return whether the block relaxation is a linear program; with cones it is too slow for a tree."""
-    return analysis.template.yield_set.coulomb_wedge(dry=True) is not None

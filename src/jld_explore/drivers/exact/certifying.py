@@ -188,7 +188,8 @@ class Certifier:
             for image in group:
                 decided, labels = self._always_dry()
                 decided[image[hint.faces]], labels[image[hint.faces]] = True, hint.labels
-                place = self._add(_clause(decided, labels), None)
+                clause = [face + 1 if labels[face] else -(face + 1) for face in np.flatnonzero(decided).tolist()]
+                place = self._add(clause, None)
                 self._hints[place] = decided, labels, hint.by_possible_blocks
 
     def _always_dry(self) -> tuple[Bits, Bits]:
@@ -437,7 +438,3 @@ class _Units:
 
 def _whole(values: Iterable[float], digits: int) -> tuple[int, ...]:
     return tuple(round(Fraction(float(value)) * (1 << digits)) for value in values)
-
-
-def _clause(decided: Bits, labels: Bits) -> list[int]:
-    return [face + 1 if labels[face] else -(face + 1) for face in np.flatnonzero(decided).tolist()]
