@@ -39,7 +39,7 @@ from jld_geometry.convex_cells import VertexMesh, vertex_mesh
 from jld_geometry.limits import loads_that_move
 from jld_geometry.moved_scene import MovedScene
 from jld_geometry.spatial_rates import shape_loads
-from jld_geometry.variables import variables_of
+from jld_geometry.variables import Variables, variables_of
 
 _ROUTE: Final = Route("a bound over a box of positions", frozenset({"friction"}))
 
@@ -66,6 +66,9 @@ class BoxBound:
     value: float
     velocity: Floats | None  # (3·free,) mechanism that proves it, scaled as `BoxProblem`
     case: int = 0  # position of the load case whose mechanism it is
+
+
+_MORE: Final = 1.1  # factor on the opening that a mechanism lacks: a little more is added
 
 
 class BoxProblem:
@@ -129,18 +132,19 @@ class BoxProblem:
             turn = corner[..., 0] * after[..., 1] - corner[..., 1] * after[..., 0]
             area[:, element] = 0.5 * turn.sum(axis=1)
             moment[:, element] = ((corner + after) * turn[..., None]).sum(axis=1) / 6.0
-        both = np.concatenate([area[..., None], moment], axis=-1).reshape((4,) * count + (len(self._mesh.loops), 3))
+        # area and moments at the points, then as Bernstein coefficients, axis by axis
+        moments = np.concatenate([area[..., None], moment], axis=-1).reshape((4,) * count + (len(self._mesh.loops), 3))
         for axis in range(count):
-            both = np.moveaxis(np.tensordot(_TO_BERNSTEIN / 6.0, both, axes=(1, axis)), 0, axis)
-        both = both.reshape(len(values), len(self._mesh.loops), 3)
-        return both[..., 0], both[..., 1:]
+            moments = np.moveaxis(np.tensordot(_TO_BERNSTEIN / 6.0, moments, axes=(1, axis)), 0, axis)
+        moments = moments.reshape(len(values), len(self._mesh.loops), 3)
+        return moments[..., 0], moments[..., 1:]
 
     def loads(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
         """Compute scaled dead and live loads on free elements over a box: (4^p, 3·free) in Bernstein form."""
         area, moment = self._bernstein_moments(low, high)
         free = self._assembly.elements.free
         whole = self._mesh_areas()
-        found = []
+        dead_and_live = []
         for load, by_volume in self._loads:
             fixed = load.copy()
             fixed[:, :2] -= by_volume
@@ -149,8 +153,9 @@ class BoxProblem:
             total[..., :2] += area[..., None] * share
             total[..., 2] += moment[..., 0] * share[:, 1] - moment[..., 1] * share[:, 0]
             total[..., 2] /= self._length
-            found.append(total[:, free].reshape(len(area), -1))
-        return found[0] / self._force, found[1] * self.unit / self._force
+            dead_and_live.append(total[:, free].reshape(len(area), -1))
+        dead, live = dead_and_live
+        return dead / self._force, live * self.unit / self._force
 
     def _mesh_areas(self) -> Floats:
         areas = []
@@ -197,10 +202,10 @@ class BoxProblem:
 
     def motion(self, velocity: Floats) -> Floats:
         """Convert scaled velocities (3·free,) to velocities (n, 3) about the centroids, up to a factor."""
-        found = np.zeros((len(self._row), 3))
-        found[self._row >= 0] = velocity.reshape(-1, 3)
-        found[:, 2] /= self._length
-        return found
+        motion = np.zeros((len(self._row), 3))
+        motion[self._row >= 0] = velocity.reshape(-1, 3)
+        motion[:, 2] /= self._length
+        return motion
 
     # --- bound ------------------------------------------------------------------------------------------
 
@@ -240,10 +245,10 @@ class BoxProblem:
                 opening = _opening(forces)
                 if opening is None:
                     return math.inf, None
-            least = forces @ opening - _ROUNDED * (sizes @ abs(opening))
-            if least.min() <= 0.0:
+            room = forces @ opening - _ROUNDED * (sizes @ abs(opening))
+            if room.min() <= 0.0:
                 return math.inf, None
-            velocity = velocity + 1.1 * float((np.maximum(missing, 0.0) / least).max()) * opening
+            velocity = velocity + _MORE * float((np.maximum(missing, 0.0) / room).max()) * opening
         return math.inf, None
 
 
@@ -272,9 +277,9 @@ def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = F
         rows[first:, -1] = 1.0
     objective = np.zeros(count + 1)
     objective[-1] = 0.0 if standing else 1.0
-    least, most = np.full(count + 1, -np.inf), np.full(count + 1, np.inf)
-    least[-1] = -1.0
-    return _solved(rows, objective, low, least, most, count)
+    x_low, x_high = np.full(count + 1, -np.inf), np.full(count + 1, np.inf)
+    x_low[-1] = -1.0
+    return _solved(rows, objective, low, x_low, x_high, count)
 
 
 def _opening(forces: Floats) -> Floats | None:
@@ -295,6 +300,8 @@ def _solved(rows: Floats, objective: Floats, low: Floats, least: Floats, most: F
         return None
     return np.array(highs.getSolution().col_value)[:count]
 
+
+_WIDE: Final = 0.25  # width of a box along a parameter, over the largest, from which it may be halved there
 
 _MOST: Final = 4  # largest number of parameters of a box
 
@@ -355,17 +362,8 @@ class _Search:
         move = scene.move or scene_move.Move()
         mesh = vertex_mesh(assembly)
         variables = variables_of(assembly, labels, mesh, move, named=True)
+        _require_linear(move, variables)
         basis = variables.basis
-        if move.ties == "equal-shapes":
-            problem = 'the ties "equal-shapes" are not linear in the positions'
-            raise ParameterError("prove", problem, '"mirror-x" or lists of points')
-        if move.maximise != "load_factor":
-            raise ParameterError("prove", f'it bounds λ, not "{move.maximise}"', '"maximise": "load_factor"')
-        if not np.isnan(variables.centre).all():
-            raise ParameterError("prove", "vertices on circles do not move along lines", '"along" with directions')
-        if basis.shape[1] > _MOST:
-            problem = f"{basis.shape[1]} parameters are too many to bound"
-            raise ParameterError("prove", problem, f'at most {_MOST}: name vertices in "along", or tie them')
         jacobian = variables.jacobian(np.zeros(variables.count))
         self.count = basis.shape[1]
         self.directions = np.asarray((jacobian @ basis).T.reshape(self.count, -1, 2))
@@ -379,10 +377,10 @@ class _Search:
     def bound(self, low: Floats, high: Floats) -> BoxBound:
         """Bound the governing load factor over a box: the least bound of all load cases."""
         self.boxes += 1
-        found = [one.bound(low, high) for one in self.problems]
-        values = [one.value / factor for one, factor in zip(found, self.required, strict=True)]
-        least = int(np.argmin(values))
-        return BoxBound(values[least], found[least].velocity, least)
+        bounds = [problem.bound(low, high) for problem in self.problems]
+        values = [bound.value / factor for bound, factor in zip(bounds, self.required, strict=True)]
+        case = int(np.argmin(values))
+        return BoxBound(values[case], bounds[case].velocity, case)
 
     def node(self, bound: BoxBound) -> BoxNode:
         """Make a leaf of the tree from a bound, with the velocities of all elements."""
@@ -411,17 +409,32 @@ class _Search:
         Each half has bound, low and high (p,). whole: (p,) size of the first box.
         """
         choices = []
-        wide = np.flatnonzero((high - low) / whole >= 0.25 * ((high - low) / whole).max())
-        for axis in wide.tolist():
+        width = (high - low) / whole
+        for axis in np.flatnonzero(width >= _WIDE * width.max()).tolist():
             middle = 0.5 * (low[axis] + high[axis])
             halves = []
-            for from_, to in ((low[axis], middle), (middle, high[axis])):
-                one, other = low.copy(), high.copy()
-                one[axis], other[axis] = from_, to
-                halves.append((self.bound(one, other), one, other))
+            for start, end in ((low[axis], middle), (middle, high[axis])):
+                half_low, half_high = low.copy(), high.copy()
+                half_low[axis], half_high[axis] = start, end
+                halves.append((self.bound(half_low, half_high), half_low, half_high))
             values = sorted(half[0].value for half in halves)
             choices.append((values[1], values[0], axis, halves))
         return min(choices, key=lambda choice: choice[:3])[2:]
+
+
+def _require_linear(move: scene_move.Move, variables: Variables) -> None:
+    """Raise ParameterError unless positions are linear in few parameters, and λ is the objective."""
+    if move.ties == "equal-shapes":
+        problem = 'the ties "equal-shapes" are not linear in the positions'
+        raise ParameterError("prove", problem, '"mirror-x" or lists of points')
+    if move.maximise != "load_factor":
+        raise ParameterError("prove", f'it bounds λ, not "{move.maximise}"', '"maximise": "load_factor"')
+    if not np.isnan(variables.centre).all():
+        raise ParameterError("prove", "vertices on circles do not move along lines", '"along" with directions')
+    count = variables.basis.shape[1]
+    if count > _MOST:
+        problem = f"{count} parameters are too many to bound"
+        raise ParameterError("prove", problem, f'at most {_MOST}: name vertices in "along", or tie them')
 
 
 @one_thread()
@@ -509,7 +522,7 @@ def _branch(
     heap = [(-tree.bound, 0, low, high, tree)]
     number, closed = 0, -math.inf
     while heap:
-        value, _, one, other, node = heap[0]
+        value, _, start, end, node = heap[0]
         best = -math.inf if search.best is None else search.best[0]
         bound = max(-value, closed)
         if progress is not None:
@@ -517,19 +530,19 @@ def _branch(
         if (search.best is not None and _gap(best, bound) <= gap) or time.perf_counter() > deadline:
             return bound
         heapq.heappop(heap)
-        search.try_position(0.5 * (one + other))
-        if ((other - one) / whole).max() < _NARROW:
+        search.try_position(0.5 * (start + end))
+        if ((end - start) / whole).max() < _NARROW:
             closed = max(closed, -value)
             continue
-        node.axis, halves = search.split(one, other, whole)
+        node.axis, halves = search.split(start, end, whole)
         node.at = float(halves[1][1][node.axis])
-        for half, start, end in halves:
+        for half, half_start, half_end in halves:
             # a bound of the whole holds for its parts
             child = search.node(half) if half.value <= node.bound else BoxNode(node.bound, node.motion, node.case)
             node.halves.append(child)
             if child.bound > -math.inf:
                 number += 1
-                heapq.heappush(heap, (-child.bound, number, start, end, child))
+                heapq.heappush(heap, (-child.bound, number, half_start, half_end, child))
         node.motion = None  # its halves have their own
     return closed
 
@@ -562,18 +575,18 @@ def box_claim(done: ProvenBox) -> tuple[BoxClaim, list[Node]]:
 
 def _nodes(tree: BoxNode, done: ProvenBox) -> list[Node]:
     """Return the nodes of a tree, each before its halves; InputError without a finite bound."""
-    found: list[Node] = []
+    nodes: list[Node] = []
     waiting = [tree]
     while waiting:
         node = waiting.pop()
         if node.halves:
-            found.append(Split(node.axis, node.at))
+            nodes.append(Split(node.axis, node.at))
             waiting += node.halves[::-1]
             continue
         if node.motion is None or not math.isfinite(done.bound):
             raise InputError("certificate", "no bound was proven", "a smaller box, or more time")
-        found.append(_leaf(node, done))
-    return found
+        nodes.append(_leaf(node, done))
+    return nodes
 
 
 def _leaf(node: BoxNode, done: ProvenBox) -> Leaf:
@@ -586,8 +599,9 @@ def _leaf(node: BoxNode, done: ProvenBox) -> Leaf:
             ux, uy, turn = (Fraction(value) for value in motion)
             x, y = (Fraction(value) for value in centre)
             exact[element] = (ux + turn * y, uy - turn * x, turn)
-    digits = max((value.denominator.bit_length() - 1 for three in exact.values() for value in three), default=0)
-    moves = {element: tuple(int(value * (1 << digits)) for value in three) for element, three in exact.items()}
+    values = [value for velocity in exact.values() for value in velocity]
+    digits = max((value.denominator.bit_length() - 1 for value in values), default=0)
+    moves = {k: tuple(int(value * (1 << digits)) for value in velocity) for k, velocity in exact.items()}
     return Leaf(node.case, digits, moves)
 
 

@@ -93,13 +93,13 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
         raise ValueError
     box = tuple(_pair(ends) for ends in head["box"])
     directions = tuple(tuple((_pair(point), _pair(way)) for point, way in motion) for motion in head["directions"])
-    found = head["load_factor"]
+    stated = head["load_factor"]
     best = None if head["parameters"] is None else tuple(_number(value) for value in head["parameters"])
     if not box or len(directions) != len(box) or any(low >= high for low, high in box):
         raise ValueError
-    if (found is None) != (best is None) or (best is not None and len(best) != len(box)):
+    if (stated is None) != (best is None) or (best is not None and len(best) != len(box)):
         raise ValueError
-    load_factor = None if found is None else _number(found)
+    load_factor = None if stated is None else _number(stated)
     return BoxClaim(head["scene"], _number(head["bound"]), box, directions, best, load_factor, head["made_by"])
 
 
@@ -233,7 +233,7 @@ class BoxStructure:
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
         corners = {point for loop in self.outlines for point in loop}
-        found: dict[Pair, list[Vector]] = {}
+        ways: dict[Pair, list[Vector]] = {}
         for parameter, motion in enumerate(claim.directions):
             if len({point for point, _ in motion}) < len(motion):
                 raise InputError("directions", "a point stands twice in one of them", "each point once")
@@ -241,8 +241,8 @@ class BoxStructure:
                 if point not in corners:
                     raise InputError("directions", f"{list(point)} is no corner of an element", "corners of elements")
                 still = [(Fraction(0), Fraction(0)) for _ in range(self.parameters)]
-                found.setdefault(point, still)[parameter] = (Fraction(way[0]), Fraction(way[1]))
-        return found
+                ways.setdefault(point, still)[parameter] = (Fraction(way[0]), Fraction(way[1]))
+        return ways
 
     def _joints(self, scene: Scene) -> list[Joint]:
         """Return the joints of a scene, except those between two supports; InputError for others."""
@@ -251,7 +251,7 @@ class BoxStructure:
         if not assembly.labels.all():
             raise InputError("interfaces", "a face is inner", "dry joints alone")
         strengths = assembly.strengths(_STRUCTURE_ROUTE, assembly.labels)
-        found: list[Joint] = []
+        joints: list[Joint] = []
         for entry in scene.interfaces or []:
             a, b = (self._names[name] for name in entry.elements)
             if a not in self.free and b not in self.free:
@@ -261,12 +261,12 @@ class BoxStructure:
             if ends is None or not _follows(self.outlines[b], ends[1], ends[0]):
                 problem = f"the face of {entry.elements} does not run from corner to corner of both"
                 raise InputError("interfaces", problem, "faces between consecutive corners")
-            friction = Fraction(float(strengths.friction[len(found)]))
+            friction = Fraction(float(strengths.friction[len(joints)]))
             sides = [k if k in self.free else -1 for k in (a, b)]
-            found.append(Joint(sides[0], sides[1], ends, friction))
-        if len(found) != len(assembly.interfaces):
+            joints.append(Joint(sides[0], sides[1], ends, friction))
+        if len(joints) != len(assembly.interfaces):
             raise InputError("interfaces", "they are not all stated", "a scene that states its interfaces")
-        return found
+        return joints
 
     def _weights(self, scene: Scene, thickness: Fraction) -> tuple[dict[int, Vector], dict[int, Fraction]]:
         """Return the self-weight per area of each free element as a vector, and its magnitude."""
@@ -319,15 +319,15 @@ class BoxStructure:
         # The variables of the polynomials run from 0 to 1 in the box.
         none = (0,) * self.parameters
         ways = self._ways.get(point)
-        found: tuple[Polynomial, Polynomial] = ({}, {})
+        coordinates: tuple[Polynomial, Polynomial] = ({}, {})
         for axis in range(2):
-            found[axis][none] = Fraction(point[axis])
+            coordinates[axis][none] = Fraction(point[axis])
             for k, way in enumerate(ways or []):
                 if way[axis]:
-                    found[axis][none] += way[axis] * low[k]
+                    coordinates[axis][none] += way[axis] * low[k]
                     power = tuple(int(j == k) for j in range(self.parameters))
-                    found[axis][power] = way[axis] * (high[k] - low[k])
-        return found
+                    coordinates[axis][power] = way[axis] * (high[k] - low[k])
+        return coordinates
 
     def moments(
         self, element: int, low: list[Fraction], high: list[Fraction]
@@ -340,10 +340,10 @@ class BoxStructure:
             turn = product(x0, y1)
             add(turn, product(x1, y0), -1)
             add(area, turn, Fraction(1, 2))
-            for axis, (one, other) in enumerate(((x0, x1), (y0, y1))):
-                both = dict(one)
-                add(both, other)
-                add(first[axis], product(both, turn), Fraction(1, 6))
+            for axis, (start, end) in enumerate(((x0, x1), (y0, y1))):
+                total = dict(start)
+                add(total, end)
+                add(first[axis], product(total, turn), Fraction(1, 6))
         return area, first[0], first[1]
 
 
@@ -425,13 +425,16 @@ def verify_box(path: Path, scene: Scene | None = None) -> VerifiedBox:
     return VerifiedBox(claim, held, boxes, path.stat().st_size, time.perf_counter() - start)
 
 
+_SAME: Final = 1e-9  # relative difference of numbers up to which two scenes are the same
+
+
 def _require_same(scene: Scene, held: Scene, path: str) -> None:
     """Raise InputError unless two scenes are the same structure and loads, to 1e-9."""
     one, other = build_assembly(scene), build_assembly(held)
     if one.elements.ids != other.elements.ids or _numbers(one).shape != _numbers(other).shape:
         same = False
     else:
-        same = np.allclose(_numbers(one), _numbers(other), rtol=1e-9, atol=1e-9)
+        same = np.allclose(_numbers(one), _numbers(other), rtol=_SAME, atol=_SAME)
     if not same:
         raise InputError(path, f"it is of another scene ({held.name!r})", f"a certificate of {scene.name!r}")
 

@@ -51,31 +51,38 @@ class ConvexCell:
             return self, None
         if (height >= 0.0).all():
             return None, self
+        places, crossing = self._crossings(height)
+        loops_inside, loops_outside = (self._clipped(height, crossing, sign) for sign in (-1.0, 1.0))
+        on_plane = [*np.flatnonzero(height == 0.0).tolist(), *crossing.values()]
+        cap = _around(places[on_plane], on_plane, normal)
+        return _cell(places, [*loops_inside, cap]), _cell(places, [*loops_outside, cap[::-1]])
+
+    def _crossings(self, height: Floats) -> tuple[Floats, dict[tuple[int, int], int]]:
+        """Return vertices with the points in which edges cross height 0, and the number of each by its edge."""
         points, crossing = list(self.vertices), dict[tuple[int, int], int]()
-        kept: tuple[list[list[int]], list[list[int]]] = ([], [])
         for loop in self.faces:
-            sides: tuple[list[int], list[int]] = ([], [])
-            for one, other in zip(loop, (*loop[1:], loop[0]), strict=True):
-                for side, sign in zip(sides, (-1.0, 1.0), strict=True):
-                    if sign * height[one] >= 0.0:
-                        side.append(one)
-                if height[one] * height[other] < 0.0:
-                    key = (min(one, other), max(one, other))
-                    if key not in crossing:
-                        low, high = key
-                        share = height[low] / (height[low] - height[high])
-                        crossing[key] = len(points)
-                        points.append((1.0 - share) * self.vertices[low] + share * self.vertices[high])
-                    for side in sides:
-                        side.append(crossing[key])
-            for side, found, sign in zip(sides, kept, (-1.0, 1.0), strict=True):
-                beyond = [k for k in side if k < len(height) and sign * height[k] > 0.0]
-                if len(side) > 2 and (beyond or any(k >= len(height) for k in side)):
-                    found.append(side)
-        on = [*np.flatnonzero(height == 0.0).tolist(), *crossing.values()]
-        cap = _around(np.array(points)[on], on, normal)
-        places = np.array(points)
-        return _cell(places, [*kept[0], cap]), _cell(places, [*kept[1], cap[::-1]])
+            for start, end in zip(loop, (*loop[1:], loop[0]), strict=True):
+                low, high = edge = (min(start, end), max(start, end))
+                if height[start] * height[end] < 0.0 and edge not in crossing:
+                    share = height[low] / (height[low] - height[high])
+                    crossing[edge] = len(points)
+                    points.append((1.0 - share) * self.vertices[low] + share * self.vertices[high])
+        return np.array(points), crossing
+
+    def _clipped(self, height: Floats, crossing: dict[tuple[int, int], int], sign: float) -> list[list[int]]:
+        """Return the parts of faces on the side of height 0 that `sign` tells, without those that only touch it."""
+        parts = []
+        for loop in self.faces:
+            part: list[int] = []
+            for start, end in zip(loop, (*loop[1:], loop[0]), strict=True):
+                if sign * height[start] >= 0.0:
+                    part.append(start)
+                if height[start] * height[end] < 0.0:
+                    part.append(crossing[min(start, end), max(start, end)])
+            beyond = any(k >= len(height) or sign * height[k] > 0.0 for k in part)
+            if len(part) > 2 and beyond:
+                parts.append(part)
+        return parts
 
 
 def _around(points: Floats, names: list[int], normal: Floats) -> list[int]:
@@ -95,24 +102,24 @@ def _cell(places: Floats, loops: list[list[int]]) -> ConvexCell:
 
 def inside(cell: ConvexCell, planes: Sequence[Plane]) -> ConvexCell | None:
     """Return the part of a cell inside all planes; None if it is empty."""
-    left: ConvexCell | None = cell
+    remaining: ConvexCell | None = cell
     for plane in planes:
-        if left is not None:
-            left = left.cut(plane)[0]
-    return left
+        if remaining is not None:
+            remaining = remaining.cut(plane)[0]
+    return remaining
 
 
 def subtract(cell: ConvexCell, planes: Sequence[Plane]) -> tuple[ConvexCell | None, list[ConvexCell]]:
     """Cut a cell by successive planes; return the part inside all, and the parts cut off."""
-    left: ConvexCell | None = cell
+    remaining: ConvexCell | None = cell
     parts = []
     for plane in planes:
-        if left is None:
+        if remaining is None:
             break
-        left, outside = left.cut(plane)
+        remaining, outside = remaining.cut(plane)
         if outside is not None:
             parts.append(outside)
-    return left, parts
+    return remaining, parts
 
 
 # Difference of distances of corners, relative to the larger element, up to which two elements are equal
@@ -141,11 +148,11 @@ def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
     """Reorder the corners `other` to match an equal outline `one`; None if they are not equal."""
     if len(one) != len(other):
         return None
-    wanted = _distances(places[one])
+    distances = _distances(places[one])
     for way in (other, other[::-1]):
         for shift in range(len(way)):
             turned = np.roll(way, -shift)
-            if abs(_distances(places[turned]) - wanted).max() <= _EQUAL * wanted.max():
+            if abs(_distances(places[turned]) - distances).max() <= _EQUAL * distances.max():
                 return turned
     return None
 
@@ -215,11 +222,11 @@ class VertexMesh:
         """True (v,) for the vertices on the boundary of the structure."""
         edges = self.edges[1]
         known = {(int(i), int(j)) for i, j in edges}
-        found = np.zeros(len(self.places), dtype=bool)
+        on = np.zeros(len(self.places), dtype=bool)
         for i, j in sorted(known):
             if (j, i) not in known:
-                found[[i, j]] = True
-        return found
+                on[[i, j]] = True
+        return on
 
 
 def vertex_mesh(assembly: Assembly) -> VertexMesh:
@@ -241,8 +248,8 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
     for k in range(len(shapes)):
         loop = number[count[k] : count[k + 1]]
         loop = loop[loop != np.roll(loop, 1)]
-        own = np.flatnonzero((faces.a == k) | (faces.b == k))
-        loops.append(_refined(loop, ends[own], places, reach))
+        of_element = np.flatnonzero((faces.a == k) | (faces.b == k))
+        loops.append(_refined(loop, ends[of_element], places, reach))
     return VertexMesh(places, tuple(loops), ends)
 
 

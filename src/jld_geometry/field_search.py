@@ -49,13 +49,13 @@ class FieldMesh:
         base, _ = fields_loads.loaded_mesh(assembly)
         distance, nearest = cKDTree(vertices.places).query(base.points)
         nearest = np.asarray(nearest, dtype=np.int64)
-        own = np.flatnonzero(np.asarray(distance) <= SAME * assembly.size)
+        at_vertex = np.flatnonzero(np.asarray(distance) <= SAME * assembly.size)
         ends = _ends(setting.loads.tractions)
         loaded = np.empty(0, dtype=np.int64)
         if len(ends):
             loaded = np.unique(np.asarray(cKDTree(base.points).query(ends)[1], dtype=np.int64))
-            loaded = loaded[~np.isin(loaded, own)]
-        follow = _weights(base, own, nearest[own], loaded, len(vertices.places))
+            loaded = loaded[~np.isin(loaded, at_vertex)]
+        follow = _weights(base, at_vertex, nearest[at_vertex], loaded, len(vertices.places))
         return cls(setting, base, setting.coarse, follow, _interpolation(base, setting.coarse), loaded)
 
     def refined(self, mesh: fields_mesh.Mesh) -> FieldMesh:
@@ -104,8 +104,8 @@ def _covers(assembly: Assembly, mesh: fields_mesh.Mesh) -> bool:
     return bool((abs(area[free] - real) <= SAME * real).all())
 
 
-def _weights(mesh: fields_mesh.Mesh, own: Ints, vertex: Ints, loaded: Ints, count: int) -> sp.csr_array:
-    """Return weights (c, v) by which nodes of a coarse mesh follow vertices; own: (k,) nodes at `vertex` (k,)."""
+def _weights(mesh: fields_mesh.Mesh, placed: Ints, vertex: Ints, loaded: Ints, count: int) -> sp.csr_array:
+    """Return weights (c, v) by which nodes of a coarse mesh follow vertices; placed: (k,) nodes at `vertex` (k,)."""
     # ends of loads stay; others on outlines follow the neighbours whose edge they halve, inner ones the mean of theirs
     size = len(mesh.points)
     unique, _ = mesh.side_nodes
@@ -116,7 +116,7 @@ def _weights(mesh: fields_mesh.Mesh, own: Ints, vertex: Ints, loaded: Ints, coun
     on_outline = np.zeros(size, dtype=bool)
     on_outline[ends.ravel()] = True
     fixed = np.zeros(size, dtype=bool)
-    fixed[own] = fixed[loaded] = True
+    fixed[placed] = fixed[loaded] = True
     free = np.flatnonzero(~fixed)
     pairs = np.concatenate([unique, unique[:, ::-1]])
     outline_pairs = np.unique(np.sort(ends, axis=1), axis=0)
@@ -127,15 +127,14 @@ def _weights(mesh: fields_mesh.Mesh, own: Ints, vertex: Ints, loaded: Ints, coun
     near = sp.csr_array((1.0 / length, rows.T), shape=(size, size))
     total = np.asarray(near.sum(axis=1)).ravel()
     laplace = sp.csr_array(sp.diags_array(1.0 / np.where(total > 0.0, total, 1.0)) @ near)
-    placed = sp.csr_array((np.ones(len(own)), (own, vertex)), shape=(size, count))
+    weights = sp.csr_array((np.ones(len(placed)), (placed, vertex)), shape=(size, count))
     if not len(free):
-        return placed
+        return weights
     inner = sp.csc_matrix(sp.eye_array(len(free)) - laplace[free][:, free])
-    right = (laplace[free] @ placed).toarray()
-    found = splu(inner).solve(right)
-    found[abs(found) < _ROUNDING] = 0.0
+    of_free = splu(inner).solve((laplace[free] @ weights).toarray())
+    of_free[abs(of_free) < _ROUNDING] = 0.0
     spread = sp.csr_array((np.ones(len(free)), (free, np.arange(len(free)))), shape=(size, len(free)))
-    return sp.csr_array(placed + spread @ sp.csr_array(found))
+    return sp.csr_array(weights + spread @ sp.csr_array(of_free))
 
 
 def _interpolation(coarse: fields_mesh.Mesh, mesh: fields_mesh.Mesh) -> sp.csr_array:
@@ -146,9 +145,9 @@ def _interpolation(coarse: fields_mesh.Mesh, mesh: fields_mesh.Mesh) -> sp.csr_a
     share = 1.0 + np.einsum("nki,nki->nk", away, coarse.gradient[root])
     share[abs(share) < _ROUNDING] = 0.0
     entries = (share.ravel(), (np.repeat(nodes, 3), coarse.simplices[root].ravel()))
-    found = sp.csr_array(entries, shape=(len(mesh.points), len(coarse.points)))
-    found.eliminate_zeros()
-    return found
+    weights = sp.csr_array(entries, shape=(len(mesh.points), len(coarse.points)))
+    weights.eliminate_zeros()
+    return weights
 
 
 # Predicted gain, relative to the objective, below which a point is stationary: meshes are not more exact
@@ -197,18 +196,15 @@ class FieldSearch:
     def _solved(self, values: Floats, assembly: Assembly, meshes: tuple[FieldMesh, ...]) -> FieldPoint | None:
         """Return the point at variables z (k,) on given meshes; None without stresses."""
         forms = tuple(WeakEquilibrium(one.setting.problem(one.mesh), self._labels) for one in meshes)
-        found = []
-        for form in forms:
+        stresses, factors = [], []
+        for form, required in zip(forms, assembly.required, strict=True):
             self.solves += 1
             solved = form.solve()
             if solved is None or solved[1] <= 0.0:
                 return None
-            found.append(solved)
-        factors = [
-            factor * form.problem.units.load / float(required)
-            for (_, factor), form, required in zip(found, forms, assembly.required, strict=True)
-        ]
-        return FieldPoint(values, min(factors), meshes, forms, tuple(stress for stress, _ in found))
+            stresses.append(solved[0])
+            factors.append(solved[1] * form.problem.units.load / float(required))
+        return FieldPoint(values, min(factors), meshes, forms, tuple(stresses))
 
     def at(self, point: FieldPoint, values: Floats) -> FieldPoint | None:
         """Return the point at other variables z (k,) with the triangles of a point nearby, or None."""
@@ -367,16 +363,10 @@ def move_by_fields(
     # Steps raise the bound by fields from above on a mesh that moves with the blocks. Values and brackets of the points
     # returned are those of these meshes; `before` and `after`, `start` and `value` are λ by faces.
     run = MoveRun(**options)
-    if assembly.dimension != 2:
-        raise InputError("cracks", "joints in space move by faces alone", '"faces"')
-    if scene.move is not None and scene.move.maximise != "load_factor":
-        raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
-    if assembly.has_low_values:
-        raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
-    fields_problem.require_planar_fields(assembly)
+    _refuse(scene, assembly)
     search = GeometrySearch(scene, assembly, labels, run.trust)
     fields = FieldSearch(search)
-    best: tuple[FieldPoint, str] | None = None
+    best: tuple[FieldPoint, str] | None = None  # with the reason of its end
     # the last point accepted: finer meshes refute what coarser ones found, so that it is the one to keep
     last: FieldPoint | None = None
 
@@ -402,11 +392,22 @@ def move_by_fields(
     if best is None:
         problem = "blocks that crack anywhere do not stand, nor at any position of joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
-    found = search.evaluator.assembly(best[0].values)
-    result = None if found is None else solve_rigid(found, labels)
+    moved = search.evaluator.assembly(best[0].values)
+    result = None if moved is None else solve_rigid(moved, labels)
     before = search.first()
     value = math.nan if result is None else result.load_factor
     return moved_result(search, before, (Evaluated(best[0].values, value, result, []), best[1]), run.points)
+
+
+def _refuse(scene: Scene, assembly: Assembly) -> None:
+    """Raise InputError for what fields do not move."""
+    if assembly.dimension != 2:
+        raise InputError("cracks", "joints in space move by faces alone", '"faces"')
+    if scene.move is not None and scene.move.maximise != "load_factor":
+        raise InputError("move.maximise", f'"{scene.move.maximise}" is not supported by fields', '"load_factor"')
+    if assembly.has_low_values:
+        raise InputError("cracks", "fields take nominal values of materials alone", '"faces", or nominal values')
+    fields_problem.require_planar_fields(assembly)
 
 
 def _improve(

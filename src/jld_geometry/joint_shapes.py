@@ -64,14 +64,14 @@ class Sine:
     def teeth(self) -> list[tuple[Floats, int]]:
         """Return outline (k, 2) and side of each half wave, along and across a face of length 1."""
         # A tooth of side 1 reaches into the second element, one of side −1 into the first.
-        found, count = [], 2 * self.waves
+        outlines, count = [], 2 * self.waves
         share = np.linspace(0.0, 1.0, _SEGMENTS + 1)
         for k in range(count):
             side = 1 if k % 2 == 0 else -1
             across = side * self.amplitude * np.sin(np.pi * share)
             across[[0, -1]] = 0.0
-            found.append((np.column_stack([(k + share) / count, across]), side))
-        return found
+            outlines.append((np.column_stack([(k + share) / count, across]), side))
+        return outlines
 
     def check(self) -> None:
         if not (self.amplitude > 0.0 and self.waves >= 1):
@@ -128,13 +128,12 @@ def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Sha
     _state_places(document["loads"], assembly)
     document["elements"], owner = [], dict[str, int]()
     for k, entry in enumerate(build_geometry(scene).entries):
-        own = entry.model_dump(mode="json", exclude_defaults=True)
-        parts = _parts_of(own, cells[k])
+        parts = _parts_of(entry.model_dump(mode="json", exclude_defaults=True), cells[k])
         document["elements"] += parts
         owner |= {part["id"]: int(blocks[k]) for part in parts}
     document["labels"] = {"default": "dry"}
-    found = build_assembly(parse_scene(document, "the scene with shaped joints"))
-    names, faces = found.elements.ids, found.interfaces
+    unlabelled = build_assembly(parse_scene(document, "the scene with shaped joints"))
+    names, faces = unlabelled.elements.ids, unlabelled.interfaces
     pairs = {(names[a], names[b]): None for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)}
     document["labels"]["inner"] = [[one, other] for one, other in pairs if owner[one] == owner[other]]
     return parse_scene(document, "the scene with shaped joints")
@@ -166,36 +165,36 @@ class SolidJoint:
             if not ConvexCell(elements.shape[receiver], elements.faces[receiver]).is_convex():
                 where = f"element {elements.ids[receiver]!r}"
                 raise InputError(where, "it is not convex", "convex elements at joints with a shape")
-            own, ends = self._profile(outline), self._ends(receiver)
+            profile, ends = self._profile(outline), self._ends(receiver)
             root: Plane = (-side * self._normal, float(-side * self._normal @ self._start))
-            whole = inside(self._box(), [*own, *ends, root])
-            order = [*([] if isinstance(shape, Key) else self._around(outline, side)), *own, *ends]
-            teeth, rest = list[ConvexCell](), list[ConvexCell]()
+            whole = inside(self._box(), [*profile, *ends, root])
+            order = [*([] if isinstance(shape, Key) else self._around(outline, side)), *profile, *ends]
+            teeth, remaining = list[ConvexCell](), list[ConvexCell]()
             for cell in cells[receiver]:
                 tooth, parts = _taken(cell, order)
                 teeth += [] if tooth is None else [tooth]
-                rest += parts
+                remaining += parts
             volume = 0.0 if whole is None else whole.volume
             if whole is None or sum(one.volume for one in teeth) < volume * (1.0 - _SAME):
                 names = [elements.ids[k] for k in (giver, receiver)]
                 problem = f"a tooth of {names[0]!r} does not fit into {names[1]!r}"
                 raise InputError("joint", problem, "a smaller depth, amplitude or slope, or fewer joints")
-            cells[receiver] = rest
+            cells[receiver] = remaining
             cells[giver] += teeth
 
     def _profile(self, outline: Floats) -> list[Plane]:
         """Return the planes of a tooth (k, 2) except its root, the farthest from the root first."""
-        middle, found = outline.mean(axis=0), []
-        for one, other in itertools.pairwise([*outline, outline[0]]):
-            if one[1] == other[1] == 0.0:
+        middle, planes = outline.mean(axis=0), []  # with their distance from the root
+        for start, end in itertools.pairwise([*outline, outline[0]]):
+            if start[1] == end[1] == 0.0:
                 continue  # the root
-            edge = other - one
+            edge = end - start
             normal = np.array([edge[1], -edge[0]]) / math.hypot(*edge)
-            if (middle - one) @ normal > 0.0:
+            if (middle - start) @ normal > 0.0:
                 normal = -normal
-            far = abs(one[1]) + abs(other[1])
-            found.append((far, self._plane(normal, one)))
-        return [plane for _, plane in sorted(found, key=lambda one: -one[0])]
+            far = abs(start[1]) + abs(end[1])
+            planes.append((far, self._plane(normal, start)))
+        return [plane for _, plane in sorted(planes, key=lambda plane: -plane[0])]
 
     def _around(self, outline: Floats, side: int) -> list[Plane]:
         """Return the planes of the box around a tooth: its level, then its ends along the joint."""
@@ -214,25 +213,25 @@ class SolidJoint:
         """Return the planes over the joint's edges, and over the receiver's faces at tooth ends."""
         # A tooth reaches as far as the joint, and its ends follow the faces of the element that receives it.
         elements, polygon = self._assembly.elements, self._polygon
-        inner, found, reach = polygon.mean(axis=0), [], _PLANE * self._assembly.size
-        for one, other in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-            out = np.cross(other - one, self._normal)
+        middle, planes, reach = polygon.mean(axis=0), [], _PLANE * self._assembly.size
+        for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            out = np.cross(end - start, self._normal)
             out /= np.linalg.norm(out)
-            out = -out if (inner - one) @ out > 0.0 else out
-            if ((polygon - one) @ out > reach).any():
+            out = -out if (middle - start) @ out > 0.0 else out
+            if ((polygon - start) @ out > reach).any():
                 names = " and ".join(repr(elements.ids[k]) for k in self._sides)
                 raise InputError("joint", f"the face between {names} is not convex", "convex faces between elements")
-            found.append((out, float(out @ one)))
+            planes.append((out, float(out @ start)))
             if abs(out @ self._run) < abs(out @ self._along):
                 continue  # a side along which the tooth runs: the whole profile has to fit
             for loop in elements.faces[receiver]:
                 corners = elements.shape[receiver][list(loop)]
                 normal = np.cross(corners[1] - corners[0], corners[2] - corners[1])
                 normal /= np.linalg.norm(normal)
-                on = abs((np.array([one, other]) - corners[0]) @ normal).max() <= reach
+                on = abs((np.array([start, end]) - corners[0]) @ normal).max() <= reach
                 if on and abs(normal @ self._normal) < 1.0 - _ACROSS:
-                    found.append((normal, float(normal @ corners[0])))
-        return found
+                    planes.append((normal, float(normal @ corners[0])))
+        return planes
 
     def _box(self) -> ConvexCell:
         """Return a box about the joint that is larger than any tooth."""
@@ -248,25 +247,26 @@ def _taken(cell: ConvexCell, planes: list[Plane]) -> tuple[ConvexCell | None, li
     if tooth is None:
         return None, [cell]
     for plane in planes:
-        left, outside = cell.cut(plane)
-        if left is not None and left.volume <= tooth.volume * (1.0 + _SAME):
-            return left, [] if outside is None else [outside]
+        within, outside = cell.cut(plane)
+        if within is not None and within.volume <= tooth.volume * (1.0 + _SAME):
+            return within, [] if outside is None else [outside]
     return subtract(cell, planes)
 
 
-def _parts_of(own: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, Any]]:
-    if len(cells) == 1 and "vertices" in own and len(own["vertices"]) == len(cells[0].vertices):
-        return [own]
-    whole, found = sum(cell.volume for cell in cells), []
+def _parts_of(entry: dict[str, Any], cells: list[ConvexCell]) -> list[dict[str, Any]]:
+    """Return the entries of the cells of an element, which share its weight by volume; the first keeps its name."""
+    if len(cells) == 1 and "vertices" in entry and len(entry["vertices"]) == len(cells[0].vertices):
+        return [entry]
+    whole, parts = sum(cell.volume for cell in cells), []
     for number, cell in enumerate(cells):
-        part = {name: value for name, value in own.items() if name != "centroid"}
+        part = {name: value for name, value in entry.items() if name != "centroid"}
         part |= {"vertices": cell.vertices.tolist(), "faces": [list(loop) for loop in cell.faces]}
-        part |= {name: own[name] * cell.volume / whole for name in ("weight", "volume") if name in own}
+        part |= {name: entry[name] * cell.volume / whole for name in ("weight", "volume") if name in entry}
         if number:
             part.pop("support", None)  # what is cut off a support may break off
-            part["id"] = f"{own['id']}~{number}"
-        found.append(part)
-    return found
+            part["id"] = f"{entry['id']}~{number}"
+        parts.append(part)
+    return parts
 
 
 def _state_places(loads: dict[str, Any], assembly: Assembly) -> None:
@@ -312,70 +312,101 @@ def shaped_scene(
     for key in ("grid", "labels", "interfaces", "move", "search"):
         document.pop(key, None)
     document["thickness"] = float(faces.l2[0]) if len(faces) else 1.0
-    document["elements"], owner = [], []
+    document["elements"], block_of_element = [], []
     for k, entry in enumerate(geometry.entries):
-        own = entry.model_dump(mode="json", exclude_defaults=True)
-        area = sum(cell.area for cell in cells[k])
-        for number, cell in enumerate(cells[k]):
-            part = {**own, "polygon": _corners(cell)}
-            if number:
-                part.pop("support", None)  # what is cut off a support may break off
-                part["id"] = f"{own['id']}~{number}"
-            if "weight" in own:
-                part["weight"] = own["weight"] * cell.area / area
-            document["elements"].append(part)
-            owner.append(blocks[k])
-    found = parse_scene(document, "the scene with shaped joints")
-    shaped, block = build_assembly(found), np.array(owner)
-    own = block[shaped.interfaces.a] != block[shaped.interfaces.b]
+        parts = _polygons_of(entry.model_dump(mode="json", exclude_defaults=True), cells[k])
+        document["elements"] += parts
+        block_of_element += [blocks[k]] * len(parts)
+    unlabelled = parse_scene(document, "the scene with shaped joints")
+    shaped, block = build_assembly(unlabelled), np.array(block_of_element)
+    dry = block[shaped.interfaces.a] != block[shaped.interfaces.b]
     mesh = vertex_mesh(shaped)
-    return MovedScene(found, shaped, own, mesh).at(mesh.places)
+    return MovedScene(unlabelled, shaped, dry, mesh).at(mesh.places)
+
+
+def _polygons_of(entry: dict[str, Any], cells: list[shapely.Polygon]) -> list[dict[str, Any]]:
+    """Return the entries of the cells of an element, which share its weight by area; the first keeps its name."""
+    area = sum(cell.area for cell in cells)
+    parts = []
+    for number, cell in enumerate(cells):
+        part = {**entry, "polygon": _corners(cell)}
+        if number:
+            part.pop("support", None)  # what is cut off a support may break off
+            part["id"] = f"{entry['id']}~{number}"
+        if "weight" in entry:
+            part["weight"] = entry["weight"] * cell.area / area
+        parts.append(part)
+    return parts
+
+
+@dataclass(frozen=True)
+class _Teeth:
+    """Teeth of all planar joints, and the strips beside keys."""
+
+    outlines: list[shapely.Polygon]
+    owners: list[tuple[int, int]]  # element that a tooth belongs to, and the element that receives it
+    strips: list[tuple[shapely.Geometry, int]]  # what lies beside the keys of one joint, and the element it is part of
+
+    @classmethod
+    def of(cls, assembly: Assembly, labels: Bits, shape: Shape, elements: list[shapely.Polygon]) -> _Teeth:
+        """Place the teeth of a shape on all dry faces."""
+        faces, teeth = assembly.interfaces, cls([], [], [])
+        for face in np.flatnonzero(labels).tolist():
+            first, last = faces.polygon[face][0], faces.polygon[face][1]
+            across = np.array([first[1] - last[1], last[0] - first[0]])
+            within = shapely.get_coordinates(elements[faces.a[face]].representative_point())[0]
+            if (within - first) @ across > 0.0:  # positive teeth reach from the first element into the second
+                across = -across
+            axes = np.array([last - first, across])
+            pair = int(faces.a[face]), int(faces.b[face])
+            for outline, side in shape.teeth():
+                giver, receiver = pair if side > 0 else pair[::-1]
+                teeth.owners.append((giver, receiver))
+                teeth.outlines.append(shapely.Polygon(first + outline @ axes))
+                if isinstance(shape, Key):
+                    strip = shapely.Polygon(first + _strip(shape.depth) @ axes)
+                    teeth.strips.append((strip & elements[receiver], receiver))
+        return teeth
+
+
+def _strip(depth: float) -> Floats:
+    """Return corners (4, 2) of a strip as deep as a key, far beyond a face of length 1 and a little behind it."""
+    return np.array([[-50.0, -0.01], [51.0, -0.01], [51.0, depth], [-50.0, depth]])
 
 
 def _planar_cells(assembly: Assembly, labels: Bits, shape: Shape) -> list[list[shapely.Polygon]]:
     """Return the cells of each element after its joints got a shape: body, pieces beside keys, teeth."""
     # All outlines are one network of lines on a grid: whatever cells share a corner, they have the same numbers there.
-    elements, faces = assembly.elements, assembly.interfaces
+    elements = assembly.elements
     outlines = [shapely.Polygon(outline) for outline in elements.shape]
-    teeth, owners, strips = list[shapely.Polygon](), list[tuple[int, int]](), list[tuple[shapely.Geometry, int]]()
-    for face in np.flatnonzero(labels).tolist():
-        first, last = faces.polygon[face][0], faces.polygon[face][1]
-        across = np.array([first[1] - last[1], last[0] - first[0]])
-        within = shapely.get_coordinates(outlines[faces.a[face]].representative_point())[0]
-        if (within - first) @ across > 0.0:  # positive teeth reach from the first element into the second
-            across = -across
-        axes = np.array([last - first, across])
-        for outline, side in shape.teeth():
-            pair = int(faces.a[face]), int(faces.b[face])
-            owners.append(pair if side > 0 else (pair[1], pair[0]))
-            teeth.append(shapely.Polygon(first + outline @ axes))
-            if isinstance(shape, Key):
-                ends = np.array([[-50.0, -0.01], [51.0, -0.01], [51.0, shape.depth], [-50.0, shape.depth]])
-                receiver = owners[-1][1]
-                strips.append((shapely.Polygon(first + ends @ axes) & outlines[receiver], receiver))
+    teeth = _Teeth.of(assembly, labels, shape, outlines)
     places = np.concatenate(elements.shape)
     grid = _GRID * max(assembly.size, 1e-2 * float(abs(places).max()))
-    lines = [shapely.boundary(one) for one in [*outlines, *teeth, *(strip for strip, _ in strips)]]
-    pieces = shapely.get_parts(shapely.polygonize([shapely.union_all(lines, grid_size=grid)]))
+    lines = [*outlines, *teeth.outlines, *(strip for strip, _ in teeth.strips)]
+    network = shapely.union_all([shapely.boundary(line) for line in lines], grid_size=grid)
+    pieces = shapely.get_parts(shapely.polygonize([network]))
     points = shapely.point_on_surface(pieces)
-    owner, tooth = _first_around(outlines, points), _first_around(teeth, points)
+    # pieces of one cell: (tooth,), or (element, strips that they lie in)
     groups: dict[tuple[Any, ...], list[shapely.Polygon]] = {}
-    for k, (own, bite) in enumerate(zip(owner, tooth, strict=True)):
-        if bite >= 0 and own == owners[bite][1]:
-            groups.setdefault((bite,), []).append(pieces[k])
-        elif own >= 0:
-            beside = tuple(n for n, (strip, other) in enumerate(strips) if other == own and strip.contains(points[k]))
-            groups.setdefault((own, beside), []).append(pieces[k])
-    for number, (giver, receiver) in enumerate(owners):
-        if sum(one.area for one in groups.get((number,), [])) < teeth[number].area * (1.0 - _SAME):
-            one, other = elements.ids[giver], elements.ids[receiver]
-            problem = f"a tooth of {one!r} does not fit into {other!r}"
+    for piece, point, element, tooth in zip(
+        pieces, points, _first_around(outlines, points), _first_around(teeth.outlines, points), strict=True
+    ):
+        if tooth >= 0 and element == teeth.owners[tooth][1]:
+            groups.setdefault((tooth,), []).append(piece)
+        elif element >= 0:
+            within = tuple(n for n, (strip, of) in enumerate(teeth.strips) if of == element and strip.contains(point))
+            groups.setdefault((element, within), []).append(piece)
+    for number, (giver, receiver) in enumerate(teeth.owners):
+        area = sum(piece.area for piece in groups.get((number,), []))
+        if area < teeth.outlines[number].area * (1.0 - _SAME):
+            problem = f"a tooth of {elements.ids[giver]!r} does not fit into {elements.ids[receiver]!r}"
             raise InputError("joint", problem, "a smaller depth or amplitude, or fewer joints")
     cells: list[list[shapely.Polygon]] = [[] for _ in outlines]
+    # bodies first, then what lies beside keys, then teeth
     for key in sorted(groups, key=lambda key: (len(key) == 1, len(key[-1]) if len(key) == 2 else 0, key)):
-        own = key[0] if len(key) == 2 else owners[key[0]][0]
+        element = key[0] if len(key) == 2 else teeth.owners[key[0]][0]
         whole = shapely.coverage_union_all(groups[key])
-        cells[own] += [part for part in shapely.get_parts(whole) if part.area > _SAME * outlines[own].area]
+        cells[element] += [part for part in shapely.get_parts(whole) if part.area > _SAME * outlines[element].area]
     return cells
 
 
@@ -464,10 +495,10 @@ def _improve(
     kept: list[tuple[Shape, float]], value: Callable[[Shape], float], trials: list[tuple[Shape, float]], until: float
 ) -> str:
     """Search from the shape in `kept`, replace it by stronger ones; return why it ended."""
-    best, most = kept[0]
+    best, best_load = kept[0]
     names = [one.name for one in fields(best) if isinstance(getattr(best, one.name), float)]
     step = _FIRST
-    while step >= _LAST and most < math.inf:
+    while step >= _LAST and best_load < math.inf:
         start = best
         for name in names:
             for sign in (1.0, -1.0):
@@ -478,12 +509,12 @@ def _improve(
                 changed = changed if abs(changed) >= _NOTHING else 0.0
                 trial = type(best)(**{**vars(best), name: changed})
                 try:
-                    found = value(trial)
+                    load = value(trial)
                 except InputError:
                     trials.append((trial, math.nan))  # a tooth does not fit: a trial without a value
                     continue
-                if found > most or (math.isnan(most) and not math.isnan(found)):
-                    best, most = kept[0] = trial, found
+                if load > best_load or (math.isnan(best_load) and not math.isnan(load)):
+                    best, best_load = kept[0] = trial, load
                     break
         if best == start:
             step *= 0.5

@@ -229,7 +229,7 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
     """Return place (2,), first and last vertex, and half width of point loads on outlines."""
     # An edge is given by its first and last vertex. Loads inside elements are left out; half widths are 0 where none is
     # stated.
-    found = []
+    loads = []
     for entry in loads_that_move(scene):
         if not isinstance(entry, PointLoad) or entry.at is None:
             continue
@@ -244,8 +244,8 @@ def _loads_on_edges(scene: Scene, assembly: Assembly, mesh: VertexMesh) -> list[
         on = np.flatnonzero((off <= reach) & (along >= -reach) & (along <= length + reach))
         if len(on):
             k = int(on[0])
-            found.append((point, int(corners[k]), int(np.roll(corners, -1)[k]), 0.5 * (entry.width or 0.0)))
-    return found
+            loads.append((point, int(corners[k]), int(np.roll(corners, -1)[k]), 0.5 * (entry.width or 0.0)))
+    return loads
 
 
 def loads_that_move(scene: Scene) -> list[scene_loads.LoadEntry]:
@@ -302,31 +302,15 @@ def spatial_residual_rates(
     """
     # Corner forces, shear and torque over the torsion length of every face are held. Rows are forces and moments about
     # the present centroids, column 3·vertex + axis, all in scene units, as `residual_rates` in the plane.
-    elements, faces = assembly.elements, assembly.interfaces
-    row_of = np.full(len(elements), -1, dtype=np.int64)
+    elements = assembly.elements
+    row_of = np.full(len(elements), -1, dtype=np.int64)  # number of each free element, −1 for supports
     row_of[elements.free] = np.arange(len(elements.free))
     total = sp.lil_array((6 * len(elements.free), mesh.places.size))
     for face, vertices in enumerate(mesh.polygons):
-        if not used[vertices].any() or not forces[face].any():
-            continue
-        polygon = mesh.places[vertices] - faces.origin[face]
-        gaps = np.zeros(len(polygon))
-        if mechanism is not None:
-            velocity, spin = face_motion(assembly, face, mechanism)
-            gaps = (velocity + spun(spin, polygon)) @ faces.normal[face]
-        rates = held_forces(assembly, face, polygon, forces[face], gaps).rates(polygon)
-        columns = _columns(vertices)
-        for element, sign in ((int(faces.a[face]), -1.0), (int(faces.b[face]), 1.0)):
-            if row_of[element] < 0:
-                continue
-            arm = faces.origin[face] - elements.centroid[element]
-            turned = np.cross(arm, rates[..., :3])
-            moments = rates[..., 3:] + turned
-            block = sign * np.concatenate([rates[..., :3], moments], axis=-1).reshape(-1, 6).T
-            first = 6 * int(row_of[element])
-            total[first : first + 6, columns] += block
+        if used[vertices].any() and forces[face].any():
+            _add_joint_rates(total, assembly, face, mesh.places[vertices], vertices, forces[face], mechanism, row_of)
     loads = assembly.dead_loads + load_factor * assembly.live_loads
-    growing, riding = shape_loads(loads, assembly.elements)
+    growing, riding = shape_loads(loads, elements)
     for element in elements.free.tolist():
         corner = mesh.corners[element]
         if not used[corner].any():
@@ -338,6 +322,35 @@ def spatial_residual_rates(
         moment = np.cross(shift.T, riding[element]).T
         total[first : first + 6, columns] += np.concatenate([force, moment])
     return sp.csr_array(total)
+
+
+def _add_joint_rates(
+    total: sp.lil_array,
+    assembly: Assembly,
+    face: int,
+    corners: Floats,
+    vertices: Ints,
+    forces: Floats,
+    mechanism: Floats | None,
+    row_of: Ints,
+) -> None:
+    """Add the rates of the forces (6,) of one joint with corners (k, 3) at `vertices` (k,) to both of its elements."""
+    elements, faces = assembly.elements, assembly.interfaces
+    polygon = corners - faces.origin[face]
+    gaps = np.zeros(len(polygon))
+    if mechanism is not None:
+        velocity, spin = face_motion(assembly, face, mechanism)
+        gaps = (velocity + spun(spin, polygon)) @ faces.normal[face]
+    rates = held_forces(assembly, face, polygon, forces, gaps).rates(polygon)
+    columns = _columns(vertices)
+    for element, sign in ((int(faces.a[face]), -1.0), (int(faces.b[face]), 1.0)):
+        if row_of[element] < 0:
+            continue
+        arm = faces.origin[face] - elements.centroid[element]
+        moments = rates[..., 3:] + np.cross(arm, rates[..., :3])
+        block = sign * np.concatenate([rates[..., :3], moments], axis=-1).reshape(-1, 6).T
+        first = 6 * int(row_of[element])
+        total[first : first + 6, columns] += block
 
 
 def _columns(vertices: Ints) -> Ints:
@@ -412,14 +425,14 @@ class SpatialLimits:
             share[k] = volume / self._volumes[k]
             rates[[k], _columns(self._mesh.corners[k])] = by_corner.ravel() / self._volumes[k]
         slopes = sp.csr_array(rates)
-        found = [(share[self._elements] - LEAST_AREA, sp.csr_array(slopes[self._elements]))]
+        limits = [(share[self._elements] - LEAST_AREA, sp.csr_array(slopes[self._elements]))]
         low, high = self._move.block_mass
         mass, by_place = np.asarray(self._masses @ share), sp.csr_array(self._masses @ slopes)
         if low:
-            found.append((mass / low - 1.0, sp.csr_array(by_place * (1.0 / low))))
+            limits.append((mass / low - 1.0, sp.csr_array(by_place * (1.0 / low))))
         if high is not None:
-            found.append((1.0 - mass / high, sp.csr_array(by_place * (-1.0 / high))))
-        return found
+            limits.append((1.0 - mass / high, sp.csr_array(by_place * (-1.0 / high))))
+        return limits
 
 
 def _volume(mesh: SpatialMesh, places: Floats, element: int) -> tuple[float, Floats]:
@@ -461,11 +474,11 @@ def spatial_variables(assembly: Assembly, mesh: SpatialMesh, move: scene_move.Mo
     _require_corners(mesh, assembly, {vertex for vertex, _ in chosen})
     vertices = np.array([one[0] for one in chosen], dtype=np.int64)
     ways = np.array([one[1] for one in chosen]).reshape(-1, 3)
-    found = Variables(mesh.places, vertices, ways, np.full_like(ways, np.nan), np.zeros((0, len(vertices))))
-    found = Variables(**{**vars(found), "ties": ties_of(found, assembly, move)})
-    if not found.basis.shape[1]:
+    variables = Variables(mesh.places, vertices, ways, np.full_like(ways, np.nan), np.zeros((0, len(vertices))))
+    variables = Variables(**{**vars(variables), "ties": ties_of(variables, assembly, move)})
+    if not variables.basis.shape[1]:
         raise InputError("move", "no corner of a joint can move", 'joints with four edges across, or "along"')
-    return found
+    return variables
 
 
 def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: set[int]) -> list[tuple[int, Floats]]:
@@ -474,7 +487,7 @@ def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: se
     # another.
     faces, owner, edges = assembly.interfaces, *mesh.edges
     count = np.bincount(np.concatenate(mesh.polygons), minlength=len(mesh.places))
-    found = []
+    corners = []
     for face, polygon in enumerate(mesh.polygons):
         for vertex in polygon.tolist():
             if held[vertex] or vertex in taken or count[vertex] != 1:
@@ -487,18 +500,18 @@ def _joint_corners(assembly: Assembly, mesh: SpatialMesh, held: Bools, taken: se
                     way = mesh.places[across[0]] - mesh.places[vertex]
                     ways.append(way / np.linalg.norm(way))
             if len(ways) == 2 and np.linalg.norm(ways[1] - ways[0]) > 1.0:
-                found.append((vertex, (ways[1] - ways[0]) / float(np.linalg.norm(ways[1] - ways[0]))))
-    return found
+                corners.append((vertex, (ways[1] - ways[0]) / float(np.linalg.norm(ways[1] - ways[0]))))
+    return corners
 
 
 def _require_corners(mesh: SpatialMesh, assembly: Assembly, moving: set[int]) -> None:
     """Raise InputError for a moving joint that is not a whole face of both elements."""
     faces = assembly.interfaces
     for face, polygon in enumerate(mesh.polygons):
-        own = set(polygon.tolist())
-        if not own & moving:
+        corners = set(polygon.tolist())
+        if not corners & moving:
             continue
         for element in (int(faces.a[face]), int(faces.b[face])):
-            if not any(set(ring.tolist()) == own for ring in mesh.rings[element]):
+            if not any(set(ring.tolist()) == corners for ring in mesh.rings[element]):
                 problem = f"the joint of {assembly.pair(face)} is no whole face of {assembly.elements.ids[element]!r}"
                 raise InputError("move", problem, "joints that are whole faces of both elements in space")

@@ -133,13 +133,13 @@ def spatial_mesh(assembly: Assembly) -> SpatialMesh:
     shapes, polygons = assembly.elements.shape, assembly.interfaces.polygon
     number, places = merged_points([*shapes, *polygons], _MERGED * shortest_edge(assembly))
     starts = np.cumsum([0, *(len(one) for one in (*shapes, *polygons))]).tolist()
-    own = [number[a:b] for a, b in itertools.pairwise(starts)]
-    corners = tuple(own[: len(shapes)])
+    vertices = [number[a:b] for a, b in itertools.pairwise(starts)]
+    corners = tuple(vertices[: len(shapes)])
     rings = tuple(
         tuple(corner[list(ring)] for ring in faces)
         for corner, faces in zip(corners, assembly.elements.faces, strict=True)
     )
-    return SpatialMesh(places, corners, rings, tuple(own[len(shapes) :]))
+    return SpatialMesh(places, corners, rings, tuple(vertices[len(shapes) :]))
 
 
 def shortest_edge(assembly: Assembly) -> float:

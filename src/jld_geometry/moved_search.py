@@ -7,7 +7,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -182,82 +182,98 @@ def explore_and_move(
     deadline = whole.earlier(_WRITING * busy_factor(whole.elapsed(), time.process_time()))
     scene = _movable(scene)
     _refuse(scene, layouts, settings)
-    say = announce or (lambda _: None)
-    rounds: list[Exploration] = []
-    found: list[MovedLayout] = []
+    rounds = _Rounds(scene, folder, layouts, settings, deadline, gap, announce, keep)
     try:
         with Pool(settings.jobs) as pool:
-            stop = _in_rounds(scene, folder, layouts, settings, deadline, gap, rounds, found, say, announce, keep, pool)
+            stop = rounds.run(pool)
     except Interrupted as signal:
-        if rounds and found:
-            signal.done = MovedSearch(rounds[0], rounds, sorted(found, key=rank_key), "interrupted")
+        if rounds.searches and rounds.moved:
+            signal.done = rounds.result("interrupted")
         raise
-    return MovedSearch(rounds[0], rounds, found, stop)
+    return rounds.result(stop)
 
 
-def _in_rounds(
-    scene: Scene,
-    folder: Path,
-    layouts: int,
-    settings: ExploreSettings,
-    deadline: Deadline,
-    gap: float,
-    rounds: list[Exploration],
-    found: list[MovedLayout],
-    say: Callable[[str], None],
-    announce: Callable[[str], None] | None,
-    keep: Callable[[list[MovedLayout]], None] | None,
-    pool: Pool,
-) -> str:
-    """Search labels and move joints in rounds until a deadline; return the reason of the end."""
-    while True:
-        number = len(rounds) + 1
-        share = deadline.remaining() * _ROUND
-        place = folder if number == 1 else folder / f"round-{number}"
-        limit = share * _SEARCH if deadline.limited else None
-        try:
-            done = explore(
-                found[0].scene if found else scene, place, replace(settings, seconds=limit), announce=announce
-            )
-        except InputError as error:
-            if not rounds:
-                raise
-            return f"the moved grid cannot be searched: {error}"
-        rounds.append(done)
-        tasks = _chosen(done, layouts, own=number == 1)
-        say(f"round {number}: the joints of {len(tasks)} layouts move")
-        before = found[0].low if found else -math.inf
-        each = _SLACK * _TASKS * share / max(math.ceil(len(tasks) / settings.jobs), 1) if deadline.limited else math.inf
-        found += pool.run(
-            move_one, [(done.scene, done.assembly, labels, number, row, each, gap) for row, labels in tasks]
-        )
-        if keep is not None:
-            keep(sorted(found, key=rank_key))
-        left = share * (1.0 - _SEARCH - _TASKS) if deadline.limited else math.inf
-        found[:] = _refined(found, pool, settings.jobs, min(left, deadline.remaining()), gap)
-        if found and found[0].low == -math.inf:  # bounds on coarse meshes may be none: spend what time is left
-            found[:] = _refined(found, pool, settings.jobs, deadline.remaining(), gap)
-        if not found or found[0].low == -math.inf:
+@dataclass
+class _Rounds:
+    """Rounds of a search of labels and a move of joints."""
+
+    scene: Scene
+    folder: Path
+    layouts: int  # number of layouts that move in a round
+    settings: ExploreSettings
+    deadline: Deadline
+    gap: float
+    announce: Callable[[str], None] | None
+    keep: Callable[[list[MovedLayout]], None] | None  # called with the layouts so far, ranked
+    searches: list[Exploration] = field(default_factory=list)  # one of each round
+    moved: list[MovedLayout] = field(default_factory=list)  # all layouts that were moved
+
+    def result(self, stop: str) -> MovedSearch:
+        return MovedSearch(self.searches[0], self.searches, sorted(self.moved, key=rank_key), stop)
+
+    def run(self, pool: Pool) -> str:
+        """Search labels and move joints until a deadline; return the reason of the end."""
+        while True:
+            number, before = len(self.searches) + 1, self.moved[0].low if self.moved else -math.inf
+            seconds = self.deadline.remaining() * _ROUND
+            try:
+                self._search_labels(number, seconds)
+            except InputError as error:
+                if not self.searches:
+                    raise
+                return f"the moved grid cannot be searched: {error}"
+            self._move_joints(pool, number, seconds)
+            strongest = self.moved[0].low
+            self._say(f"round {number}: by fields λ ≥ {strongest:.6g}")
+            if strongest > before + _GAIN * abs(before) or number == 1:
+                if self.deadline.remaining() > _LEAST:
+                    continue
+                return "time limit"
+            if self.deadline.limited and self.deadline.remaining() > _LEAST:
+                self.moved = _refined(self.moved, pool, self.settings.jobs, self.deadline.remaining(), self.gap)
+            return "nothing improves"
+
+    def _search_labels(self, number: int, seconds: float) -> None:
+        """Search the labels of the strongest grid so far in a share of the time of a round."""
+        scene = self.moved[0].scene if self.moved else self.scene
+        place = self.folder if number == 1 else self.folder / f"round-{number}"
+        limit = seconds * _SEARCH if self.deadline.limited else None
+        done = explore(scene, place, replace(self.settings, seconds=limit), announce=self.announce)
+        self.searches.append(done)
+
+    def _move_joints(self, pool: Pool, number: int, seconds: float) -> None:
+        """Move the joints of the best layouts of the last search, and rank all by their bounds."""
+        done, jobs, limited = self.searches[-1], self.settings.jobs, self.deadline.limited
+        tasks = _chosen(done, self.layouts, own=number == 1)
+        self._say(f"round {number}: the joints of {len(tasks)} layouts move")
+        each = _SLACK * _TASKS * seconds / max(math.ceil(len(tasks) / jobs), 1) if limited else math.inf
+        arguments = [(done.scene, done.assembly, labels, number, row, each, self.gap) for row, labels in tasks]
+        self.moved += pool.run(move_one, arguments)
+        self._keep()
+        seconds_left = min(seconds * (1.0 - _SEARCH - _TASKS) if limited else math.inf, self.deadline.remaining())
+        self.moved = _refined(self.moved, pool, jobs, seconds_left, self.gap)
+        if self.moved and self.moved[0].low == -math.inf:  # bounds on coarse meshes may be none: spend what is left
+            self.moved = _refined(self.moved, pool, jobs, self.deadline.remaining(), self.gap)
+        if not self.moved or self.moved[0].low == -math.inf:
             raise InputError("move", "no layout of the search stands by fields", "a scene that stands, or more time")
-        if keep is not None:
-            keep(found)
-        say(f"round {number}: by fields λ ≥ {found[0].low:.6g}")
-        if found[0].low > before + _GAIN * abs(before) or number == 1:
-            if deadline.remaining() > _LEAST:
-                continue
-            return "time limit"
-        if deadline.limited and deadline.remaining() > _LEAST:
-            found[:] = _refined(found, pool, settings.jobs, deadline.remaining(), gap)
-        return "nothing improves"
+        self._keep()
+
+    def _say(self, words: str) -> None:
+        if self.announce is not None:
+            self.announce(words)
+
+    def _keep(self) -> None:
+        if self.keep is not None:
+            self.keep(sorted(self.moved, key=rank_key))
 
 
-def _refined(found: list[MovedLayout], pool: Pool, count: int, seconds: float, gap: float) -> list[MovedLayout]:
+def _refined(layouts: list[MovedLayout], pool: Pool, count: int, seconds: float, gap: float) -> list[MovedLayout]:
     """Refine the bounds of layouts that may still be best, greatest upper bounds first; rank all."""
-    most = max((one.low for one in found), default=-math.inf)
-    open_ones = [one for one in found if one.high > most + gap * abs(most)]
-    promising = sorted(open_ones, key=lambda one: (-one.high, *rank_key(one)))[:count]
-    refined = pool.run(refine_one, [(one, _SLACK * seconds, gap) for one in promising])
-    return sorted([*(one for one in found if one not in promising), *refined], key=rank_key)
+    proven = max((layout.low for layout in layouts), default=-math.inf)
+    open_ones = [layout for layout in layouts if layout.high > proven + gap * abs(proven)]
+    promising = sorted(open_ones, key=lambda layout: (-layout.high, *rank_key(layout)))[:count]
+    refined = pool.run(refine_one, [(layout, _SLACK * seconds, gap) for layout in promising])
+    return sorted([*(layout for layout in layouts if layout not in promising), *refined], key=rank_key)
 
 
 def _movable(scene: Scene) -> Scene:
@@ -303,16 +319,16 @@ def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:
 
 def _chosen(done: Exploration, count: int, *, own: bool) -> list[tuple[int, Bits]]:
     """Return row and labels (m,) of the best layouts of a round; own: also row 0, the scene's own."""
-    found: list[tuple[int, Bits]] = []
+    chosen: list[tuple[int, Bits]] = []
     labels = done.assembly.labels
     if own and feasible(search_space(done.scene, done.assembly), labels[None])[0]:
-        found.append((0, labels))
+        chosen.append((0, labels))
     table = done.results[done.results["status"].isin([str(Status.COLLAPSE), str(Status.LOCKED)])]
     for row, text in zip(table.index[:count].tolist(), table["labelling"].head(count).tolist(), strict=True):
-        one = from_string(str(text))
-        if not any(np.array_equal(one, other) for _, other in found):
-            found.append((int(row) + 1, one))
-    return found
+        labels = from_string(str(text))
+        if not any(np.array_equal(labels, other) for _, other in chosen):
+            chosen.append((int(row) + 1, labels))
+    return chosen
 
 
 # files that a search of labels and geometry adds to the folder of its first round

@@ -94,12 +94,12 @@ def direction_of(text: str | None) -> Floats | None:
     if text is None:
         return None
     try:
-        found = np.array([float(part) for part in text.split(",")])
+        direction = np.array([float(part) for part in text.split(",")])
     except ValueError:
-        found = np.zeros(0)
-    if found.shape != (3,) or not np.isfinite(found).all() or not found.any():
+        direction = np.zeros(0)
+    if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
         raise ParameterError("direction", f"{text!r} is no direction", "X,Y,Z, as 0,1,0")
-    return found
+    return direction
 
 
 def move_shape(
@@ -161,16 +161,17 @@ def _shape_facts(done: ShapedJoints) -> dict[str, Any]:
 
 def _by_fields(assembly: Assembly, labels: Bits, done: ShapedJoints) -> dict[str, Any]:
     """Return lower bounds on λ by fields with straight joints and the best shape, or why there are none."""
-    found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
+    bounds: dict[str, Any] = {"before": None, "after": None, "skipped": None}
     if assembly.dimension == 3:
-        return found | {"skipped": "in space it takes minutes; jld solve FILE --cracks fields does it"}
+        return bounds | {"skipped": "in space it takes minutes; jld solve FILE --cracks fields does it"}
+    layouts = {"before": (assembly, labels), "after": (done.after.assembly, done.after.labels)}
     try:
-        for name, one, own in (("before", assembly, labels), ("after", done.after.assembly, done.after.labels)):
-            low = solve_by_fields(one, own, gap=_SHAPE_GAP, seconds=_SECONDS).decided.low
-            found[name] = number(low)
+        for name, layout_labels in layouts.items():
+            low = solve_by_fields(*layout_labels, gap=_SHAPE_GAP, seconds=_SECONDS).decided.low
+            bounds[name] = number(low)
     except InputError as error:
-        found["skipped"] = f"{error.where}: {error.problem}"
-    return found
+        bounds["skipped"] = f"{error.where}: {error.problem}"
+    return bounds
 
 
 def _write(done: ShapedJoints, out: Path) -> None:
@@ -456,17 +457,17 @@ def _check_by_fields(
     """Return lower bounds on λ by fields before and after, with blocks that crack anywhere."""
     if labels.all() or done.after is None or not done.moved.any():
         return None
-    found: dict[str, Any] = {"before": None, "after": None, "skipped": None}
+    bounds: dict[str, Any] = {"before": None, "after": None, "skipped": None}
     if done.end == "interrupted" or until.remaining() < _LEAST_CHECK:
-        return found | {"skipped": "no time was left"}
+        return bounds | {"skipped": "no time was left"}
     try:
-        for left, name, one in ((2, "before", assembly), (1, "after", done.after.assembly)):
-            seconds = min(_FIELD_SECONDS, until.remaining() / left)
-            low = solve_by_fields(one, labels, gap=_FIELD_GAP, seconds=seconds).decided.low
-            found[name] = number(low)
+        for parts, name, structure in ((2, "before", assembly), (1, "after", done.after.assembly)):
+            seconds = min(_FIELD_SECONDS, until.remaining() / parts)
+            low = solve_by_fields(structure, labels, gap=_FIELD_GAP, seconds=seconds).decided.low
+            bounds[name] = number(low)
     except InputError as error:
-        found["skipped"] = f"{error.where}: {error.problem}"
-    return found
+        bounds["skipped"] = f"{error.where}: {error.problem}"
+    return bounds
 
 
 def _replace_by_field_bounds(

@@ -77,6 +77,11 @@ _STARTING: Final = 0.9  # share of a time limit for starts, where as many are ma
 _SHAKE: Final = 0.15  # standard deviation of the variables of further starts, relative to the mean edge
 
 
+_NEARLY: Final = 0.1  # share of `_RESTORED` from which a limit is held by further steps
+
+_SHAKEN: Final = (1.0, 0.5, 0.25, 0.1)  # shares of a random step, tried in turn
+
+
 class GeometrySearch:
     """Search for the best positions of the joints of one structure, by variables z (k,)."""
 
@@ -140,16 +145,16 @@ class GeometrySearch:
         variables, limits = self.variables, self.evaluator.limits
         held = limits.equal.copy()
         for _ in range(_RESTORATIONS):
-            found = limits.at(variables.places(values))
-            lacks = np.where(limits.equal, abs(found.values), limits.least - found.values)
-            held |= lacks > 0.1 * _RESTORED
+            present = limits.at(variables.places(values))
+            lacks = np.where(limits.equal, abs(present.values), limits.least - present.values)
+            held |= lacks > _NEARLY * _RESTORED
             rows = np.flatnonzero(held)
             if lacks.max(initial=0.0) <= _RESTORED:
                 return values
             target = np.where(limits.equal, 0.0, limits.least)[rows]
-            slopes = (found.rates[rows] @ variables.jacobian(values)).toarray()
+            slopes = (present.rates[rows] @ variables.jacobian(values)).toarray()
             matrix = np.vstack([slopes, variables.ties])
-            right = np.concatenate([target - found.values[rows], np.zeros(len(variables.ties))])
+            right = np.concatenate([target - present.values[rows], np.zeros(len(variables.ties))])
             values = values + np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
         return None
 
@@ -183,9 +188,9 @@ class GeometrySearch:
                 continue
             point, radius = new, min(self.trust.growth * radius, self.trust.largest * self.unit)
             if point.objective > 0.0:
-                found = self.evaluate(point.values, None)
-                if found is not None:
-                    return found
+                standing = self.evaluate(point.values, None)
+                if standing is not None:
+                    return standing
         return None
 
     def improve(
@@ -262,7 +267,7 @@ class GeometrySearch:
         answer = self.evaluator.step(point, still, still, self.goal, objective)
         if answer is None:
             return point
-        states = [replace(one, forces=own) for one, own in zip(point.states, answer.forces, strict=True)]
+        states = [replace(state, forces=forces) for state, forces in zip(point.states, answer.forces, strict=True)]
         return replace(point, states=states)
 
     def shaken(self, number: int, best: Floats | None) -> Floats | None:
@@ -274,7 +279,7 @@ class GeometrySearch:
             step[-1] = 0.0
         centre = np.zeros(len(step)) if best is None or number % 2 == 0 else best
         low, high = self.bounds(np.zeros(len(step)), math.inf)
-        for share in (1.0, 0.5, 0.25, 0.1):
+        for share in _SHAKEN:
             moved = centre + share * step
             values = self.restored(np.clip(moved, low, high))
             if values is not None and self.evaluator.assembly(values) is not None:
@@ -391,7 +396,7 @@ def _best_of_starts(
     search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
 ) -> tuple[Evaluated, str]:
     """Optimise from every start, then from the best end; return best point and reason."""
-    best: tuple[Evaluated, str] | None = None
+    best: tuple[Evaluated, str] | None = None  # with the reason of its end
 
     def report(number: int, point: Evaluated, predicted: float, radius: float) -> None:
         bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
@@ -408,20 +413,20 @@ def _best_of_starts(
             first = search.standing(start, run.deadline)
         if first is None:
             continue
-        own = partial(report, number)
-        own(first, first.objective, search.trust.first * search.unit)
-        end = search.improve(first, run.until, own, search.trust.coarse)
+        report_start = partial(report, number)
+        report_start(first, first.objective, search.trust.first * search.unit)
+        end = search.improve(first, run.until, report_start, search.trust.coarse)
         # a geometry as strong as one before, up to the width of brackets, is no reason to move farther
-        least = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
-        if best is None or end[0].objective > least:
-            best, polish, run.best = end, own, end[0].values
+        needed = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
+        if best is None or end[0].objective > needed:
+            best, report_best, run.best = end, report_start, end[0].values
         if end[1] == "locked":
             break  # no load is too large: nothing is left to find
     if best is None:
         problem = "it does not stand under its dead load, nor does any position of its joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
     if best[1] == "stationary" or (best[1] == "time" and run.until < run.deadline):
-        return search.improve(best[0], run.deadline, polish, search.trust.gain)
+        return search.improve(best[0], run.deadline, report_best, search.trust.gain)
     return best
 
 
@@ -458,8 +463,10 @@ def _contacts_found(search: GeometrySearch, scene: Scene, point: Evaluated) -> l
     document = scene.model_dump(mode="json", exclude_defaults=True)
     if any(set(entry) > {"elements", "polygon", "label"} for entry in document.pop("interfaces")):
         return []  # stated strengths of single interfaces would be lost
-    found = parse_scene({**document, "labels": {"default": "dry"}})
-    again = solve_rigid(build_robust(found) if result.assembly.has_low_values else build_assembly(found)).load_factor
+    unstated = parse_scene({**document, "labels": {"default": "dry"}})
+    again = solve_rigid(
+        build_robust(unstated) if result.assembly.has_low_values else build_assembly(unstated)
+    ).load_factor
     if abs(again - result.load_factor) <= tolerances.GAP * abs(result.load_factor):
         return []
     return [f"contacts found anew give λ = {again:.6g}: joints touch where none did before, or no longer do"]
@@ -519,11 +526,11 @@ class _ProgramRates:
         rows, columns, values = [], [], []
         active = self.template.yield_set.active(self.solved.labels)
         for j, entries in enumerate(self._faces):
-            own = np.flatnonzero((entries.column == column) & active[entries.face, j])
-            rows.append(entries.row[own])
-            columns.append(3 * entries.face[own] + j)
-            factor = self.template.scaling.face[entries.face[own], j] / self._row[entries.row[own]]
-            values.append(factor * entries.value[own])
+            moved = np.flatnonzero((entries.column == column) & active[entries.face, j])
+            rows.append(entries.row[moved])
+            columns.append(3 * entries.face[moved] + j)
+            factor = self.template.scaling.face[entries.face[moved], j] / self._row[entries.row[moved]]
+            values.append(factor * entries.value[moved])
         live = self._live[:, [column]].toarray().ravel() * self.template.scaling.load / self._row
         touched = np.flatnonzero(live)
         rows.append(touched)
@@ -546,6 +553,7 @@ def _may_jump(result: LimitAnalysisResult, mesh: VertexMesh, data: _ProgramRates
     held = solved.held.copy()
     held[: structure.equalities] = True
     tight = solved.program.matrix.tocsr()[np.flatnonzero(held)].toarray()
+    # right null vectors change the optimal forces, left ones the multipliers
     left, values, right = np.linalg.svd(tight)
     rank = int(np.sum(values > _NULL * values.max(initial=1.0)))
     assembly, columns = template.assembly, 3 * len(mesh.ends)
@@ -585,19 +593,19 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
         if result.governing is None or result.status is not Status.COLLAPSE:
             return None
         required = float(result.assembly.required[names.index(result.governing)])
-        one = geometry_sensitivities(result.cases[result.governing], one_sided=one_sided)
-        if one is None:
+        of_case = geometry_sensitivities(result.cases[result.governing], one_sided=one_sided)
+        if of_case is None:
             return None
-        rates = (values / required for values in (one.derivative, one.left, one.right))
-        return GeometrySensitivities(one.vertices, *rates)
+        rates = (values / required for values in (of_case.derivative, of_case.left, of_case.right))
+        return GeometrySensitivities(of_case.vertices, *rates)
     plain = result.model.supports_bounds_over_labellings and result.model.inner_bending == "uncoupled"
     plain = plain and not result.assembly.pressed and not result.assembly.members
     plain = plain and result.assembly.members.bond is None
     if result.status is not Status.COLLAPSE or not plain or result.forces is None or result.mechanism is None:
         return None
     if result.assembly.dimension == 3:
-        found = spatial_rates(result, result.forces, result.mechanism)
-        return None if found is None else GeometrySensitivities(found[0], *[found[1]] * 3)
+        of_vertices = spatial_rates(result, result.forces, result.mechanism)
+        return None if of_vertices is None else GeometrySensitivities(of_vertices[0], *[of_vertices[1]] * 3)
     return _planar(result, result.forces, result.mechanism, one_sided)
 
 

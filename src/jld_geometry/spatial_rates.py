@@ -56,8 +56,8 @@ def area_rates(mesh: VertexMesh) -> AreaRates:
     row, column = np.concatenate(rows), np.concatenate(columns)
     size = mesh.places.size
     by_areas = sp.csr_array((np.concatenate(areal), (row, column)), shape=(len(areas), size))
-    both = np.concatenate(central, axis=1)
-    entries = (both.ravel(), (np.concatenate([2 * row, 2 * row + 1]), np.tile(column, 2)))
+    values = np.concatenate(central, axis=1)
+    entries = (values.ravel(), (np.concatenate([2 * row, 2 * row + 1]), np.tile(column, 2)))
     return AreaRates(areas, by_areas, sp.csr_array(entries, shape=(2 * len(areas), size)))
 
 
@@ -176,8 +176,8 @@ def spatial_rates(result: LimitAnalysisResult, forces: Floats, mechanism: Floats
     mesh = spatial_mesh(assembly)
     rates = np.zeros_like(mesh.places)
     for element in assembly.elements.free.tolist():
-        own = _element_rates(assembly, element, mechanism[element], result.load_factor)
-        np.add.at(rates, mesh.corners[element], own)
+        of_element = _element_rates(assembly, element, mechanism[element], result.load_factor)
+        np.add.at(rates, mesh.corners[element], of_element)
     for face, polygon in enumerate(mesh.polygons):
         np.add.at(rates, polygon, _face_rates(assembly, face, forces[face], mechanism))
     return mesh.places, rates
@@ -200,13 +200,13 @@ def volume_rates(assembly: Assembly, element: int) -> tuple[float, Floats, Float
     corner = assembly.elements.shape[element] - assembly.elements.centroid[element]
     by_volume, by_moment = np.zeros_like(corner), np.zeros((len(corner), 3, 3))
     rings = assembly.elements.faces[element]
-    own = np.array([(ring[0], *pair) for ring in rings for pair in itertools.pairwise(ring[1:])])
-    x, y, z = np.moveaxis(corner[own], 1, 0)
+    triangles = np.array([(ring[0], *pair) for ring in rings for pair in itertools.pairwise(ring[1:])])
+    x, y, z = np.moveaxis(corner[triangles], 1, 0)
     slopes = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1) / 6.0
     parts = (x * slopes[:, 0]).sum(axis=1)
-    np.add.at(by_volume, own, slopes)
+    np.add.at(by_volume, triangles, slopes)
     middle = np.einsum("tj,tik->tijk", (x + y + z) / 4.0, slopes)
-    np.add.at(by_moment, own, middle + parts[:, None, None, None] / 4.0 * np.eye(3))
+    np.add.at(by_moment, triangles, middle + parts[:, None, None, None] / 4.0 * np.eye(3))
     return float(parts.sum()), by_volume, by_moment
 
 
@@ -290,6 +290,9 @@ def _face_rates(assembly: Assembly, face: int, forces: Floats, mechanism: Floats
     return np.asarray(rates + 0.5 * stuck * sign * np.cross(after, normal))
 
 
+_RESIDUAL: Final = 1e-10  # residual asked of the solver of corner forces
+
+
 def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
     """Return normal forces (k,) at corners (k, 2) of given N, M1, M2, of least power on gaps (k,)."""
     # Of all such forces they have the least power on the gaps.
@@ -299,20 +302,20 @@ def corner_forces(corner: Floats, forces: Floats, gaps: Floats) -> Floats:
     scale = float(abs(total).max())
     if scale == 0.0:
         return np.zeros(len(corner))
-    most = float(abs(gaps).max()) or 1.0
+    widest = float(abs(gaps).max()) or 1.0
     # a centre of pressure on an edge may lie outside by rounding: the rest is shared by all corners
     slack = np.full(3, _ROUNDED)
     none, free = np.zeros(len(corner)), np.full(len(corner), np.inf)
     program = highs_of(
         sp.csc_array(rows),
-        gaps / most,
+        gaps / widest,
         total / scale - slack,
         total / scale + slack,
         none,
         free,
-        {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+        {"primal_feasibility_tolerance": _RESIDUAL, "dual_feasibility_tolerance": _RESIDUAL},
     )
     program.run()
-    found = np.array(program.getSolution().col_value)
-    left = total / scale - rows @ found
-    return np.asarray(scale * (found + np.linalg.pinv(rows) @ left))
+    solved = np.array(program.getSolution().col_value)
+    residual = total / scale - rows @ solved
+    return np.asarray(scale * (solved + np.linalg.pinv(rows) @ residual))

@@ -118,14 +118,14 @@ class _Rows:
         """Add rows (r, width) with right-hand sides (r,) to the group "equal", "linear" or "cones"."""
         self._groups[group].append((rows, right))
 
-    def placed(self, case: int, own: sp.csr_array, steps: sp.csr_array | None, goal: Floats | None) -> sp.csr_array:
+    def placed(self, case: int, of_case: sp.csr_array, steps: sp.csr_array | None, goal: Floats | None) -> sp.csr_array:
         """Pad coefficients of one case, of steps (r, k) and of the goal (r,) to all columns (r, width)."""
-        count = own.shape[0]
+        count = of_case.shape[0]
         before = sp.csr_array((count, self.start[case]))
         after = sp.csr_array((count, self.start[-1] - self.start[case + 1]))
         moved = sp.csr_array((count, self.count)) if steps is None else steps
         last = sp.csr_array((count, 1)) if goal is None else sp.csr_array(goal[:, None])
-        return sp.csr_array(sp.hstack([before, own, after, moved, last]))
+        return sp.csr_array(sp.hstack([before, of_case, after, moved, last]))
 
     def program(self, objective: Floats) -> ConicProgram:
         """Assemble the conic program of all groups; objective: (width,)."""
@@ -139,10 +139,10 @@ class _Rows:
         """Convert a solution (width,) to forces and λ in scene units, step and value of the goal."""
         forces, factors = [], []
         for k, state in enumerate(self._states):
-            own = point[self.start[k] : self.start[k + 1]]
+            of_case = point[self.start[k] : self.start[k + 1]]
             scaling = state.template.scaling
-            forces.append(own[: scaling.face.size].reshape(scaling.face.shape) * scaling.face)
-            factors.append(float(own[-1]) * scaling.load)
+            forces.append(of_case[: scaling.face.size].reshape(scaling.face.shape) * scaling.face)
+            factors.append(float(of_case[-1]) * scaling.load)
         change = point[self.start[-1] : -1]
         values = {"load_factor": self.unit * point[-1], "thickness": change[-1] if self.count else 0.0}
         return StepAnswer(float(values.get(goal, point[-1])), change, tuple(forces), tuple(factors))
@@ -174,23 +174,30 @@ def _add_case(
     rows.add("equal", rows.placed(case, matrix[: s.equalities], rates, None), program.rhs[: s.equalities])
     first = s.equalities + 1  # after the row that bounds λ
     right = program.rhs[first:]
+    # right-hand sides of yield rows grow with the length of their face
     stretched = sp.csr_array(sp.diags_array(-right) @ lengths[template.yield_set.pattern.row_face])
-    column = np.zeros(len(right))
+    column = np.zeros(len(right))  # of the goal
     if goal == "slack":
         column[: s.linear - 1] = -1.0
         column[s.heads - first] = -1.0
     elif goal == "friction":
         column = _friction_column(template, labels, state.forces, len(right))
     linear = s.linear - 1
-    every = rows.placed(case, matrix[first:], stretched, column)
-    rows.add("linear", every[:linear], right[:linear])
-    rows.add("cones", every[linear:], right[linear:])
+    yields = rows.placed(case, matrix[first:], stretched, column)
+    rows.add("linear", yields[:linear], right[:linear])
+    rows.add("cones", yields[linear:], right[linear:])
     rows.cones += list(s.cones)
-    load = sp.csr_array(([1.0], ([0], [s.shape[1] - 1])), shape=(1, s.shape[1]))
+    _add_goal(rows, case, state, goal)
+
+
+def _add_goal(rows: _Rows, case: int, state: CaseState, goal: Goal) -> None:
+    """Add the row or rows that tie λ of one load case to the goal, or hold it at 0."""
+    columns = state.template.columns
+    load = sp.csr_array(([1.0], ([0], [columns - 1])), shape=(1, columns))
     if state.dead:
         rows.add("equal", rows.placed(case, load, None, None), np.zeros(1))
     elif goal == "load_factor":
-        scale = scaling.load / state.required / rows.unit
+        scale = state.template.scaling.load / state.required / rows.unit
         rows.add("linear", rows.placed(case, -scale * load, None, np.ones(1)), np.zeros(1))
     elif goal == "slack":
         rows.add("linear", rows.placed(case, -load, None, None), np.zeros(1))
@@ -203,16 +210,16 @@ def _friction_column(template: Template, labels: Bits, forces: Floats, count: in
     """Return the derivatives (count,) of yield rows by a common factor on dry friction."""
     pattern = template.yield_set.pattern
     scaled = (forces / template.scaling.face).ravel()
-    own = pattern.capacity[labels[pattern.face[pattern.capacity]]]
-    rates = pattern.dry[own] * scaled[pattern.column[own]]
-    return np.bincount(pattern.row[own], weights=rates, minlength=count).astype(float)
+    of_friction = pattern.capacity[labels[pattern.face[pattern.capacity]]]  # entries of the friction of dry faces
+    rates = pattern.dry[of_friction] * scaled[pattern.column[of_friction]]
+    return np.bincount(pattern.row[of_friction], weights=rates, minlength=count).astype(float)
 
 
 def _add_shape(rows: _Rows, region: Region) -> None:
     """Add limits on shapes, ties and bounds of the step to its program."""
     count = rows.count
 
-    def wide(steps: sp.csr_array) -> sp.csr_array:
+    def placed(steps: sp.csr_array) -> sp.csr_array:
         before = sp.csr_array((steps.shape[0], rows.start[-1]))
         return sp.csr_array(sp.hstack([before, steps, sp.csr_array((steps.shape[0], 1))]))
 
@@ -220,14 +227,14 @@ def _add_shape(rows: _Rows, region: Region) -> None:
     kept = np.diff(slopes.indptr) > 0
     equal, bounded = np.flatnonzero(kept & region.equal), np.flatnonzero(kept & ~region.equal)
     values = region.limits.values
-    rows.add("equal", wide(slopes[equal]), -values[equal])
-    rows.add("equal", wide(sp.csr_array(region.ties)), np.zeros(len(region.ties)))
+    rows.add("equal", placed(slopes[equal]), -values[equal])
+    rows.add("equal", placed(sp.csr_array(region.ties)), np.zeros(len(region.ties)))
     # a limit that was missed by rounding, or by the curvature of the last step, may stay as it is
-    least = np.minimum(region.least, values)
-    rows.add("linear", wide(-slopes[bounded]), (values - least)[bounded])
+    lower = np.minimum(region.least, values)
+    rows.add("linear", placed(-slopes[bounded]), (values - lower)[bounded])
     unit = sp.csr_array(sp.eye_array(count))
-    rows.add("linear", wide(unit), region.high)
-    rows.add("linear", wide(-unit), -region.low)
+    rows.add("linear", placed(unit), region.high)
+    rows.add("linear", placed(-unit), -region.low)
 
 
 _ROUTE: Final = Route("joints that move")
@@ -256,6 +263,9 @@ class Evaluated:
     def locked(self) -> bool:
         """True if λ is unbounded: this geometry carries any live load."""
         return self.result is not None and self.result.status is Status.LOCKED
+
+
+_THICKER: Final = 0.2  # largest relative change of the thickness in one Newton step
 
 
 class Evaluator:
@@ -426,7 +436,8 @@ class Evaluator:
         whole = self.variables.thickness
         for _ in range(_ROUNDS):
             point = self.missing(values)
-            low[-1], high[-1] = -0.2 * (whole + values[-1]), 0.2 * (whole + values[-1])
+            high[-1] = _THICKER * (whole + values[-1])
+            low[-1] = -high[-1]
             answer = None if point is None else self.step(point, low, high, "thickness")
             if point is None or answer is None:
                 return None

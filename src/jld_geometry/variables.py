@@ -46,20 +46,20 @@ class Variables:
 
     def places(self, values: Floats) -> Floats:
         """Return the positions (v, d) of all vertices, scene units, at variables z (k,)."""
-        found = self.start.copy()
+        places = self.start.copy()
         number = len(self.vertex)
         straight = np.isnan(self.centre[:, 0])
-        np.add.at(found, self.vertex[straight], values[:number][straight, None] * self.direction[straight])
+        np.add.at(places, self.vertex[straight], values[:number][straight, None] * self.direction[straight])
         for k in np.flatnonzero(~straight).tolist():
             arm = self.start[self.vertex[k]] - self.centre[k]
             radius = float(np.hypot(*arm))
             turn = float(arm[0] * self.direction[k, 1] - arm[1] * self.direction[k, 0])
             angle = np.sign(turn) * values[k] / radius
             cos, sin = np.cos(angle), np.sin(angle)
-            found[self.vertex[k]] = self.centre[k] + np.array([[cos, -sin], [sin, cos]]) @ arm
+            places[self.vertex[k]] = self.centre[k] + np.array([[cos, -sin], [sin, cos]]) @ arm
         if self.scaled:
-            found += (values[-1] / self.thickness * self.rings)[:, None] * self._radial(found)
-        return found
+            places += (values[-1] / self.thickness * self.rings)[:, None] * self._radial(places)
+        return places
 
     def _radial(self, places: Floats) -> Floats:
         """Return unit vectors (v, 2) away from the middle of the arch."""
@@ -131,17 +131,17 @@ def variables_of(
     vertex = np.array([one[0] for one in chosen], dtype=np.int64)
     direction = np.array([one[1] for one in chosen]).reshape(-1, 2)
     centre = np.array([one[2] for one in chosen]).reshape(-1, 2)
-    found = Variables(mesh.places, vertex, direction, centre, np.zeros((0, len(vertex))))
+    variables = Variables(mesh.places, vertex, direction, centre, np.zeros((0, len(vertex))))
     if move.maximise == "least_thickness":
-        found = _with_thickness(found, assembly, circles)
-    ties = np.concatenate([ties_of(found, assembly, move), _following(found, mesh, finder.followers)])
-    found = Variables(**{**vars(found), "ties": ties})
-    if not found.basis.shape[1]:
+        variables = _with_thickness(variables, assembly, circles)
+    ties = np.concatenate([ties_of(variables, assembly, move), _following(variables, mesh, finder.followers)])
+    variables = Variables(**{**vars(variables), "ties": ties})
+    if not variables.basis.shape[1]:
         problem = "no vertex of a joint can move"
         raise InputError(
             "move", problem, 'dry joints with ends inside the structure or on straight outlines, or "along"'
         )
-    return found
+    return variables
 
 
 def vertex_at(places: Floats, point: list[float], size: float, where: str) -> int:
@@ -188,7 +188,7 @@ class _Finder:
 
     def named(self) -> list[tuple[int, Floats, Floats]]:
         """Return vertex, unit direction (2,) and centre (NaN) for each vertex that "along" names."""
-        found = []
+        paths = []
         for position, path in enumerate(self._move.along):
             if path.at is None or path.direction is None:
                 continue
@@ -199,28 +199,28 @@ class _Finder:
             if len(path.direction) != 2:
                 raise InputError(f"move.along[{position}].direction", "it has 3 numbers", "2 in a planar scene")
             direction = np.array(path.direction, dtype=float)
-            found.append((vertex, direction / np.hypot(*direction), np.full(2, np.nan)))
-        return found
+            paths.append((vertex, direction / np.hypot(*direction), np.full(2, np.nan)))
+        return paths
 
     def joints(self, circles: list[scene_move.Path], taken: set[int]) -> list[tuple[int, Floats, Floats]]:
         """Return vertex, unit direction (2,) and centre (2,) of each way to move a joint's vertex."""
         # Centres are NaN for lines. A vertex inside the structure has both axes as ways.
-        found: list[tuple[int, Floats, Floats]] = []
+        paths: list[tuple[int, Floats, Floats]] = []
         for vertex in np.flatnonzero(self._dry | self.followers).tolist():
             if vertex in taken:
                 continue
             if not self._outline[vertex]:
                 if not self._held[vertex]:
-                    found += [(vertex, axis, np.full(2, np.nan)) for axis in np.eye(2)]
+                    paths += [(vertex, axis, np.full(2, np.nan)) for axis in np.eye(2)]
                 continue
             around = [*self._before.get(vertex, []), *self._after.get(vertex, [])]
             circle = self._circle(vertex, around, circles)
             if circle is not None and (circle[1] or not self._held[vertex]):
                 arm = self._mesh.places[vertex] - circle[0]
-                found.append((vertex, np.array([-arm[1], arm[0]]) / np.hypot(*arm), circle[0]))
+                paths.append((vertex, np.array([-arm[1], arm[0]]) / np.hypot(*arm), circle[0]))
             elif not self._held[vertex] and len(around) == 2 and (line := self._line(vertex, around)) is not None:
-                found.append((vertex, line, np.full(2, np.nan)))
-        return found
+                paths.append((vertex, line, np.full(2, np.nan)))
+        return paths
 
     def _circle(self, vertex: int, around: list[int], circles: list[scene_move.Path]) -> tuple[Floats, bool] | None:
         """Return the centre (2,) of a circle through a vertex and its neighbours, and whether supports slide."""
@@ -259,20 +259,20 @@ def _with_thickness(found: Variables, assembly: Assembly, circles: list[scene_mo
 def _following(found: Variables, mesh: VertexMesh, followers: Bools) -> Floats:
     """Return the ties (t, k) by which vertices without joints, followers (v,), follow their neighbours."""
     # Each follower moves by the mean of its neighbours' movements, weighted by inverse distance.
-    own = np.flatnonzero(followers[found.vertex])
-    if not len(own):
+    followed = np.flatnonzero(followers[found.vertex])
+    if not len(followed):
         return np.zeros((0, found.count))
     edges = mesh.edges[1]
     # two elements state an edge between them, one states an edge of the outline: each is taken once
     edges = np.unique(np.sort(edges, axis=1), axis=0)
     lengths = np.linalg.norm(found.start[edges[:, 0]] - found.start[edges[:, 1]], axis=1)
-    both = np.concatenate([edges, edges[:, ::-1]]).T
-    near = sp.csr_array((1.0 / np.tile(lengths, 2), (both[0], both[1])), shape=(len(found.start),) * 2)
+    pairs = np.concatenate([edges, edges[:, ::-1]]).T
+    near = sp.csr_array((1.0 / np.tile(lengths, 2), (pairs[0], pairs[1])), shape=(len(found.start),) * 2)
     jacobian = found.jacobian(np.zeros(found.count)).toarray().reshape(len(found.start), 2, -1)
     if found.scaled:
         jacobian[:, :, -1] = 0.0  # the thickness is common to all
     rows = []
-    for k in own.tolist():
+    for k in followed.tolist():
         vertex, direction = int(found.vertex[k]), found.direction[k]
         start, end = near.indptr[vertex], near.indptr[vertex + 1]
         share = near.data[start:end] / near.data[start:end].sum()
@@ -301,13 +301,13 @@ def ties_of(found: Variables, assembly: Assembly, move: scene_move.Move) -> Floa
             rows += [jacobian[vertex, 0] + jacobian[other, 0], *(jacobian[vertex, 1:] - jacobian[other, 1:])]
         return np.array(rows)
     for position, group in enumerate(move.ties):
-        own = [
+        of_group = [
             vertex_at(found.start, point, assembly.size, f"move.ties[{position}][{k}]") for k, point in enumerate(group)
         ]
-        for other in own[1:]:
-            rows += list(jacobian[own[0]] - jacobian[other])
+        for other in of_group[1:]:
+            rows += list(jacobian[of_group[0]] - jacobian[other])
         basis = null_space(np.array(rows), found.count)
-        for point, vertex in zip(group, own, strict=True):
+        for point, vertex in zip(group, of_group, strict=True):
             if not (jacobian[vertex] @ basis).any():
                 problem = f"they leave the vertex {point} no direction to move in"
                 raise InputError("move.ties", problem, "ties of vertices that slide along the same directions")

@@ -173,9 +173,9 @@ def _joint_corners(fine: Problem, stress: StressField, velocity: Floats, rows: I
     shares = np.zeros((len(fine.mesh) // 4, 4))
     pull, jump = tractions(fine, stress.stress, rows), jumps(fine, velocity, rows)
     lost = np.maximum(-np.einsum("fi,fki->fk", pull.sum(axis=1), jump), 0.0) * (s.area[rows] / 24.0)[:, None]
-    both = s.b[rows] >= 0
+    two_sided = s.b[rows] >= 0
     np.add.at(shares, (s.a[rows][:, None] // 4, s.corner_a[rows]), lost)
-    np.add.at(shares, (s.b[rows][both][:, None] // 4, s.corner_b[rows][both]), lost[both])
+    np.add.at(shares, (s.b[rows][two_sided][:, None] // 4, s.corner_b[rows][two_sided]), lost[two_sided])
     return shares
 
 
@@ -592,23 +592,23 @@ class FieldRefinement:
 
     def _next(self, fields: Fields, spent: float) -> Mesh | None:
         """Return the next mesh, None where it would be too large or hardly finer."""
-        most = self._most
+        most_simplices = self._most
         if self._dimension == 3:
             if self._seconds is not None:
                 simplices, took = self._times[True]
                 seconds_left = max(self._seconds - spent, 0.0)
-                most = min(most, int(simplices * (seconds_left / took) ** (1.0 / _GROWTH[3])))
+                most_simplices = min(most_simplices, int(simplices * (seconds_left / took) ** (1.0 / _GROWTH[3])))
             layered = self._layered(fields) if self._adaptive and len(self._best.history) == 1 else None
-            if layered is not None and len(layered.coarse) <= most:
+            if layered is not None and len(layered.coarse) <= most_simplices:
                 self._before, self._setting = (fields, self._setting), layered
                 return layered.coarse
             if self._before is not None:
                 cases = self._before, (fields, self._setting)
                 fields, self._setting = min(cases, key=lambda case: relative_gap(*case[0].bounds))
                 self._before = None
-        finer = fields.finer(self._adaptive, steps=not self._lower_first, most=most)
+        finer = fields.finer(self._adaptive, steps=not self._lower_first, most=most_simplices)
         grown = len(finer) > _LEAST_GROWTH[self._dimension] * len(fields.mesh)
-        return finer if grown and len(finer) <= most else None
+        return finer if grown and len(finer) <= most_simplices else None
 
     def _layered(self, fields: Fields) -> FieldSetting | None:
         """Return the setting with deforming long or flat cells cut in layers, None where none is."""
@@ -745,10 +745,10 @@ class PartialUpperBound:
         best: WeighedField | None = None
         for share in REPAIRED:
             moved = self._upper.repaired(velocity, share)
-            found = mechanism_bounds(self._upper, moved)
-            bound = np.inf if found is None else found.bound_of(labels, undecided)
-            if found is not None and np.isfinite(bound) and (best is None or bound < best.bound):
-                best = WeighedField(moved, found, float(bound))
+            mechanism = mechanism_bounds(self._upper, moved)
+            bound = np.inf if mechanism is None else mechanism.bound_of(labels, undecided)
+            if mechanism is not None and np.isfinite(bound) and (best is None or bound < best.bound):
+                best = WeighedField(moved, mechanism, float(bound))
                 if bound <= enough:
                     break
         return best
@@ -764,9 +764,9 @@ class PartialUpperBound:
         if base is None or not size > 0.0:
             return None
         ray = ray * (float(abs(base.velocity).max()) / size)
-        least = _LEAST * p.units.load
+        below_zero = _LEAST * p.units.load
         for far in _FAR:
-            found = self._least(base.velocity + far * ray, labels, undecided, least)
-            if found is not None and found.bound <= least:
-                return WeighedField(found.velocity, found.mechanism, least)
+            field = self._least(base.velocity + far * ray, labels, undecided, below_zero)
+            if field is not None and field.bound <= below_zero:
+                return WeighedField(field.velocity, field.mechanism, below_zero)
         return None

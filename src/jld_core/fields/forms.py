@@ -95,10 +95,10 @@ def tensors(vectors: Floats) -> Floats:
     if vectors.shape[-1] == COMPONENTS[2]:
         m, d, s = np.moveaxis(vectors, -1, 0)
         return np.stack([np.stack([m + d, s], axis=-1), np.stack([s, m - d], axis=-1)], axis=-2)
-    found = np.empty((*vectors.shape[:-1], 3, 3))
+    result = np.empty((*vectors.shape[:-1], 3, 3))
     for place, (i, j) in enumerate(_PLACES):
-        found[..., i, j] = found[..., j, i] = vectors[..., place] / (1.0 if i == j else np.sqrt(2.0))
-    return found
+        result[..., i, j] = result[..., j, i] = vectors[..., place] / (1.0 if i == j else np.sqrt(2.0))
+    return result
 
 
 def normal_map(normals: Floats) -> Floats:
@@ -106,11 +106,11 @@ def normal_map(normals: Floats) -> Floats:
     if normals.shape[-1] == 2:
         x, y = normals[..., 0], normals[..., 1]
         return np.stack([np.stack([x, x, y], axis=-1), np.stack([y, -y, x], axis=-1)], axis=-2)
-    found = np.zeros((*normals.shape[:-1], 3, 6))
+    maps = np.zeros((*normals.shape[:-1], 3, 6))
     for place, (i, j) in enumerate(_PLACES):
-        found[..., i, place] = normals[..., j] / (1.0 if i == j else np.sqrt(2.0))
-        found[..., j, place] = normals[..., i] / (1.0 if i == j else np.sqrt(2.0))
-    return found
+        maps[..., i, place] = normals[..., j] / (1.0 if i == j else np.sqrt(2.0))
+        maps[..., j, place] = normals[..., i] / (1.0 if i == j else np.sqrt(2.0))
+    return maps
 
 
 def across(normals: Floats) -> tuple[Floats, ...]:

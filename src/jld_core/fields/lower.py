@@ -44,6 +44,9 @@ class StressField:
     rate: Floats
 
 
+_MORE = 1.01  # factor on the least share of an interior field that a mean needs
+
+
 class LowerBound:
     """Lower bounds on λ by stress fields, for many labellings of one problem; planar programs and factors are kept.
 
@@ -76,13 +79,13 @@ class LowerBound:
         self.status = answer.status
         if not answer.usable:
             return None
-        found = self.certify(*self._parts(answer), labels)
+        field = self.certify(*self._parts(answer), labels)
         for margin in self._margins[1:]:
-            if found is None:
+            if field is None:
                 wider = self.propose(labels, margin)
-                found = self.certify(*self._parts(wider), labels) if wider.usable else None
-        found = found or self._blend(answer, labels)
-        return None if found is None else replace(found, rate=self._rate(answer.dual))
+                field = self.certify(*self._parts(wider), labels) if wider.usable else None
+        field = field or self._blend(answer, labels)
+        return None if field is None else replace(field, rate=self._rate(answer.dual))
 
     def _parts(self, answer: Answer) -> tuple[Floats, float]:
         return answer.point[: self._size], float(answer.point[-1])
@@ -98,11 +101,11 @@ class LowerBound:
             if room_of_inner > 0.0:
                 # a little more than the mean needs
                 lack = max(-room_of_proposed, 0.0)
-                share = min(1.0, 1.01 * lack / (room_of_inner + lack))
+                share = min(1.0, _MORE * lack / (room_of_inner + lack))
                 point = (1.0 - share) * proposed.point + share * inner.point
-                found = self.certify(point[: self._size], float(point[-1]), labels)
-                if found is not None:
-                    return found
+                field_of_mean = self.certify(point[: self._size], float(point[-1]), labels)
+                if field_of_mean is not None:
+                    return field_of_mean
         return None
 
     def _room_of(self, answer: Answer, labels: Bits) -> float:
@@ -247,8 +250,8 @@ class LowerBound:
         residual = float(abs(rhs - matrix @ stress).max())
         terms = float((abs(matrix) @ abs(stress) + abs(rhs)).max())
         # corrections contract from step to step, so that all further ones together change less than twice this one
-        rest = 2.0 * size + residual
-        return stress, rest if residual <= tolerances.ROUNDING * terms else np.inf
+        error = 2.0 * size + residual
+        return stress, error if residual <= tolerances.ROUNDING * terms else np.inf
 
     def _program(
         self, rows: Ints, margin: float, labels: Bits | None = None
@@ -299,8 +302,8 @@ class LowerBound:
         p, normal = self.problem, self.problem.sides.normal[rows]
         face = p.face[rows]
         mu, c, smooth = p.joints.friction[face], p.joints.shear[face], self.frictionless[face]
-        size, some = np.maximum(1.0, mu), np.flatnonzero(np.isfinite(p.joints.crushing[face]))
-        crush = p.joints.crushing[face[some]]
+        size, crushable = np.maximum(1.0, mu), np.flatnonzero(np.isfinite(p.joints.crushing[face]))
+        crush = p.joints.crushing[face[crushable]]
         pressed, *slid = (np.einsum("ki,kij->kj", way, normal_map(normal)) for way in (normal, *across(normal)))
         owner = []
         for corner in range(self._dimension):
@@ -316,8 +319,8 @@ class LowerBound:
                 right[:, 0] = c[~smooth] - margin
                 entries = [(np.repeat(columns[~smooth], 3, axis=0), cone.reshape(-1, 6))]
                 threes.add(entries, right.ravel(), 3 * len(cone))
-            linear.add([(columns[some], -pressed[some])], crush - margin, len(some))
-            owner += [*[rows] * (3 if len(slid) == 1 else 1), rows[some]]
+            linear.add([(columns[crushable], -pressed[crushable])], crush - margin, len(crushable))
+            owner += [*[rows] * (3 if len(slid) == 1 else 1), rows[crushable]]
         return owner
 
 

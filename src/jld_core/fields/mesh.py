@@ -57,11 +57,14 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
         rings.append(ring_of(points, near, number[start : start + len(shape)], reach))
         start += len(shape)
     face_ends = number[: len(ends)].reshape(-1, 2)
-    own: list[list[int]] = [[] for _ in assembly.elements.ids]
+    faces_of_cell: list[list[int]] = [[] for _ in assembly.elements.ids]
     for face, pair in enumerate(zip(assembly.interfaces.a.tolist(), assembly.interfaces.b.tolist(), strict=True)):
         for cell in pair:
-            own[cell].append(face)
-    tags = [_tags(points, own[cell], ring, face_ends, reach) for cell, ring in zip(cells.tolist(), rings, strict=True)]
+            faces_of_cell[cell].append(face)
+    tags = [
+        _tags(points, faces_of_cell[cell], ring, face_ends, reach)
+        for cell, ring in zip(cells.tolist(), rings, strict=True)
+    ]
     return Outlines(points, cells, tuple(rings), tuple(tags))
 
 
@@ -85,16 +88,16 @@ def ring_of(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
     )
     around = near.query_ball_point(middle, half + reach, return_sorted=True)
     nodes: list[int] = []
-    for a, b, found in zip(corners.tolist(), after.tolist(), around, strict=True):
+    for a, b, near_nodes in zip(corners.tolist(), after.tolist(), around, strict=True):
         along = points[b] - points[a]
         length = float(np.linalg.norm(along))
         along = along / length
-        some = np.array(found, dtype=np.int64)
-        away = points[some] - points[a]
+        candidates = np.array(near_nodes, dtype=np.int64)
+        away = points[candidates] - points[a]
         place = away @ along
         off = np.linalg.norm(away - place[:, None] * along, axis=1)
         between = np.flatnonzero((off <= reach) & (place > reach) & (place < length - reach))
-        nodes += [a, *some[between[np.argsort(place[between])]].tolist()]
+        nodes += [a, *candidates[between[np.argsort(place[between])]].tolist()]
     return np.array(nodes, dtype=np.int64)
 
 
@@ -324,8 +327,8 @@ def _delaunay(points: Floats, nodes: list[int]) -> list[tuple[int, int, int]]:
     triangles = []
     for triangle in shapely.get_parts(parts):
         a, b, c = (node_at[tuple(place)] for place in shapely.get_coordinates(triangle)[:3].tolist())
-        one, two = points[b] - points[a], points[c] - points[a]
-        triangles.append((a, b, c) if one[0] * two[1] - one[1] * two[0] > 0.0 else (a, c, b))
+        ab, ac = points[b] - points[a], points[c] - points[a]
+        triangles.append((a, b, c) if ab[0] * ac[1] - ab[1] * ac[0] > 0.0 else (a, c, b))
     return triangles
 
 
@@ -400,10 +403,10 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
     # a triangle with any split edge is split at its longest one too
     while True:
         lead = number[np.arange(len(mesh)), longest]
-        more = split[number].any(axis=1) & ~split[lead]
-        if not more.any():
+        nonconforming = split[number].any(axis=1) & ~split[lead]
+        if not nonconforming.any():
             break
-        split[lead[more]] = True
+        split[lead[nonconforming]] = True
     middle = np.full(len(unique), -1, dtype=np.int64)
     middle[split] = len(mesh.points) + np.arange(int(split.sum()))
     triangles, parent = _bisected(mesh, middle[number], longest)
@@ -466,20 +469,24 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     if not at.any():
         return mesh
     # one with two such corners is split at its centroid: to choose between them would be to go by their order
-    whole, both = np.flatnonzero(at.sum(axis=1) < 2), np.flatnonzero(at.sum(axis=1) > 1)
-    centre = len(mesh.points) + np.repeat(np.arange(len(both)), 3)
-    ends_of = np.stack([mesh.simplices[both], np.roll(mesh.simplices[both], -1, axis=1)], axis=-1).reshape(-1, 2)
-    order = np.concatenate([whole, np.repeat(both, 3)])
+    with_one, with_two = np.flatnonzero(at.sum(axis=1) < 2), np.flatnonzero(at.sum(axis=1) > 1)
+    centre = len(mesh.points) + np.repeat(np.arange(len(with_two)), 3)
+    ends_of = np.stack([mesh.simplices[with_two], np.roll(mesh.simplices[with_two], -1, axis=1)], axis=-1).reshape(
+        -1, 2
+    )
+    order = np.concatenate([with_one, np.repeat(with_two, 3)])
     split = replace(
         mesh,
-        points=np.concatenate([mesh.points, corners[both].mean(axis=1)]),
-        simplices=np.concatenate([mesh.simplices[whole], np.column_stack([ends_of, centre])]),
+        points=np.concatenate([mesh.points, corners[with_two].mean(axis=1)]),
+        simplices=np.concatenate([mesh.simplices[with_one], np.column_stack([ends_of, centre])]),
         cell=mesh.cell[order],
         root=mesh.root[order],
     )
-    marked = np.append(at[whole].any(axis=1), np.zeros(3 * len(both), dtype=bool))
+    marked = np.append(at[with_one].any(axis=1), np.zeros(3 * len(with_two), dtype=bool))
     return refine(
-        split, marked, np.where(marked, np.append(at[whole].argmax(axis=1), np.zeros(len(centre), dtype=np.int64)), -1)
+        split,
+        marked,
+        np.where(marked, np.append(at[with_one].argmax(axis=1), np.zeros(len(centre), dtype=np.int64)), -1),
     )
 
 
@@ -507,10 +514,10 @@ def bisect(mesh: Mesh, marked: Bools, weight: Floats | None = None) -> Mesh:
     longest = number[every, np.argmax(rank[number], axis=1)]
     split[longest[marked]] = True
     while True:
-        more = split[number].any(axis=1) & ~split[longest]
-        if not more.any():
+        nonconforming = split[number].any(axis=1) & ~split[longest]
+        if not nonconforming.any():
             break
-        split[longest[more]] = True
+        split[longest[nonconforming]] = True
     return halve_edges(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
 
 

@@ -144,6 +144,9 @@ class Problem:
         return dry
 
 
+_LEAST_DEAD = 1e-4  # least stress of the dead load that the unit takes, over the strength
+
+
 def units_of(assembly: Assembly, material: Material) -> Units:
     """Choose units by sizes, strengths and loads alone: not by position, rotation or units of the scene."""
     elements, free = assembly.elements, assembly.elements.free
@@ -156,7 +159,7 @@ def units_of(assembly: Assembly, material: Material) -> Units:
     strength = min(material.shear, material.tension)
     dead = assembly.total_dead / (length * width)
     # between strength and weight, whichever governs; a weight of nothing is no measure
-    stress = min(strength, float(np.sqrt(strength * max(dead, 1e-4 * strength)))) if dead > 0.0 else strength
+    stress = min(strength, float(np.sqrt(strength * max(dead, _LEAST_DEAD * strength)))) if dead > 0.0 else strength
     origin = 0.5 * (elements.lower[free].min(axis=0) + elements.upper[free].max(axis=0))
     live, force = assembly.total_live, stress * length * width if assembly.dimension == 2 else stress * length**2
     return Units(length, stress, force / live, 1.0 / live, origin)
@@ -164,8 +167,8 @@ def units_of(assembly: Assembly, material: Material) -> Units:
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:
     density = units.length / units.stress
-    own, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
-    crushing = np.where(np.isnan(own.crush), np.inf, own.crush)
+    dry_strengths, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
+    crushing = np.where(np.isnan(dry_strengths.crush), np.inf, dry_strengths.crush)
     pull = np.zeros((2, len(sides), mesh.dimension, mesh.dimension))
     for index, traction in enumerate(loads.tractions):
         rows = np.flatnonzero((sides.tag == patch_tag(index)) & (mesh.cell[sides.a] == traction.cell))
@@ -173,7 +176,9 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
     return Problem(
         units=units,
         material=material.scaled(units.stress),
-        joints=Joints(np.nan_to_num(own.friction, nan=0.0), own.shear / units.stress, crushing / units.stress),
+        joints=Joints(
+            np.nan_to_num(dry_strengths.friction, nan=0.0), dry_strengths.shear / units.stress, crushing / units.stress
+        ),
         mesh=replace(mesh, points=(mesh.points - units.origin) / units.length),
         dead=loads.dead[mesh.root] * density,
         live=loads.live[mesh.root] * (density * units.load),

@@ -76,8 +76,8 @@ class RigidBlocks:
         s, cell = problem.sides, problem.mesh.cell
         count = int(cell.max()) + 1
         inner = (problem.face >= 0) & ~problem.is_dry(labels)
-        both = inner & (s.b >= 0)
-        block = components(count, cell[s.a[both]], cell[s.b[both]])
+        between_cells = inner & (s.b >= 0)
+        block = components(count, cell[s.a[between_cells]], cell[s.b[between_cells]])
         free = np.zeros(int(block.max()) + 1, dtype=bool)
         free[block[cell]] = True
         free[block[cell[s.a[inner & (s.b < 0)]]]] = False
@@ -131,10 +131,10 @@ def _equilibrium_matrix(problem: Problem, blocks: RigidBlocks, rows: Ints, *, at
         9 * np.arange(count)[:, None, None, None] + 3 * np.arange(3)[:, None, None] + np.arange(3), wrench.shape
     )
     entries = []
-    for sign, here, tetrahedra in ((1.0, np.ones(count, dtype=bool), s.a), (-1.0, s.b[rows] >= 0, s.b)):
-        first = 6 * blocks.of_cell[problem.mesh.cell[tetrahedra[rows[here]]]]
-        row = np.broadcast_to(first[:, None, None, None] + np.arange(6)[:, None], wrench[here].shape)
-        entries.append((sign * wrench[here].ravel(), row.ravel(), columns[here].ravel()))
+    for sign, sided, tetrahedra in ((1.0, np.ones(count, dtype=bool), s.a), (-1.0, s.b[rows] >= 0, s.b)):
+        first = 6 * blocks.of_cell[problem.mesh.cell[tetrahedra[rows[sided]]]]
+        row = np.broadcast_to(first[:, None, None, None] + np.arange(6)[:, None], wrench[sided].shape)
+        entries.append((sign * wrench[sided].ravel(), row.ravel(), columns[sided].ravel()))
     value, row, column = (np.concatenate(parts) for parts in zip(*entries, strict=True))
     return sp.csr_array((value, (row, column)), shape=(6 * len(blocks.free), 9 * count))
 
@@ -194,8 +194,10 @@ def _edges_of_loss(problem: Problem, blocks: RigidBlocks, traction: Floats, velo
     # the transpose of the map of forces to wrenches gives velocities of points by those of blocks
     move = _wrenches(place)
     jump = -np.einsum("kcij,ki->kcj", move, velocity[blocks.of_cell[mesh.cell[s.a[rows]]]])
-    both = s.b[rows] >= 0
-    jump[both] += np.einsum("kcij,ki->kcj", move[both], velocity[blocks.of_cell[mesh.cell[s.b[rows[both]]]]])
+    two_sided = s.b[rows] >= 0
+    jump[two_sided] += np.einsum(
+        "kcij,ki->kcj", move[two_sided], velocity[blocks.of_cell[mesh.cell[s.b[rows[two_sided]]]]]
+    )
     force = (traction + traction.sum(axis=1, keepdims=True)) * (s.area[rows] / 12.0)[:, None, None]
     lost = np.maximum(-np.einsum("kci,kci->kc", force, jump), 0.0)
     total = lost.sum(axis=1)

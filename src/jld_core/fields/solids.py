@@ -203,14 +203,14 @@ def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
     for index, facet in enumerate(surface.facets):
         if facet.cell not in layers:
             continue
-        found = [
+        cut_regions = [
             piece
             for face, region in zip(facet.faces, surface.covered(facet), strict=True)
             for piece in pieces(surface, index, region, layers, face)
         ]
         for region in (*surface.free(facet), *surface.loaded(index)):
-            found += pieces(surface, index, region, layers)
-        places += [facet.placed(shapely.get_coordinates(piece)) for piece in found]
+            cut_regions += pieces(surface, index, region, layers)
+        places += [facet.placed(shapely.get_coordinates(piece)) for piece in cut_regions]
     return np.concatenate(places)
 
 
@@ -311,7 +311,7 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
     after, next_height = np.roll(outline, -1, axis=0), np.roll(height, -1)
-    found = []
+    halves = []
     for sign in (-1.0, 1.0):
         piece, edge = [], []
         for a, b, h, k in zip(outline, after, height, next_height, strict=True):
@@ -323,8 +323,8 @@ def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> li
                 piece.append(a + (b - a) * (h / (h - k)))
                 edge.append(piece[-1])
         inside = bool((sign * height > 0.0).any())
-        found.append((np.array(piece) if inside else np.zeros((0, 3)), np.array(edge).reshape(-1, 3)))
-    return found
+        halves.append((np.array(piece) if inside else np.zeros((0, 3)), np.array(edge).reshape(-1, 3)))
+    return halves
 
 
 def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
@@ -488,8 +488,8 @@ class _Skins:
             for patch, polygon in zip(patched.get(index, []), loaded, strict=True):
                 self._put(facet.cell, self._filled(index, polygon), patch_tag(patch))
             for region in surface.free(facet):
-                rest = shapely.difference(region, shapely.union_all(loaded)) if loaded else region
-                for part in shapely.get_parts(rest):
+                unloaded = shapely.difference(region, shapely.union_all(loaded)) if loaded else region
+                for part in shapely.get_parts(unloaded):
                     if part.geom_type == "Polygon" and part.area > surface.reach * part.length:
                         self._put(facet.cell, self._filled(index, part))
 
@@ -675,27 +675,27 @@ def _region_of(assembly: Assembly, surface: Surface, cell: int, force: _Force) -
     """Return facet and free region of a cell that a force acts on, None if inside; InputError where it is not clear."""
     # Of several regions, that of the steepest push is taken.
     reach = max(surface.reach, tolerances.ON_OUTLINE * assembly.size)
-    own = [(index, facet) for index, facet in enumerate(surface.facets) if facet.cell == cell]
-    height = max(float((force.place - facet.origin) @ facet.normal) for _, facet in own)
+    of_cell = [(index, facet) for index, facet in enumerate(surface.facets) if facet.cell == cell]
+    height = max(float((force.place - facet.origin) @ facet.normal) for _, facet in of_cell)
     if abs(height) > reach:
         return None
-    found: list[tuple[float, int]] = []
+    pushes: list[tuple[float, int]] = []
     regions: list[tuple[int, int]] = []
-    for index, facet in own:
+    for index, facet in of_cell:
         if abs(float((force.place - facet.origin) @ facet.normal)) > reach:
             continue
         point = shapely.Point(*facet.flat(force.place[None])[0])
         for number, region in enumerate(surface.free(facet)):
             if region.distance(point) <= reach:
-                found.append((abs(float(force.vector @ facet.normal)), len(regions)))
+                pushes.append((abs(float(force.vector @ facet.normal)), len(regions)))
                 regions.append((index, number))
-    if not found:
+    if not pushes:
         raise InputError(
             f"element {assembly.elements.ids[cell]!r}",
             f"a force acts on its surface at {_place_text(force.place)}, where it has no free face",
             "a force on a free face or inside the element",
         )
-    return regions[steepest(found, assembly.elements.ids[cell], force.place)]
+    return regions[steepest(pushes, assembly.elements.ids[cell], force.place)]
 
 
 def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> _Spread:
@@ -740,8 +740,8 @@ def _linear(facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> Trac
     total = np.sum([force.vector for force in forces], axis=0)
     moment = np.sum([np.cross(force.place - origin, force.vector) for force in forces], axis=0)
     second = _second_moment(region, middle)
-    one, two, turn = facet.e1 @ moment, facet.e2 @ moment, facet.normal @ moment
-    lean = np.linalg.solve(second, np.array([-two, one]))
+    about_e1, about_e2, turn = facet.e1 @ moment, facet.e2 @ moment, facet.normal @ moment
+    lean = np.linalg.solve(second, np.array([-about_e2, about_e1]))
     n = facet.normal
     spin = np.array([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]]) * (turn / np.trace(second))
     slope = np.outer(n, lean[0] * facet.e1 + lean[1] * facet.e2) + spin
@@ -757,8 +757,8 @@ def _second_moment(region: shapely.Polygon, middle: Floats) -> Floats:
         flat = np.asarray(ring.coords)[:-1] - middle
         after = np.roll(flat, -1, axis=0)
         cross = flat[:, 0] * after[:, 1] - flat[:, 1] * after[:, 0]
-        both = flat + after
-        part = np.einsum("k,ki,kj->ij", cross, both, both)
+        sums = flat + after
+        part = np.einsum("k,ki,kj->ij", cross, sums, sums)
         part += np.einsum("k,ki,kj->ij", cross, flat, flat) + np.einsum("k,ki,kj->ij", cross, after, after)
         total += sign * np.sign(cross.sum()) * part / 24.0
     return total
@@ -768,13 +768,15 @@ def _overlaid(pieces: list[_Piece], reach: float) -> list[_Piece]:
     """Cut overlapping pieces of one facet into disjoint parts, each with the sum of its tractions."""
     done: list[_Piece] = []
     for polygon, mean, slope in pieces:
-        rest, new = polygon, []
+        uncovered, new = polygon, []
         for other in done:
-            shared = _parts(shapely.intersection(other.polygon, rest), reach)
+            shared = _parts(shapely.intersection(other.polygon, uncovered), reach)
             new += [_Piece(part, other.mean + mean, other.slope + slope) for part in shared]
-            new += [other._replace(polygon=part) for part in _parts(shapely.difference(other.polygon, rest), reach)]
-            rest = shapely.difference(rest, other.polygon)
-        done = new + [_Piece(part, mean, slope) for part in _parts(rest, reach)]
+            new += [
+                other._replace(polygon=part) for part in _parts(shapely.difference(other.polygon, uncovered), reach)
+            ]
+            uncovered = shapely.difference(uncovered, other.polygon)
+        done = new + [_Piece(part, mean, slope) for part in _parts(uncovered, reach)]
     return done
 
 

@@ -243,9 +243,9 @@ class VelocityProgram:
         for place, parts in enumerate([head, *tails]):
             for where, values in parts:
                 flat = where.reshape(count, -1)
-                wide = np.zeros((count, size, flat.shape[1]))
-                wide[:, place] = -np.broadcast_to(values, where.shape).reshape(count, -1)
-                entries.append((np.repeat(flat, size, axis=0), wide.reshape(count * size, -1)))
+                table = np.zeros((count, size, flat.shape[1]))
+                table[:, place] = -np.broadcast_to(values, where.shape).reshape(count, -1)
+                entries.append((np.repeat(flat, size, axis=0), table.reshape(count * size, -1)))
         self._add(group, entries, 0.0, size * count, None if owner is None else np.repeat(owner, size))
 
 
@@ -354,13 +354,13 @@ def _add_joint_rules(linear: Rows, problem: Problem, number: Ints, centre: Float
 
 def _add_cell_rules(linear: Rows, cones: Rows, sine: float, count: int, width: int) -> None:
     """Append slack ≤ e and g sin φ ≤ e − slack of each cell, with e and g of docs/method.md (9.2)."""
-    first, slack, one = 6 * np.arange(count) + 2, np.full(count, width - 1), np.ones(count)
-    trace = [(first, -one), (first + 3, -one), (slack, one)]
+    first, slack, ones = 6 * np.arange(count) + 2, np.full(count, width - 1), np.ones(count)
+    trace = [(first, -ones), (first + 3, -ones), (slack, ones)]
     linear.add(trace, 0.0, count)
     if not sine > 0.0:
         return
-    differences = [(first, -sine * one), (first + 3, sine * one)]
-    sums = [(first + 1, -sine * one), (first + 2, -sine * one)]
+    differences = [(first, -sine * ones), (first + 3, sine * ones)]
+    sums = [(first + 1, -sine * ones), (first + 2, -sine * ones)]
     for k in range(count):
         for part in (trace, differences, sums):
             cones.add([(column[k : k + 1], value[k : k + 1]) for column, value in part], 0.0, 1)
@@ -372,6 +372,9 @@ _ACTIVE = 1e-7
 # Largest number of linearisations of flow rules with friction. Where many slide, two leave errors of 4e-9 of the
 # velocities, four 1e-14.
 _ROUNDS = 4
+
+
+_REGULAR = 1e-10  # added to the diagonal of the normal equations, since active flow rules may depend on each other
 
 
 class Settling:
@@ -401,7 +404,7 @@ class Settling:
             matrix = self._active(moved, dry)
             if matrix is None:
                 break
-            square = sp.csc_matrix(matrix @ matrix.T + 1e-10 * sp.eye_array(matrix.shape[0]))
+            square = sp.csc_matrix(matrix @ matrix.T + _REGULAR * sp.eye_array(matrix.shape[0]))
             solver = splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
             before = moved
             for _ in range(4):
@@ -499,6 +502,9 @@ class Rates:
     slip: Floats
 
 
+_MORE = 1.0 + 1e-9  # factor on the opening that flow rules lack: a little more is added
+
+
 class UpperBound:
     """Upper bounds on λ by velocity fields, for many labellings of one problem; planar programs are set up once.
 
@@ -541,9 +547,9 @@ class UpperBound:
             if not answer.usable:
                 return None
             velocity = self._velocity(answer)
-            found = self._proven(velocity, self.rates(velocity), labels)
-            if found is not None:
-                return found
+            field = self._proven(velocity, self.rates(velocity), labels)
+            if field is not None:
+                return field
         return None
 
     def _velocity(self, answer: Answer) -> Floats:
@@ -570,26 +576,26 @@ class UpperBound:
         # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
         if not (answer.usable or answer.status == "DualInfeasible"):
             return None
-        found = self.certify(self._velocity(answer), labels, answer.objective)
-        if answer.usable and (found is None or found.factor - answer.objective > _COSTLY * abs(found.factor)):
-            found = self._with_margins(labels, found, answer.objective)
-        if found is not None and not answer.usable:
+        field = self.certify(self._velocity(answer), labels, answer.objective)
+        if answer.usable and (field is None or field.factor - answer.objective > _COSTLY * abs(field.factor)):
+            field = self._with_margins(labels, field, answer.objective)
+        if field is not None and not answer.usable:
             # how far below zero a ray leads is chance; any larger bound holds as well
-            return replace(found, factor=max(found.factor, _RAY))
-        return found
+            return replace(field, factor=max(field.factor, _RAY))
+        return field
 
-    def _with_margins(self, labels: Bits, found: VelocityField | None, expected: float) -> VelocityField | None:
-        """Return the field of least bound: `found`, or one of programs with room in flow rules."""
+    def _with_margins(self, labels: Bits, best: VelocityField | None, expected: float) -> VelocityField | None:
+        """Return the field of least bound: `best`, or one of programs with room in flow rules."""
         for margin in _MARGINS:
             answer = VelocityProgram(self.problem, self.live, self.dead, margin).solve(self.problem.is_dry(labels))
             if not answer.usable:
                 continue
-            other = self.certify(self._velocity(answer), labels, answer.objective)
-            if other is not None and (found is None or other.factor < found.factor):
-                found = other
-            if found is not None and found.factor - expected <= _COSTLY * abs(found.factor):
+            field = self.certify(self._velocity(answer), labels, answer.objective)
+            if field is not None and (best is None or field.factor < best.factor):
+                best = field
+            if best is not None and best.factor - expected <= _COSTLY * abs(best.factor):
                 break
-        return found
+        return best
 
     def propose(self, labels: Bits, undecided: Bools | None = None) -> Answer:
         """Solve for an uncertified velocity field; undecided (m,) faces keep the flow rules of both labels.
@@ -621,7 +627,7 @@ class UpperBound:
             motion = self._opening()
             if motion is not None:
                 # the room of the motion is at least one in every flow rule, and flow rules are concave
-                share = worst * (1.0 + 1e-9)
+                share = worst * _MORE
                 velocity = velocity + share * motion
                 rates = self.rates(velocity)
             allowance = self.allowance(velocity)
@@ -658,7 +664,7 @@ class UpperBound:
         small = lacks[lacks <= share * float(abs(velocity).max())]
         worst = float(small.max(initial=0.0))
         motion = self._opening() if worst > 0.0 else None
-        return velocity if motion is None else velocity + worst * (1.0 + 1e-9) * motion
+        return velocity if motion is None else velocity + worst * _MORE * motion
 
     def _worst(self, rates: Rates, labels: Bits) -> float:
         """Return the largest opening that any flow rule lacks, scaled; up to 0 where all hold."""

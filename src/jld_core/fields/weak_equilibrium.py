@@ -60,13 +60,13 @@ class WeakEquilibrium:
 
     def _pairs(self) -> list[tuple[Ints, int, Ints, Ints]]:
         """Return edges, ends and columns of N and S for each kind of edge end; two of N, to be added, at panels."""
-        count, found = len(self.problem.mesh), []
+        count, kinds = len(self.problem.mesh), []
         for end in (0, 1):
             panel = 3 * (count + end * len(self._material) + np.arange(len(self._material)))
-            found.append((self._material, end, panel, panel + 2))
+            kinds.append((self._material, end, panel, panel + 2))
             joint = 4 * self._panels + 2 * (end * len(self._dry) + np.arange(len(self._dry)))
-            found.append((self._dry, end, joint, joint + 1))
-        return found
+            kinds.append((self._dry, end, joint, joint + 1))
+        return kinds
 
     def rows(self) -> ConeRows:
         count = len(self.problem.mesh)
@@ -99,10 +99,10 @@ class WeakEquilibrium:
             nx, ny = e.normal[edges].T
             normals = [first, first + 1] if edges is self._material else [first]
             for axis, (n, t) in enumerate(((nx, -ny), (ny, nx))):
-                for place, sign, some in self._corners(edges, end, axis):
+                for place, sign, which in self._corners(edges, end, axis):
                     for column in normals:
-                        entries.add(place, column[some], sign * (half * n)[some])
-                    entries.add(place, shear[some], sign * (half * t)[some])
+                        entries.add(place, column[which], sign * (half * n)[which])
+                    entries.add(place, shear[which], sign * (half * t)[which])
         return sp.csr_array(loads.matrix(self.width) + entries.matrix((6 * count, self.width))), loads.right
 
     def _corners(self, edges: Ints, end: int, axis: int) -> list[tuple[Ints, float, Ints]]:
@@ -120,14 +120,14 @@ class WeakEquilibrium:
         face = p.face[self._dry]
         mu, c, crush = p.joints.friction[face], p.joints.shear[face], p.joints.crushing[face]
         size = np.maximum(1.0, mu)
-        some = np.flatnonzero(np.isfinite(crush))
+        crushable = np.flatnonzero(np.isfinite(crush))
         for edges, _, normal, shear in self._pairs():
             if edges is not self._dry:
                 continue
             linear.add([(normal, 1.0)], 0.0, len(edges))
             for sign in (1.0, -1.0):
                 linear.add([(normal, mu / size), (shear, sign / size)], c / size, len(edges))
-            linear.add([(normal[some], -1.0)], crush[some], len(some))
+            linear.add([(normal[crushable], -1.0)], crush[crushable], len(crushable))
         return linear
 
     def solve(self) -> tuple[Floats, float] | None:
@@ -174,9 +174,9 @@ class WeakEquilibrium:
             for axis, vector in enumerate(((slide, normal), (-normal, slide))):
                 # half a length times the traction is half of the edge times (S, N), (−N, S)
                 half = 0.5 * np.column_stack(vector)
-                for place, sign, some in self._corners(edges, end, axis):
-                    entries.add_vector(place, ends[edges[some], 1], sign * half[some])
-                    entries.add_vector(place, ends[edges[some], 0], -sign * half[some])
+                for place, sign, which in self._corners(edges, end, axis):
+                    entries.add_vector(place, ends[edges[which], 1], sign * half[which])
+                    entries.add_vector(place, ends[edges[which], 0], -sign * half[which])
         return entries.matrix((6 * count, 2 * len(mesh.points)))
 
 

@@ -68,10 +68,13 @@ def torsion_length(polygons: Floats) -> Floats:
     return np.asarray((distance * total).sum(axis=1) / (6.0 * area(polygons)))
 
 
+_VANISHES: Final = 1e-150  # distance, relative to s, below which its term is 0 in numbers
+
+
 def _radial(d: Floats, s: Floats) -> Floats:
     """Evaluate s √(s² + d²) + d² asinh(s/|d|), whose limit for d → 0 is s |s|."""
     apart = np.abs(d)
-    through = apart <= 1e-150 * np.abs(s)
+    through = apart <= _VANISHES * np.abs(s)
     ratio = s / np.where(through | (apart == 0.0), 1.0, apart)
     return np.asarray(s * np.hypot(s, d) + np.where(through, 0.0, d * d * np.arcsinh(ratio)))
 
@@ -106,23 +109,23 @@ def corners(polygon: Floats, tolerance: float) -> Floats:
         off = np.minimum(_off_segment(points, before, after), _off_segment(after, before, points))
         off = np.minimum(off, _off_segment(before, points, after))
         # Remove the corner with the smallest distance first, so that the result does not depend on the first corner.
-        least = int(np.argmin(off))
-        if off[least] > tolerance:
+        flattest = int(np.argmin(off))
+        if off[flattest] > tolerance:
             break
-        points = np.delete(points, least, axis=0)
+        points = np.delete(points, flattest, axis=0)
     return points
 
 
 def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
     """Join a polygon (k, d) and its holes to one closed outline, by bridges between nearest corners."""
-    outline, left = shell, list(holes)
-    while left:
-        apart = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in left]
+    outline, waiting = shell, list(holes)
+    while waiting:
+        apart = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in waiting]
         nearest = int(np.argmin([table.min() for table in apart]))
-        here, there = np.unravel_index(int(np.argmin(apart[nearest])), apart[nearest].shape)
-        hole = left.pop(nearest)
-        around = np.concatenate([hole[there:], hole[: there + 1]])
-        outline = np.concatenate([outline[: here + 1], around, outline[here:]])
+        at_outline, at_hole = np.unravel_index(int(np.argmin(apart[nearest])), apart[nearest].shape)
+        hole = waiting.pop(nearest)
+        around = np.concatenate([hole[at_hole:], hole[: at_hole + 1]])
+        outline = np.concatenate([outline[: at_outline + 1], around, outline[at_outline:]])
     return outline
 
 
@@ -162,7 +165,7 @@ def hull(polygon: Floats) -> Floats:
 def hulls(polygons: Sequence[Floats]) -> list[Floats]:
     """Return the convex hulls of counter-clockwise polygons (k, 2)."""
     # Convex polygons, the common case, are recognised in stacks and returned unchanged.
-    found = list(polygons)
+    outlines = list(polygons)
     for chosen, stack in by_corner_count(polygons):
         edge = np.roll(stack, -1, axis=1) - stack
         onward = np.roll(edge, -1, axis=1)
@@ -172,8 +175,8 @@ def hulls(polygons: Sequence[Floats]) -> list[Floats]:
         angle = np.arctan2(turn, np.einsum("nkj,nkj->nk", edge, onward)).sum(axis=1)
         convex = np.all(turn > 1e-12 * size[:, None] ** 2, axis=1) & (angle < 3.0 * np.pi)
         for index in chosen[~convex].tolist():
-            found[index] = hull(polygons[index])
-    return found
+            outlines[index] = hull(polygons[index])
+    return outlines
 
 
 def hull_rows(hull_: Floats) -> Floats:
@@ -249,15 +252,15 @@ def facets_of(corners: Floats, faces: tuple[tuple[int, ...], ...], step: float) 
     corners: (k, 3). faces: corners of each face in order. step: grid width to which corners are rounded.
     """
     places = [tuple(place) for place in np.floor(corners / step + PLACE).astype(np.int64).tolist()]
-    found = []
+    facets = []
     for loop in faces:
         ring = corners[list(loop)]
         vector = area_vector(ring)
         area = float(np.linalg.norm(vector))
         normal = vector / area
         middle = ring.mean(axis=0)
-        found.append(Facet(ring, middle, normal, float(middle @ normal), area, frozenset(places[k] for k in loop)))
-    return found
+        facets.append(Facet(ring, middle, normal, float(middle @ normal), area, frozenset(places[k] for k in loop)))
+    return facets
 
 
 def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
@@ -270,31 +273,31 @@ def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
             del seen[facet.corners]
         else:
             seen[facet.corners] = facet
-    found: list[Floats] = []
+    faces: list[Floats] = []
     for members in _planes(list(seen.values()), reach):
         if len(members) > 1:
-            found += _united(members, reach)
+            faces += _united(members, reach)
         elif members[0].area > reach * members[0].length:
             plane = across(members[0].normal)
             flat = straightened(members[0].ring @ plane.T, reach)
-            found.append(flat @ plane + members[0].offset * members[0].normal)
-    return found
+            faces.append(flat @ plane + members[0].offset * members[0].normal)
+    return faces
 
 
 def _planes(facets: Sequence[Facet], reach: float) -> list[list[Facet]]:
     """Group facets by the plane they lie in, with normals of either sense."""
     normals = np.array([facet.normal for facet in facets])
     middles = np.array([facet.middle for facet in facets])
-    found, left = [], np.ones(len(facets), dtype=bool)
+    groups, ungrouped = [], np.ones(len(facets), dtype=bool)
     for k, facet in enumerate(facets):
-        if not left[k]:
+        if not ungrouped[k]:
             continue
         parallel = abs(abs(normals @ facet.normal) - 1.0) < 1e-9
-        here = left & parallel & (abs(middles @ facet.normal - facet.offset) < reach)
-        here[k] = True
-        left &= ~here
-        found.append([facets[j] for j in np.flatnonzero(here).tolist()])
-    return found
+        in_plane = ungrouped & parallel & (abs(middles @ facet.normal - facet.offset) < reach)
+        in_plane[k] = True
+        ungrouped &= ~in_plane
+        groups.append([facets[j] for j in np.flatnonzero(in_plane).tolist()])
+    return groups
 
 
 def _united(facets: Sequence[Facet], reach: float) -> list[Floats]:
@@ -310,14 +313,14 @@ def _united(facets: Sequence[Facet], reach: float) -> list[Floats]:
     if turned.any():
         front, back = outer[0], shapely.union_all(polygons[turned], grid_size=grid)
         outer = [shapely.difference(*pair, grid_size=grid) for pair in ((front, back), (back, front))]
-    found = []
+    loops_in_space = []
     for part in [part for region in outer for part in shapely.get_parts(region)]:
         if part.geom_type != "Polygon" or part.area <= reach * part.length:
             continue
         for ring in [part.exterior, *part.interiors]:
             loop = straightened(shapely.get_coordinates(ring)[:-1], reach)
-            found.append(loop @ plane + offset * normal)
-    return found
+            loops_in_space.append(loop @ plane + offset * normal)
+    return loops_in_space
 
 
 # Distance within which corners of congruent blocks coincide, relative to the size of the structure
@@ -427,8 +430,9 @@ def flat_outline(
             last, following = beside(points)
             before, after = points - last, following - points
             turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-            way = 1.0 if ring.is_ccw else -1.0
-            inwards += int(np.count_nonzero(way * turn < 0.0 if outer else way * turn > 0.0))
+            # at an inward corner an outline turns against its sense of rotation, a hole with it
+            sense = 1.0 if ring.is_ccw == outer else -1.0
+            inwards += int(np.count_nonzero(sense * turn < 0.0))
             corners.append(points - centre)
             middles.append(points + 0.5 * after - centre)
             edges_of.append(after / np.hypot(*after.T)[:, None])
@@ -456,10 +460,10 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
     # A tenth of the time of a general union.
     edges: dict[tuple[_Corner, _Corner], tuple[float, float]] = {}
     for polygon in polygons:
-        for there, back, point in polygon:
+        for edge, back, point in polygon:
             # An edge that two polygons share occurs in both directions.
             if edges.pop(back, None) is None:
-                edges[there] = point
+                edges[edge] = point
     after = {start: (end, point) for (start, end), point in edges.items()}
     if len(after) < len(edges):
         return None  # the boundaries touch in a corner
@@ -475,8 +479,8 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
     outer = [ring for ring in rings if ring.is_ccw]
     if len(outer) != 1:
         return None
-    found = shapely.Polygon(outer[0], [ring for ring in rings if ring is not outer[0]])
-    return found if found.is_valid else None  # some edges overlap only in part
+    whole = shapely.Polygon(outer[0], [ring for ring in rings if ring is not outer[0]])
+    return whole if whole.is_valid else None  # some edges overlap only in part
 
 
 def _solid_outline(
@@ -549,32 +553,32 @@ class Kinds:
         square = (outline.points**2).sum(axis=1)
         # Corners of one shape are off by twice the reach at most, and so are the mean radii compared here.
         size = math.floor(math.sqrt(float(square.mean())) / (2.0 * self.reach))
-        name = outline.count, len(outline.points)
-        around = [one for k in (-1, 0, 1) for one in self._kinds.get((*name, size + k), ())]
-        moments, found = self._moments(outline.points), len(self._parent)
+        counts = outline.count, len(outline.points)
+        similar = [known for k in (-1, 0, 1) for known in self._kinds.get((*counts, size + k), ())]
+        moments, new = self._moments(outline.points), len(self._parent)
         linked: set[int] = set()
-        if around:
+        if similar:
             # Moments distinguish nearly all shapes of similar size, so that few outlines need the full comparison.
             radius = float(np.sqrt(square.max()))
-            differ = abs(np.array([known for _, known, _ in around]) - moments).max(axis=1)
+            differ = abs(np.array([its_moments for _, its_moments, _ in similar]) - moments).max(axis=1)
             nearest: list[int] = np.argsort(differ, kind="stable").tolist()
             for k in nearest:
                 if differ[k] > _MOMENTS * self.reach * radius:
                     break
-                number, _, kind = around[k]
+                number, _, known = similar[k]
                 if self._root(number) in linked:
                     continue
-                off = deviation(outline, kind, self.reach, rotate=self.rotate, flip=self.flip)
+                off = deviation(outline, known, self.reach, rotate=self.rotate, flip=self.flip)
                 if off <= _SAME * self.reach:
                     return number
                 if off <= 2.0 * self.reach:
                     linked.add(self._root(number))
-        self._kinds.setdefault((*name, size), []).append((found, moments, outline))
-        self._parent.append(found)
+        self._kinds.setdefault((*counts, size), []).append((new, moments, outline))
+        self._parent.append(new)
         for root in linked:
-            self._parent[root] = found
+            self._parent[root] = new
             self.exact = False
-        return found
+        return new
 
     def roots(self, numbers: Sequence[int]) -> list[int]:
         """Return the shape of each outline by its `number`; later outlines may connect shapes."""
@@ -589,12 +593,12 @@ class Kinds:
     def _moments(self, points: Floats) -> Floats:
         """Compute means of squares of coordinates of points (k, d) that no allowed move changes."""
         square = (points**2).sum(axis=1)
-        found = [square.mean(), np.sqrt((square**2).mean())]
+        moments = [square.mean(), np.sqrt((square**2).mean())]
         if not self.rotate:
-            found += (points**2).mean(axis=0).tolist()
+            moments += (points**2).mean(axis=0).tolist()
         if not (self.rotate or self.flip):
-            found += (points * abs(points)).mean(axis=0).tolist()
-        return np.array(found)
+            moments += (points * abs(points)).mean(axis=0).tolist()
+        return np.array(moments)
 
 
 def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> list[int]:
@@ -635,18 +639,19 @@ def _off(points: Floats, count: int, other: Outline, reach: float, *, turn: bool
     for start, end in ((0, count), (count, len(points))):
         if start == end:
             continue
-        distance, to = cKDTree(other.points[start:end]).query(points[start:end])
+        distance, nearest = cKDTree(other.points[start:end]).query(points[start:end])
         limit = _PAIRED if turn else 2.0
-        if float(np.max(distance)) > limit * reach or len(np.unique(to)) != end - start:
+        if float(np.max(distance)) > limit * reach or len(np.unique(nearest)) != end - start:
             return math.inf
-        pairs.append(start + to)
-    there = other.points[np.concatenate(pairs)]
+        pairs.append(start + nearest)
+    partners = other.points[np.concatenate(pairs)]
     if turn:
-        u, _, v = np.linalg.svd(points.T @ there)
+        # the rotation of least squares (Kabsch)
+        u, _, v = np.linalg.svd(points.T @ partners)
         sign = np.ones(points.shape[1])
         sign[-1] = np.sign(np.linalg.det(u @ v))
         points = points @ (u * sign) @ v
-    return float(np.sqrt(((points - there) ** 2).sum(axis=1)).max())
+    return float(np.sqrt(((points - partners) ** 2).sum(axis=1)).max())
 
 
 def _axis_mirrors(dimension: int) -> list[Floats]:
@@ -661,13 +666,13 @@ def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Float
     # corners at the same distance from the centroid.
     d = one.points.shape[1]
     corners, images = one.points[: one.count], other.points[: other.count]
-    radius, there = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)
+    radius, image_radius = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)
     first = int(np.argmax(radius))
     slack = _PAIRED * reach
     matrices: list[Floats] = []
     signs = [1.0] + [-1.0] * flip
     if d == 2:
-        for q in np.flatnonzero(abs(there - radius[first]) <= slack).tolist():
+        for q in np.flatnonzero(abs(image_radius - radius[first]) <= slack).tolist():
             for sign in signs:
                 angle = np.arctan2(images[q, 1], images[q, 0]) - sign * np.arctan2(corners[first, 1], corners[first, 0])
                 c, s = np.cos(angle), np.sin(angle)
@@ -677,8 +682,8 @@ def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Float
     second = int(np.argmax(away))
     gram = float(corners[first] @ corners[second])
     base = frame(corners[[first, second]])
-    for p in np.flatnonzero(abs(there - radius[first]) <= slack).tolist():
-        for q in np.flatnonzero(abs(there - radius[second]) <= slack).tolist():
+    for p in np.flatnonzero(abs(image_radius - radius[first]) <= slack).tolist():
+        for q in np.flatnonzero(abs(image_radius - radius[second]) <= slack).tolist():
             if p == q or abs(float(images[p] @ images[q]) - gram) > slack * 2.0 * radius[first]:
                 continue
             for sign in signs:
@@ -695,14 +700,14 @@ _MOST: Final = 500.0
 
 def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Geometry]) -> Any:
     """Intersect pairs of regions (n,), each on a rounding grid about its own middle; empty where nothing is shared."""
-    one, two = np.asarray(first, dtype=object), np.asarray(second, dtype=object)
-    boxes = np.nan_to_num(np.stack([shapely.bounds(one), shapely.bounds(two)])).reshape(2, -1, 2, 2)
+    regions_1, regions_2 = np.asarray(first, dtype=object), np.asarray(second, dtype=object)
+    boxes = np.nan_to_num(np.stack([shapely.bounds(regions_1), shapely.bounds(regions_2)])).reshape(2, -1, 2, 2)
     middle = 0.5 * (boxes[:, :, 0].max(axis=0) + boxes[:, :, 1].min(axis=0))
     size = (boxes[:, :, 1] - boxes[:, :, 0]).max(axis=2).min(axis=0)
     reach = abs(boxes - middle[None, :, None]).max(axis=(0, 2, 3))
     unit = np.maximum(size, reach / _MOST)
     unit[unit == 0.0] = 1.0
-    scaled = [_moved(regions, -middle / unit[:, None], 1.0 / unit) for regions in (one, two)]
+    scaled = [_moved(regions, -middle / unit[:, None], 1.0 / unit) for regions in (regions_1, regions_2)]
     return _moved(shapely.intersection(*scaled, grid_size=_GRID), middle, unit)
 
 
@@ -735,7 +740,7 @@ Rings = tuple[Floats, tuple[Floats, ...]]
 
 def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
     """Split a region into parts without details narrower than `reach`: shell and holes, by mean corner."""
-    found = []
+    parts_with_holes = []
     for part in _polygons(region):
         for piece in _without_necks(part, reach):
             shell = measures.corners(_ring(piece.exterior), reach)
@@ -744,8 +749,8 @@ def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
                 continue
             holes = [ring for ring in piece.interiors if 2.0 * shapely.Polygon(ring).area > reach * ring.length]
             inner = tuple(_turned(measures.corners(_ring(hole), reach), -1.0) for hole in holes)
-            found.append((_turned(shell, 1.0), inner))
-    return sorted(found, key=lambda rings: tuple(rings[0].mean(axis=0)))
+            parts_with_holes.append((_turned(shell, 1.0), inner))
+    return sorted(parts_with_holes, key=lambda rings: tuple(rings[0].mean(axis=0)))
 
 
 def _polygons(region: shapely.Geometry) -> list[shapely.Polygon]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -40,21 +40,24 @@ def without_repeats(polygons: list[Floats]) -> list[Floats]:
     return kept
 
 
+_NO_AREA: Final = 1e-14  # area of a polygon, over the square of its extent, up to which it has none
+
+
 def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) -> tuple[str, ...]:
     """Raise InputError for polygons not simple, without area, or overlapping; warn of overlaps up to `within`."""
     count = np.array([len(polygon) for polygon in polygons])
     for few in np.flatnonzero(count < 3)[:1].tolist():
         raise InputError(f"element {ids[few]!r}", "its polygon has no area", "three corners not in a line")
-    least = 1e-14 * _spans(polygons) ** 2
+    least_area = _NO_AREA * _spans(polygons) ** 2
     hull = shapely.convex_hull(
         shapely.multipoints(np.concatenate(polygons), indices=np.repeat(np.arange(len(count)), count))
     )
-    for thin in np.flatnonzero(~(shapely.area(hull) > least))[:1].tolist():
+    for thin in np.flatnonzero(~(shapely.area(hull) > least_area))[:1].tolist():
         raise InputError(f"element {ids[thin]!r}", "its polygon has no area", "three corners not in a line")
     shapes = _shapes(polygons)
     size = shapely.area(shapes)
     valid = shapely.is_valid(shapes)
-    for bad in np.flatnonzero(~valid | ~(size > least))[:1].tolist():
+    for bad in np.flatnonzero(~valid | ~(size > least_area))[:1].tolist():
         if valid[bad]:
             raise InputError(f"element {ids[bad]!r}", "its polygon has no area", "a polygon with an area")
         reason = shapely.is_valid_reason(shapes[bad]).split("[")[0].strip().lower() or "not simple"
@@ -68,23 +71,23 @@ def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) 
 
 def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats, within: float) -> tuple[str, ...]:
     """Raise InputError for polygons (n,) that overlap, with depth and place; warn of depths up to `within`."""
-    left, right = shapely.STRtree(shapes).query(shapes, predicate="intersects")
-    left, right = left[left < right], right[left < right]
+    first, second = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    first, second = first[first < second], second[first < second]
     # Pairs that only touch share no area: excluding them here saves intersections.
-    apart = shapely.touches(shapes[left], shapes[right])
-    left, right = left[~apart], right[~apart]
-    most = tolerances.OVERLAP * np.minimum(size[left], size[right])
+    apart = shapely.touches(shapes[first], shapes[second])
+    first, second = first[~apart], second[~apart]
+    allowed = tolerances.OVERLAP * np.minimum(size[first], size[second])
     # Test in floating point first, which is fast; confirm apparent overlaps on a grid.
-    over = shapely.area(shapely.intersection(shapes[left], shapes[right])) > most
-    left, right, most = left[over], right[over], most[over]
-    regions = intersections(shapes[left], shapes[right])
-    over = np.flatnonzero(shapely.area(regions) > most)
+    over = shapely.area(shapely.intersection(shapes[first], shapes[second])) > allowed
+    first, second, allowed = first[over], second[over], allowed[over]
+    regions = intersections(shapes[first], shapes[second])
+    over = np.flatnonzero(shapely.area(regions) > allowed)
     pairs = []
-    for k in sorted(over.tolist(), key=lambda k: (left[k], right[k])):
+    for k in sorted(over.tolist(), key=lambda k: (first[k], second[k])):
         box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(regions[k]))
         sides = np.hypot(*(box[1:3] - box[:2]).T) if len(box) > 3 else np.zeros(1)
         place = shapely.get_coordinates(shapely.point_on_surface(regions[k]))[0]
-        pairs.append(Overlap(ids[left[k]], ids[right[k]], float(sides.min()), place))
+        pairs.append(Overlap(ids[first[k]], ids[second[k]], float(sides.min()), place))
     return refuse_overlaps(pairs, "elements that touch along edges at the most", within)
 
 
@@ -148,13 +151,14 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     length = np.hypot(*edge.T)
     unit = edge / length[:, None]
     outward = np.column_stack([unit[:, 1], -unit[:, 0]])
-    # Compare every edge of the first polygon with every edge of the second, pair by pair.
+    # Compare every edge i of the first polygon with every edge j of the second, pair by pair.
     pair, number = spread(np.zeros(len(near), dtype=np.int64), count[near[:, 0]] * count[near[:, 1]])
     of_second = count[near[pair, 1]]
     i, j = first[near[pair, 0]] + number // of_second, first[near[pair, 1]] + number % of_second
     opposite = np.einsum("ij,ij->i", unit[i], unit[j]) < 0.0
     pair, i, j = pair[opposite], i[opposite], j[opposite]
     reach = share * np.minimum(length[i], length[j])
+    # ends of edge j along edge i from its start, and their signed distances from it
     offset = start[j] - start[i]
     along0, off0 = np.einsum("ij,ij->i", offset, unit[i]), np.einsum("ij,ij->i", offset, outward[i])
     along1 = along0 + np.einsum("ij,ij->i", unit[i], edge[j])
@@ -170,15 +174,20 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     pair, i, j = pair[hit], i[hit], j[hit]
     ends = np.stack([start[i] + low[hit, None] * unit[i], start[i] + high[hit, None] * unit[i]], axis=1)
     first_off, last_off = ends_off[:, hit]
-    least = np.where(first_off * last_off < 0.0, 0.0, abs(ends_off[:, hit]).min(axis=0))
+    smaller_off = np.where(first_off * last_off < 0.0, 0.0, abs(ends_off[:, hit]).min(axis=0))
+    between, larger_off = _half_way(ends, outward[i], first_off, last_off)
+    return _FacingEdges(pair, ends, outward[i], larger_off, smaller_off, np.minimum(length[i], length[j]), between)
+
+
+def _half_way(ends: Floats, outward: Floats, first_off: Floats, last_off: Floats) -> tuple[Floats, Floats]:
+    """Return points (k, 2) between overlaps (k, 2, 2) and edges at these distances (k,), and the larger distances."""
     at_first = abs(first_off) >= abs(last_off)
     far, close = np.where(at_first, first_off, last_off), np.where(at_first, last_off, first_off)
     # Edges that cross near their middle have no room there: the point moves towards the end that is farther apart.
-    part = np.where(close * np.sign(far) >= -0.5 * abs(far), 0.5, 0.75)
-    place = np.where(at_first, 1.0 - part, part)[:, None]
-    half_way = 0.5 * (close + part * (far - close))
-    between = ends[:, 0] + place * (ends[:, 1] - ends[:, 0]) + half_way[:, None] * outward[i]
-    return _FacingEdges(pair, ends, outward[i], far, least, np.minimum(length[i], length[j]), between)
+    towards_far = np.where(close * np.sign(far) >= -0.5 * abs(far), 0.5, 0.75)
+    place = np.where(at_first, 1.0 - towards_far, towards_far)[:, None]
+    half_way = 0.5 * (close + towards_far * (far - close))
+    return np.asarray(ends[:, 0] + place * (ends[:, 1] - ends[:, 0]) + half_way[:, None] * outward), np.asarray(far)
 
 
 def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
@@ -208,9 +217,9 @@ def near_misses(polygons: list[Floats]) -> list[NearMiss]:
     kept, middle = kept[~covered], middle[~covered]
     across = np.hypot(*(facing.ends[kept, 1] - facing.ends[kept, 0]).T)
     angle = np.where(touching[kept], np.degrees(np.arctan2(gap[kept], across)), 0.0).tolist()
-    one, two = near[facing.pair[kept]].T.tolist()
-    found = [NearMiss(*found) for found in zip(one, two, gap[kept].tolist(), middle, angle, strict=True)]
-    return sorted(found, key=lambda miss: (miss.a, miss.b))
+    first, second = near[facing.pair[kept]].T.tolist()
+    misses = [NearMiss(*values) for values in zip(first, second, gap[kept].tolist(), middle, angle, strict=True)]
+    return sorted(misses, key=lambda miss: (miss.a, miss.b))
 
 
 def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Floats]]:
@@ -281,9 +290,9 @@ def _equal_faces(surface: Surface, sides: Floats) -> tuple[Ints, Ints]:
         same = np.flatnonzero(np.all(keys[order[1:]] == keys[order[:-1]], axis=1))
         owner = surface.element[which[order]]
         pairs.append(np.sort(np.stack([owner[same], owner[same + 1]], axis=1), axis=1))
-    both = np.concatenate(pairs)
-    one, two = np.unique(both[both[:, 0] < both[:, 1]], axis=0).T
-    return one, two
+    all_pairs = np.concatenate(pairs)
+    first, second = np.unique(all_pairs[all_pairs[:, 0] < all_pairs[:, 1]], axis=0).T
+    return first, second
 
 
 def _touching_boxes(surface: Surface, lower: Floats, upper: Floats, vertices: Sequence[Floats]) -> tuple[Ints, Ints]:
@@ -300,7 +309,7 @@ def _touching_boxes(surface: Surface, lower: Floats, upper: Floats, vertices: Se
         return box[:0], box[:0]
     reach = tolerances.FACE * size
     left, right = near_pairs(lower[box], upper[box], reach[box])
-    one, two = box[left], box[right]
-    depth = np.sort(np.minimum(upper[one], upper[two]) - np.maximum(lower[one], lower[two]), axis=1)
-    touching = (np.abs(depth[:, 0]) <= np.minimum(reach[one], reach[two])) & (depth[:, 1] > 1e2 * reach[one])
-    return one[touching], two[touching]
+    first, second = box[left], box[right]
+    depth = np.sort(np.minimum(upper[first], upper[second]) - np.maximum(lower[first], lower[second]), axis=1)
+    touching = (np.abs(depth[:, 0]) <= np.minimum(reach[first], reach[second])) & (depth[:, 1] > 1e2 * reach[first])
+    return first[touching], second[touching]

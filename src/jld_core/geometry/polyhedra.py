@@ -208,11 +208,11 @@ def _divergence(surface: Surface, vertices: list[Floats]) -> tuple[Floats, Float
     # the mean of its corners, so that a warped face bounds both its elements alike, wherever its loops begin
     middle = np.add.reduceat(surface.points[surface.vertex], surface.start) / surface.count[:, None]
     first = middle[surface.face] - about
-    one, two = surface.points[surface.vertex] - about, surface.points[surface.after] - about
-    share = np.einsum("ij,ij->i", first, np.cross(one, two)) / 6.0
+    start, end = surface.points[surface.vertex] - about, surface.points[surface.after] - about
+    share = np.einsum("ij,ij->i", first, np.cross(start, end)) / 6.0
     count = len(vertices)
     volume = np.bincount(owner, weights=share, minlength=count)
-    moment = 0.25 * share[:, None] * (first + one + two)
+    moment = 0.25 * share[:, None] * (first + start + end)
     total = np.column_stack([np.bincount(owner, weights=moment[:, k], minlength=count) for k in range(3)])
     safe = np.where(volume == 0.0, 1.0, volume)
     return np.asarray(volume), np.asarray(base + total / safe[:, None])
@@ -248,18 +248,9 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
     total = np.zeros((int(group.max()) + 1, 3))
     np.add.at(total, group, vector)
     flat = np.linalg.norm(total, axis=1) > 0.0
-    loops: list[tuple[Floats, ...]] = []
+    loops = _loops_of_groups(surface, group, alone, total)
     element = np.zeros(len(total), dtype=np.int64)
     element[group] = surface.element
-    members = np.argsort(group, kind="stable")
-    first = np.searchsorted(group[members], np.arange(len(total)))
-    for index, position in enumerate(first):
-        face = members[position]
-        if alone[face]:
-            loops.append((corner[surface.start[face] : surface.start[face] + surface.count[face]],))
-        else:
-            last = first[index + 1] if index + 1 < len(first) else len(members)
-            loops.append(_boundary(surface, members[position:last], total[index]))
     kept = [index for index in range(len(loops)) if flat[index] and loops[index]]
     outer = np.concatenate([loops[index][0] for index in kept])
     counts = np.array([len(loops[index][0]) for index in kept])
@@ -276,6 +267,21 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
     )
 
 
+def _loops_of_groups(surface: Surface, group: Ints, alone: Bools, area: Floats) -> list[tuple[Floats, ...]]:
+    """Return the loops (k, 3) of joined faces, group by group; area: (groups, 3) area vectors."""
+    corner = surface.points[surface.vertex]
+    members = np.argsort(group, kind="stable")
+    first = np.searchsorted(group[members], np.arange(len(area) + 1))
+    loops: list[tuple[Floats, ...]] = []
+    for index, (begin, end) in enumerate(pairwise(first.tolist())):
+        face = members[begin]
+        if alone[face]:
+            loops.append((corner[surface.start[face] : surface.start[face] + surface.count[face]],))
+        else:
+            loops.append(_boundary(surface, members[begin:end], area[index]))
+    return loops
+
+
 def _repeats(surface: Surface) -> Bools:
     """Return a mask of faces that contain a vertex more than once."""
     order = np.lexsort((surface.vertex, surface.face))
@@ -286,6 +292,9 @@ def _repeats(surface: Surface) -> Bools:
     return found
 
 
+_STRAIGHT: Final = 0.99  # cosine between neighbouring faces below which they are not compared further
+
+
 def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
     """Join neighbouring faces in one plane: facet (faces,) of each, and a mask of faces left alone."""
     width = len(surface.points)
@@ -293,22 +302,24 @@ def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints
     key = low * width + high
     order = np.argsort(key, kind="stable")
     neighbours = np.flatnonzero(key[order][1:] == key[order][:-1])
-    one, two = surface.face[order[neighbours]], surface.face[order[neighbours + 1]]
+    face, beside = surface.face[order[neighbours]], surface.face[order[neighbours + 1]]
     norm = np.linalg.norm(vector, axis=1)
     # Test coplanarity with the normal of the larger face: its rounding error is smaller.
-    swap = norm[one] < norm[two]
-    one, two = np.where(swap, two, one), np.where(swap, one, two)
-    straight = np.einsum("ij,ij->i", vector[one], vector[two]) > 0.99 * norm[one] * norm[two]
-    one, two = one[straight], two[straight]
+    swap = norm[face] < norm[beside]
+    larger, smaller = np.where(swap, beside, face), np.where(swap, face, beside)
+    cosine = np.einsum("ij,ij->i", vector[larger], vector[smaller])
+    straight = cosine > _STRAIGHT * norm[larger] * norm[smaller]
+    larger, smaller = larger[straight], smaller[straight]
     count = len(norm)
-    if len(one):
-        owner, position = spread(surface.start[two], surface.count[two])
-        arm = surface.points[surface.vertex[position]] - surface.points[surface.vertex[surface.start[one[owner]]]]
-        height = np.abs(np.einsum("ij,ij->i", arm, vector[one[owner]])) / norm[one[owner]]
-        off = np.maximum.reduceat(height, np.concatenate([[0], np.cumsum(surface.count[two])])[:-1])
-        plane = off <= tolerances.FACE * np.maximum(size[one], size[two])
-        one, two = one[plane], two[plane]
-    label = components(count, one, two)
+    if len(larger):
+        owner, position = spread(surface.start[smaller], surface.count[smaller])
+        base = larger[owner]
+        arm = surface.points[surface.vertex[position]] - surface.points[surface.vertex[surface.start[base]]]
+        height = np.abs(np.einsum("ij,ij->i", arm, vector[base])) / norm[base]
+        off = np.maximum.reduceat(height, np.concatenate([[0], np.cumsum(surface.count[smaller])])[:-1])
+        plane = off <= tolerances.FACE * np.maximum(size[larger], size[smaller])
+        larger, smaller = larger[plane], smaller[plane]
+    label = components(count, larger, smaller)
     _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
@@ -326,17 +337,17 @@ def _boundary(surface: Surface, members: Ints, vector: Floats) -> tuple[Floats, 
     for u, v in edges:
         if (v, u) not in inside:
             onward.setdefault(u, []).append(v)
-    found: list[tuple[float, Floats]] = []
+    loops_by_area: list[tuple[float, Floats]] = []
     for begin in list(onward):
         while onward[begin]:
-            loop, here = [begin], onward[begin].pop()
-            while here != begin:
-                loop.append(here)
-                here = onward[here].pop()
+            loop, node = [begin], onward[begin].pop()
+            while node != begin:
+                loop.append(node)
+                node = onward[node].pop()
             points = surface.points[loop]
-            found.append((float(area_vector(points) @ vector), points))
-    found.sort(key=lambda entry: -entry[0])
-    return tuple(points for _, points in found)
+            loops_by_area.append((float(area_vector(points) @ vector), points))
+    loops_by_area.sort(key=lambda entry: -entry[0])
+    return tuple(points for _, points in loops_by_area)
 
 
 PARALLEL: Final = 1e-9
@@ -411,8 +422,8 @@ def distance_to(shape: Floats, faces: _Loops, point: Floats) -> float:
     """Return the distance of a point (d,) from an outline (k, 2) or a solid (k, 3), 0 inside."""
     if shape.shape[1] == 2:
         ends = np.roll(shape, -1, axis=0)
-        one, two = shape - point, ends - point
-        turn = np.arctan2(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0], np.einsum("ij,ij->i", one, two))
+        starts, after = shape - point, ends - point
+        turn = np.arctan2(starts[:, 0] * after[:, 1] - starts[:, 1] * after[:, 0], np.einsum("ij,ij->i", starts, after))
         return 0.0 if abs(turn.sum()) > np.pi else float(_off_segments(point, shape, ends).min())
     corners = np.array([[loop[0], *pair] for loop in faces for pair in pairwise(loop[1:])])
     triangles = shape[corners] - point

@@ -53,11 +53,11 @@ def snap_paths(
     place = corners[np.unique(node_of, return_index=True)[1]]
     rings = [without_spikes(node_of[first[k] : first[k + 1]].tolist(), closed=closed[k]) for k in range(len(paths))]
     place, rings, node_of = _onto_edges(place, rings, node_of, closed, tolerance)
-    rings, own = _with_hanging(place, rings, closed, tolerance)
+    rings, originals = _with_hanging(place, rings, closed, tolerance)
     if not keep_nodes:
         rings = [
             _without_straight(place, ring, mask, closed=shut)
-            for ring, mask, shut in zip(rings, own, closed, strict=True)
+            for ring, mask, shut in zip(rings, originals, closed, strict=True)
         ]
     rings = [without_spikes(ring, closed=shut) for ring, shut in zip(rings, closed, strict=True)]
     shift = np.linalg.norm(place[node_of] - corners, axis=1)
@@ -67,13 +67,13 @@ def snap_paths(
 
 def _edges(rings: Sequence[Sequence[int]], closed: Sequence[bool]) -> Ints:
     """Return the distinct edges (e, 2) of all rings, smaller node first, sorted."""
-    found = [
+    edges = [
         (min(i, j), max(i, j))
         for ring, shut in zip(rings, closed, strict=True)
         for i, j in zip(ring, [*ring[1:], ring[0]] if shut and ring else ring[1:], strict=False)
         if i != j
     ]
-    return np.unique(np.array(found, dtype=np.int64).reshape(-1, 2), axis=0)
+    return np.unique(np.array(edges, dtype=np.int64).reshape(-1, 2), axis=0)
 
 
 def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Floats, Floats]:
@@ -96,6 +96,9 @@ def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Flo
     return node[inside][order], edge[inside][order], off[inside][order], share[inside][order]
 
 
+_RESTS: Final = 1e-15  # distance from an edge, relative to the size of all, up to which a node lies on it
+
+
 def _onto_edges(
     place: Floats, rings: list[list[int]], node_of: Ints, closed: Sequence[bool], tolerance: float
 ) -> tuple[Floats, list[list[int]], Ints]:
@@ -108,7 +111,7 @@ def _onto_edges(
         node, edge, off, share = _hits(place, edges, tolerance)
         node, nearest = np.unique(node, return_index=True)
         edge, off, share = edge[nearest], off[nearest], share[nearest]
-        if not np.any(off > 1e-15 * size):
+        if not np.any(off > _RESTS * size):
             break
         alone = _without_swaps(place, node, edges[edge], tolerance)
         node, edge, share = node[alone], edge[alone], share[alone]
@@ -164,39 +167,39 @@ def _with_hanging(
     between: dict[tuple[int, int], list[tuple[float, int]]] = {}
     for n, e, s in zip(node.tolist(), edge.tolist(), share.tolist(), strict=True):
         between.setdefault((int(edges[e, 0]), int(edges[e, 1])), []).append((s, n))
-    full, own = [], []
+    paths, masks = [], []
     for ring, shut in zip(rings, closed, strict=True):
         corners: list[int] = []
         mask: list[bool] = []
-        last = len(ring) if shut else len(ring) - 1
+        edge_count = len(ring) if shut else len(ring) - 1
         present = set(ring)
         for position, i in enumerate(ring):
             corners.append(i)
             mask.append(True)
-            if position < last:
+            if position < edge_count:
                 j = ring[(position + 1) % len(ring)]
                 on = sorted(between.get((min(i, j), max(i, j)), ()), reverse=i > j)
                 # a second visit to a corner of the same ring would make the ring touch itself
                 extra = [n for _, n in on if n not in present]
                 corners += extra
                 mask += [False] * len(extra)
-        full.append(corners)
-        own.append(mask)
-    return full, own
+        paths.append(corners)
+        masks.append(mask)
+    return paths, masks
 
 
-def _without_straight(place: Floats, ring: list[int], own: list[bool], *, closed: bool) -> list[int]:
-    """Remove inserted nodes of a path that lie in a straight edge; `own` marks original corners."""
-    if not any(not mine for mine in own):
+def _without_straight(place: Floats, ring: list[int], originals: list[bool], *, closed: bool) -> list[int]:
+    """Remove inserted nodes of a path that lie in a straight edge; `originals` marks original corners."""
+    if all(originals):
         return ring
-    points, mine = place[ring], np.array(own)
-    kept: Bools = mine.copy()
+    points, original = place[ring], np.array(originals)
+    kept: Bools = original.copy()
     count = len(ring)
-    for k in np.flatnonzero(~mine).tolist():
+    for k in np.flatnonzero(~original).tolist():
         before, after = k - 1, k + 1
-        while not mine[before % count]:
+        while not original[before % count]:
             before -= 1
-        while not mine[after % count]:
+        while not original[after % count]:
             after += 1
         chord = points[after % count] - points[before % count]
         arm = points[k] - points[before % count]
@@ -289,53 +292,62 @@ class _Loops:
         return [(which, self.node[self.start[which, None] + np.arange(corners)]) for which, corners in chosen]
 
 
+class _FacePlanes:
+    """Mean planes of faces, and distances of corners from them."""
+
+    def __init__(self, place: Floats, loops: _Loops) -> None:
+        count = len(loops)
+        self._place, self._stacks = place, loops.stacks()
+        vector, self.middle = np.zeros((count, 3)), np.zeros((count, 3))
+        self.lower, self.upper = np.zeros((count, 3)), np.zeros((count, 3))
+        # number of the stack of each face, and its row there
+        self._stack, self._row = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+        for number, (which, stack) in enumerate(self._stacks):
+            corners = place[stack]
+            vector[which], self.middle[which] = area_vector(corners), corners.mean(axis=1)
+            self.lower[which], self.upper[which] = corners.min(axis=1), corners.max(axis=1)
+            self._stack[which], self._row[which] = number, np.arange(len(which))
+        self.area = np.linalg.norm(vector, axis=1)
+        self.normal = vector / np.where(self.area == 0.0, 1.0, self.area)[:, None]
+
+    def farthest(self, faces: Ints, planes: Ints) -> Floats:
+        """Return the largest distance (p,) of corners of faces from planes of other faces."""
+        distance = np.zeros(len(faces))
+        for number, (_, stack) in enumerate(self._stacks):
+            of_stack = np.flatnonzero(self._stack[faces] == number)
+            plane = planes[of_stack]
+            arm = self._place[stack[self._row[faces[of_stack]]]] - self.middle[plane, None]
+            heights = np.abs(np.einsum("nki,ni->nk", arm, self.normal[plane]))
+            distance[of_stack] = heights.max(axis=1, initial=0.0)
+        return distance
+
+
 def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tuple[Ints, Floats, Floats]:
     """Group faces in one plane within the tolerance: plane (faces,), −1 if not plane; normal, point (p, 3)."""
-    vector = np.zeros((len(loops), 3))
-    middle = np.zeros((len(loops), 3))
-    lower, upper = np.zeros((len(loops), 3)), np.zeros((len(loops), 3))
-    stacks = loops.stacks()
-    for which, stack in stacks:
-        corners = place[stack]
-        vector[which] = area_vector(corners)
-        middle[which], lower[which], upper[which] = corners.mean(axis=1), corners.min(axis=1), corners.max(axis=1)
-    area = np.linalg.norm(vector, axis=1)
-    normal = vector / np.where(area == 0.0, 1.0, area)[:, None]
-    size, row = np.zeros(len(loops), dtype=np.int64), np.zeros(len(loops), dtype=np.int64)
-    for number, (which, _) in enumerate(stacks):
-        size[which], row[which] = number, np.arange(len(which))
-
-    def farthest(faces: Ints, planes: Ints) -> Floats:
-        """Return the largest distance (p,) of corners of faces from planes of other faces."""
-        found = np.zeros(len(faces))
-        for number, (_, stack) in enumerate(stacks):
-            mine = np.flatnonzero(size[faces] == number)
-            arm = place[stack[row[faces[mine]]]] - middle[planes[mine], None]
-            found[mine] = np.abs(np.einsum("nki,ni->nk", arm, normal[planes[mine]])).max(axis=1, initial=0.0)
-        return found
-
+    faces = _FacePlanes(place, loops)
+    area, normal = faces.area, faces.normal
     every = np.arange(len(loops))
-    own = farthest(every, every)
+    bulge = faces.farthest(every, every)  # of each face from its own plane
 
     def parallel(one: Ints, two: Ints) -> Bools:
         cosine = np.einsum("ij,ij->i", normal[one], normal[two])
         # Faces of two solids are opposite or continue one another; faces of one solid continue one another.
         return np.asarray(np.where(solid[one] == solid[two], cosine, np.abs(cosine)) > _FLAT)
 
-    one, two = near_pairs(lower, upper, np.full(len(loops), tolerance), parallel)
+    one, two = near_pairs(faces.lower, faces.upper, np.full(len(loops), tolerance), parallel)
     swap = area[one] < area[two]
-    one, two = np.where(swap, two, one), np.where(swap, one, two)
-    kept = (area[two] > 0.0) & (own[one] <= tolerance)
-    one, two = one[kept], two[kept]
-    joined = farthest(two, one) <= tolerance
-    leader = _leaders(-area, one[joined], two[joined], farthest, tolerance)
+    larger, smaller = np.where(swap, two, one), np.where(swap, one, two)
+    plane = (area[smaller] > 0.0) & (bulge[larger] <= tolerance)
+    larger, smaller = larger[plane], smaller[plane]
+    joined = faces.farthest(smaller, larger) <= tolerance
+    leader = _leaders(-area, larger[joined], smaller[joined], faces.farthest, tolerance)
     order = np.argsort(-area, kind="stable")
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = every
     first, group = np.unique(rank[leader], return_inverse=True)
     # faces that are themselves not plane within the tolerance move no corner
-    group[own > tolerance] = -1
-    return group, normal[order[first]], middle[order[first]]
+    group[bulge > tolerance] = -1
+    return group, normal[order[first]], faces.middle[order[first]]
 
 
 def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints], Floats], tolerance: float) -> Ints:
@@ -346,11 +358,11 @@ def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints],
     rank = np.empty(len(key), dtype=np.int64)
     rank[order] = np.arange(len(key))
     part = components(len(key), one, two)
-    least = np.full(int(part.max(initial=-1)) + 1, len(key), dtype=np.int64)
-    np.minimum.at(least, part, rank)
-    leader = order[least[part]]
+    first_rank = np.full(int(part.max(initial=-1)) + 1, len(key), dtype=np.int64)  # of each part
+    np.minimum.at(first_rank, part, rank)
+    leader = order[first_rank[part]]
     # Where all faces joined by pairs lie in the plane of their first one, they are one group.
-    drifts = np.zeros(len(least), dtype=bool)
+    drifts = np.zeros(len(first_rank), dtype=bool)
     drifts[part[farthest(np.arange(len(key)), leader) > tolerance]] = True
     open_pair = drifts[part[one]]
     partners: dict[int, list[int]] = {}
@@ -376,10 +388,10 @@ def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints],
 def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, origin: Floats, tolerance: float) -> Floats:
     """Move every node by the least distance onto the planes of its faces; group: −1 for none."""
     # One number for a node and a plane: sorting it is many times faster than sorting rows.
-    wide = len(normal) + 1
-    pairs = np.unique(loops.node * wide + np.repeat(group, loops.count) + 1)
-    pairs = pairs[pairs % wide > 0]
-    node, plane = pairs // wide, pairs % wide - 1
+    base = len(normal) + 1
+    pairs = np.unique(loops.node * base + np.repeat(group, loops.count) + 1)
+    pairs = pairs[pairs % base > 0]
+    node, plane = pairs // base, pairs % base - 1
     amount = np.bincount(node, minlength=len(place))
     first = np.concatenate([[0], np.cumsum(amount)])[:-1]
     moved = place.copy()
@@ -387,8 +399,8 @@ def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, orig
         which = np.flatnonzero(amount == count)
         planes = plane[first[which, None] + np.arange(count)]
         rows = normal[planes]
-        rest = np.einsum("nki,nki->nk", origin[planes] - place[which, None], rows)
-        step = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=_RANK), rest)
+        off = np.einsum("nki,nki->nk", origin[planes] - place[which, None], rows)
+        step = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=_RANK), off)
         near = np.linalg.norm(step, axis=1) <= _FAR * tolerance  # others stay
         moved[which[near]] += step[near]
     return moved

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -28,6 +29,7 @@ from jld_core.linalg import components
 
 # Cosine between two facet normals above which the facets cannot be in contact within the tolerance.
 _OPPOSITE = -0.999
+_LEVEL = 0.05  # distance of two facets from one plane, over their distance and size, up to which they are compared
 _AT_ONCE = 20_000  # pairs of elements per batch: cubes have about 25 pairs of facets each, 0.25 kB per pair
 
 
@@ -41,6 +43,34 @@ class SpatialContact:
     holes: tuple[Floats, ...] = ()  # corners of each hole, in the opposite sense of rotation
 
 
+class _SlicedBoxes(NamedTuple):
+    """Boxes cut to slices across one axis and laid out side by side in the plane of the other two."""
+
+    flat: Any  # (s,) rectangles of all slices of all boxes
+    owner: Ints  # (s,) box of each
+    sheet: Ints  # (s,) slice that it lies in
+    first: Ints  # (n,) first slice of each box
+
+    @classmethod
+    def of(cls, low: Floats, high: Floats) -> _SlicedBoxes:
+        """Slice boxes with corners `low`, `high` (n, 3)."""
+        # The search tree is planar: slice the axis with the fewest layers, along which fewest boxes lie above one
+        # another. Boxes then meet only those near them along that axis.
+        layers = np.ptp(np.concatenate([low, high]), axis=0) / np.maximum((high - low).mean(axis=0), 1e-300)
+        x, y = sorted(np.argsort(layers, kind="stable")[1:])
+        z = 3 - x - y
+        bottom, span = low[:, z].min(), np.ptp(np.concatenate([low[:, z], high[:, z]]))
+        step = max(2.0 * float((high - low)[:, z].mean()), float(span) / len(low)) or 1.0
+        first = np.floor((low[:, z] - bottom) / step).astype(np.int64)
+        count = np.floor((high[:, z] - bottom) / step).astype(np.int64) - first + 1
+        owner, sheet = spread(first, count)
+        width = float(np.ptp(np.concatenate([low[:, x], high[:, x]])))
+        aside = 2.0 * width * sheet
+        rounding = 1e-12 * (float(aside.max()) + float(abs(low[:, x]).max()) + width)
+        left, right = low[owner, x] + aside - rounding, high[owner, x] + aside + rounding
+        return cls(shapely.box(left, low[owner, y], right, high[owner, y]), owner, sheet, first)
+
+
 def near_pairs(
     lower: Floats, upper: Floats, reach: Floats, keep: Callable[[Ints, Ints], Bools] | None = None
 ) -> tuple[Ints, Ints]:
@@ -49,33 +79,21 @@ def near_pairs(
     keep: further condition on pairs, a mask (k,), tested before all pairs are stored.
     """
     low, high = lower - reach[:, None], upper + reach[:, None]
-    # The search tree is planar: drop the axis with the fewest layers, along which fewest boxes lie above one another.
-    layers = np.ptp(np.concatenate([low, high]), axis=0) / np.maximum((high - low).mean(axis=0), 1e-300)
-    x, y = sorted(np.argsort(layers, kind="stable")[1:])
-    z = 3 - x - y
-    # Slices across the dropped axis are laid out side by side: boxes then meet only those near them along that axis.
-    bottom, span = low[:, z].min(), np.ptp(np.concatenate([low[:, z], high[:, z]]))
-    step = max(2.0 * float((high - low)[:, z].mean()), float(span) / len(low)) or 1.0
-    first = np.floor((low[:, z] - bottom) / step).astype(np.int64)
-    count = np.floor((high[:, z] - bottom) / step).astype(np.int64) - first + 1
-    owner, sheet = spread(first, count)
-    wide = float(np.ptp(np.concatenate([low[:, x], high[:, x]])))
-    aside = 2.0 * wide * sheet
-    room = 1e-12 * (float(aside.max()) + float(abs(low[:, x]).max()) + wide)
-    flat = shapely.box(low[owner, x] + aside - room, low[owner, y], high[owner, x] + aside + room, high[owner, y])
-    tree, found = shapely.STRtree(flat), [np.empty((2, 0), dtype=np.int64)]
-    for begin in range(0, len(flat), _AT_ONCE):
-        one, two = tree.query(flat[begin : begin + _AT_ONCE])
-        left, right = owner[one + begin], owner[two]
-        kept = (left < right) & (sheet[two] == np.maximum(first[left], first[right]))
-        left, right = left[kept], right[kept]
+    boxes = _SlicedBoxes.of(low, high)
+    tree, pairs = shapely.STRtree(boxes.flat), [np.empty((2, 0), dtype=np.int64)]
+    for begin in range(0, len(boxes.flat), _AT_ONCE):
+        asked, met = tree.query(boxes.flat[begin : begin + _AT_ONCE])
+        left, right = boxes.owner[asked + begin], boxes.owner[met]
+        # a pair that meets in several slices is taken in the first of them
+        once = (left < right) & (boxes.sheet[met] == np.maximum(boxes.first[left], boxes.first[right]))
+        left, right = left[once], right[once]
         near = np.all((low[left] <= high[right]) & (low[right] <= high[left]), axis=1)
         left, right = left[near], right[near]
         if keep is not None:
             chosen = keep(left, right)
             left, right = left[chosen], right[chosen]
-        found.append(np.stack([left, right]))
-    left, right = np.concatenate(found, axis=1)
+        pairs.append(np.stack([left, right]))
+    left, right = np.concatenate(pairs, axis=1)
     order = np.lexsort((right, left))
     return left[order], right[order]
 
@@ -93,43 +111,44 @@ def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[Spat
 
     Source: docs/method.md (1.1), with normals from element faces.
     """
-    one, two = _opposite_facets(facets, *pairs)
-    if not len(one):
+    facet_a, facet_b = _opposite_facets(facets, *pairs)
+    if not len(facet_a):
         return []
     frames = FacetFrames.on(facets)
-    rectangle = frames.rectangle[one] & frames.rectangle[two]
-    found: list[tuple[int, SpatialContact]] = []
+    rectangle = frames.rectangle[facet_a] & frames.rectangle[facet_b]
+    contacts: list[tuple[int, SpatialContact]] = []
     quick = np.flatnonzero(rectangle)
-    settled = np.zeros(len(one), dtype=bool)
+    settled = np.zeros(len(facet_a), dtype=bool)
     if quick.size:
-        aligned, hits = _cut_rectangles(facets, frames, one[quick], two[quick])
+        aligned, hits = _cut_rectangles(facets, frames, facet_a[quick], facet_b[quick])
         settled[quick[aligned]] = True
-        found += [(int(quick[position]), contact) for position, contact in hits]
-    rest = np.flatnonzero(~settled)
-    found += [
-        (int(rest[position]), contact) for position, contact in _cut_polygons(facets, frames, one[rest], two[rest])
+        contacts += [(int(quick[position]), contact) for position, contact in hits]
+    others = np.flatnonzero(~settled)
+    contacts += [
+        (int(others[position]), contact)
+        for position, contact in _cut_polygons(facets, frames, facet_a[others], facet_b[others])
     ]
-    found.sort(key=lambda entry: entry[0])
-    return [contact for _, contact in found]
+    contacts.sort(key=lambda entry: entry[0])
+    return [contact for _, contact in contacts]
 
 
 def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
     """Find facets that face one another, overlap in projection and nearly touch."""
     # Contacts are left out. Facets nearly touch that are apart by less than `tolerances.NEAR` of the smaller one's
     # size. So do facets that touch at one end and open by less than `tolerances.WEDGE` of it at the other.
-    one, two = _opposite_facets(facets, *pairs, tolerances.WEDGE)
-    size = np.minimum(facets.size[one], facets.size[two])
-    cosine = np.einsum("ij,ij->i", facets.normal[one], facets.normal[two])
+    facet_a, facet_b = _opposite_facets(facets, *pairs, tolerances.WEDGE)
+    size = np.minimum(facets.size[facet_a], facets.size[facet_b])
+    cosine = np.einsum("ij,ij->i", facets.normal[facet_a], facets.normal[facet_b])
     parallel = cosine < -1.0 + tolerances.WEDGE**2
-    parallel[parallel] = ~_touches_throughout(facets, one[parallel], two[parallel], size[parallel])
-    one, two, size = one[parallel], two[parallel], size[parallel]
-    if not len(one):
+    parallel[parallel] = ~_touches_throughout(facets, facet_a[parallel], facet_b[parallel], size[parallel])
+    facet_a, facet_b, size = facet_a[parallel], facet_b[parallel], size[parallel]
+    if not len(facet_a):
         return []
     frames = FacetFrames.on(facets)
-    first, second = (regions_in_planes(facets, frames, which, one) for which in (one, two))
+    first, second = (regions_in_planes(facets, frames, which, facet_a) for which in (facet_a, facet_b))
     shared = intersections(first, second)
-    wide = np.flatnonzero(shapely.area(shared) > (tolerances.NEAR * size) ** 2).tolist()
-    misses = (_near_miss(facets, frames, one[k], two[k], shared[k], size[k]) for k in wide)
+    overlapping = np.flatnonzero(shapely.area(shared) > (tolerances.NEAR * size) ** 2).tolist()
+    misses = (_near_miss(facets, frames, facet_a[k], facet_b[k], shared[k], size[k]) for k in overlapping)
     return sorted((miss for miss in misses if miss is not None), key=lambda miss: (miss.a, miss.b))
 
 
@@ -137,7 +156,7 @@ def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> B
     """Return a mask (p,) of facet pairs without a gap; size: of the smaller facet."""
     # All four corners of the second facet lie within half the tolerance of the plane of the first. The mask is False if
     # the second facet has holes or not four corners.
-    found = np.zeros(len(one), dtype=bool)
+    touches = np.zeros(len(one), dtype=bool)
     row, stack = facets.four
     four = np.flatnonzero(row[two] >= 0)
     if len(four):
@@ -145,8 +164,8 @@ def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> B
         arm = corners - facets.origin[one[four], None]
         height = np.abs(np.einsum("nki,ni->nk", arm, facets.normal[one[four]])).max(axis=1)
         # Half of the tolerance leaves room for rounding.
-        found[four] = height <= 0.5 * tolerances.FACE * size[four]
-    return found
+        touches[four] = height <= 0.5 * tolerances.FACE * size[four]
+    return touches
 
 
 def _near_miss(
@@ -158,13 +177,13 @@ def _near_miss(
     points = facets.origin[one] + flat @ axes
     gap = (facets.origin[two] - points) @ slope / (slope @ normal)
     crossing = gap[1:].min() * gap[1:].max() < 0.0
-    most, least = float(abs(gap[1:]).max()), 0.0 if crossing else float(abs(gap[1:]).min())
-    touching = least <= tolerances.FACE * size
-    if most <= tolerances.FACE * size or most > (tolerances.WEDGE if touching else tolerances.NEAR) * size:
+    widest, narrowest = float(abs(gap[1:]).max()), 0.0 if crossing else float(abs(gap[1:]).min())
+    touching = narrowest <= tolerances.FACE * size
+    if widest <= tolerances.FACE * size or widest > (tolerances.WEDGE if touching else tolerances.NEAR) * size:
         return None
     angle = float(np.degrees(np.arccos(min(1.0, -float(normal @ slope))))) if touching else 0.0
     place = points[0] + 0.5 * gap[0] * normal
-    return NearMiss(int(facets.element[one]), int(facets.element[two]), most, place, angle)
+    return NearMiss(int(facets.element[one]), int(facets.element[two]), widest, place, angle)
 
 
 def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances.FACE) -> tuple[Ints, Ints]:
@@ -188,6 +207,7 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
         """Return the opposite facets (2, r) of a batch of element pairs (p,)."""
         owner_a, facet_a = within(a, b)
         owner_b, facet_b = within(b, a)
+        # all facets of b for each facet of a of the same pair
         first = np.searchsorted(owner_b, np.arange(len(a)))
         amount = np.bincount(owner_b, minlength=len(a))
         repeat, position = spread(first[owner_a], amount[owner_a])
@@ -199,7 +219,7 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
         apart = facets.origin[two] - facets.origin[one]
         off = np.abs(np.einsum("ij,ij->i", apart, facets.normal[one]))
         # A wide limit that covers the misalignment accepted above; the gap itself is checked where the facets overlap.
-        level = off <= 0.05 * (np.linalg.norm(apart, axis=1) + np.minimum(facets.size[one], facets.size[two]))
+        level = off <= _LEVEL * (np.linalg.norm(apart, axis=1) + np.minimum(facets.size[one], facets.size[two]))
         return np.stack([one[level], two[level]])
 
     parts = [facing(a[k : k + _AT_ONCE], b[k : k + _AT_ONCE]) for k in range(0, len(a), _AT_ONCE)]
@@ -223,10 +243,12 @@ def _cut_rectangles(
         return along.min(axis=1), along.max(axis=1)
 
     size = np.minimum(facets.size[one], facets.size[two])
-    (l1, u1), (l2, u2) = extent(first, e1), extent(first, e2)
-    (m1, v1), (m2, v2) = extent(second, e1), extent(second, e2)
+    # sides of the overlap in the frame of the first rectangle, and heights of the second one above it
+    (low_1, high_1), (low_2, high_2) = extent(first, e1), extent(second, e1)
+    x0, x1 = np.maximum(low_1, low_2), np.minimum(high_1, high_2)
+    (low_1, high_1), (low_2, high_2) = extent(first, e2), extent(second, e2)
+    y0, y1 = np.maximum(low_1, low_2), np.minimum(high_1, high_2)
     low, high = extent(second, normal)
-    x0, x1, y0, y1 = np.maximum(l1, m1), np.minimum(u1, v1), np.maximum(l2, m2), np.minimum(u2, v2)
     reach = tolerances.FACE * size
     hit = aligned & (x1 - x0 > reach) & (y1 - y0 > reach) & (np.maximum(abs(low), abs(high)) <= reach)
     half = 0.5 * (low + high)
@@ -251,7 +273,7 @@ def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> 
     first, second = regions_in_planes(facets, frames, one, one), regions_in_planes(facets, frames, two, one)
     shared = intersections(first, second)
     size = np.minimum(facets.size[one], facets.size[two])
-    found = []
+    contacts = []
     for position in np.flatnonzero(shapely.area(shared) > 0.0).tolist():
         a, b, reach = one[position], two[position], tolerances.FACE * size[position]
         normal, origin = facets.normal[a], facets.origin[a]
@@ -266,8 +288,8 @@ def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> 
             lift = 0.5 * gap.mean() * normal
             inner = tuple(origin + hole @ axes + lift for hole in holes)
             contact = SpatialContact(int(facets.element[a]), int(facets.element[b]), points + lift, normal, inner)
-            found.append((position, contact))
-    return found
+            contacts.append((position, contact))
+    return contacts
 
 
 def merge_points(points: Floats, tolerance: float) -> Ints:
@@ -308,7 +330,7 @@ def merge_points(points: Floats, tolerance: float) -> Ints:
 
 def _clusters(points: Floats, tolerance: float) -> Ints:
     """Return the cluster (n,) of each point (n, d); clusters are further apart than the tolerance."""
-    one, two = [], []
+    firsts, seconds = [], []
     # Coordinates that differ by less than half a box lie in one box of one of two grids shifted by half a box.
     with np.errstate(over="ignore"):
         scaled = points / max(2.01 * tolerance, 1e-300)
@@ -316,9 +338,9 @@ def _clusters(points: Floats, tolerance: float) -> Ints:
         box = np.floor(scaled + np.array(shift))
         order = np.lexsort(box.T)
         same = np.flatnonzero(np.all(box[order[1:]] == box[order[:-1]], axis=1))
-        one.append(order[same])
-        two.append(order[same + 1])
-    return components(len(points), np.concatenate(one), np.concatenate(two))
+        firsts.append(order[same])
+        seconds.append(order[same + 1])
+    return components(len(points), np.concatenate(firsts), np.concatenate(seconds))
 
 
 def _first_within(points: Floats, tolerance: float) -> Ints:
@@ -341,6 +363,34 @@ def _first_within(points: Floats, tolerance: float) -> Ints:
     return joined
 
 
+class _Heights:
+    """Heights of the vertices of elements above planes of facets."""
+
+    def __init__(self, vertices: list[Floats], facets: Facets) -> None:
+        self._points, self._facets = np.concatenate(vertices), facets
+        self._count = np.array([len(v) for v in vertices])
+        self._first = np.concatenate([[0], np.cumsum(self._count)])[:-1]
+
+    def of(self, facet: Ints, element: Ints) -> tuple[Floats, Floats]:
+        """Return the least and the greatest height (k,) of an element's vertices above each facet's plane."""
+        owner, corner = spread(self._first[element], self._count[element])
+        above = facet[owner]
+        height = np.einsum("ij,ij->i", self._points[corner] - self._facets.origin[above], self._facets.normal[above])
+        begin = np.concatenate([[0], np.cumsum(self._count[element])])[:-1]
+        return np.minimum.reduceat(height, begin), np.maximum.reduceat(height, begin)
+
+    def are_convex(self, start: Ints, span: Floats) -> Bools:
+        """Return a mask (n,) of elements none of whose vertices lies before a facet; start: first facet of each."""
+        parts = np.array_split(np.arange(len(self._facets)), 1 + len(self._facets) // _FACETS_AT_ONCE)
+        bulge = np.concatenate([self.of(part, self._facets.element[part])[1] for part in parts])
+        return np.asarray(np.maximum.reduceat(bulge, start) <= tolerances.FACE * span)
+
+
+# Facets and pairs of elements whose heights are computed at once, for the sake of memory
+_FACETS_AT_ONCE = 50_000
+_PAIRS_AT_ONCE = 10_000
+
+
 def check_overlaps(
     ids: list[str], vertices: list[Floats], facets: Facets, pairs: tuple[Ints, Ints], within: float = 0.0
 ) -> tuple[str, ...]:
@@ -356,42 +406,26 @@ def check_overlaps(
     a, b, reach = a[deep], b[deep], reach[deep]
     if not len(a):
         return ()
-    points = np.concatenate(vertices)
-    corners = np.array([len(v) for v in vertices])
-    first_corner = np.concatenate([[0], np.cumsum(corners)])[:-1]
+    heights = _Heights(vertices, facets)
     count = np.bincount(facets.element, minlength=len(ids))
     start = np.concatenate([[0], np.cumsum(count)])[:-1]
-
-    def heights(facet: Ints, other: Ints) -> tuple[Floats, Floats]:
-        """Return the least and greatest height of an element's vertices above each facet's plane."""
-        owner, corner = spread(first_corner[other], corners[other])
-        height = np.einsum("ij,ij->i", points[corner] - facets.origin[facet[owner]], facets.normal[facet[owner]])
-        begin = np.concatenate([[0], np.cumsum(corners[other])])[:-1]
-        return np.minimum.reduceat(height, begin), np.maximum.reduceat(height, begin)
-
-    bulge = np.concatenate(
-        [
-            heights(part, facets.element[part])[1]
-            for part in np.array_split(np.arange(len(facets)), 1 + len(facets) // 50_000)
-        ]
-    )
-    convex = np.maximum.reduceat(bulge, start) <= tolerances.FACE * span
-    both = convex[a] & convex[b]
-    found = []
-    a, b, reach = a[both], b[both], reach[both]
-    for part in np.array_split(np.arange(len(a)), 1 + len(a) // 10_000):
+    convex = heights.are_convex(start, span)
+    both_convex = convex[a] & convex[b]
+    a, b, reach = a[both_convex], b[both_convex], reach[both_convex]
+    overlaps = []
+    for part in np.array_split(np.arange(len(a)), 1 + len(a) // _PAIRS_AT_ONCE):
         apart = np.zeros(len(part), dtype=bool)
-        for one, two in ((a[part], b[part]), (b[part], a[part])):
+        for element, other in ((a[part], b[part]), (b[part], a[part])):
             if len(part):
-                owner, facet = spread(start[one], count[one])
-                lowest = heights(facet, two[owner])[0]
+                owner, facet = spread(start[element], count[element])
+                lowest = heights.of(facet, other[owner])[0]
                 apart |= np.bincount(owner, weights=lowest >= -reach[part][owner], minlength=len(part)) > 0.0
         for index in part[~apart].tolist():
             planes = np.flatnonzero((facets.element == a[index]) | (facets.element == b[index]))
             radius, place = _ball(facets, planes)
             if radius > 0.5 * reach[index]:
-                found.append(Overlap(ids[a[index]], ids[b[index]], 2.0 * radius, place))
-    return refuse_overlaps(found, "elements that touch along faces at the most", within)
+                overlaps.append(Overlap(ids[a[index]], ids[b[index]], 2.0 * radius, place))
+    return refuse_overlaps(overlaps, "elements that touch along faces at the most", within)
 
 
 def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
@@ -421,6 +455,38 @@ def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
         rectangle[chosen] = measures.is_rectangle(stack, tolerances.FACE) & solid[chosen]
     e1 = unit_vectors(e1 - np.einsum("ij,ij->i", e1, normal)[:, None] * normal)
     e2 = np.cross(normal, e1)
+    sections = _sections(polygons, e1, e2, normal)
+    _set_rectangle_sizes(sections, plain, rectangle, e1)
+    return Interfaces(
+        a=np.array([c.a for c in contacts], dtype=np.int64),
+        b=np.array([c.b for c in contacts], dtype=np.int64),
+        origin=sections.origin,
+        normal=normal,
+        e1=e1,
+        e2=e2,
+        l1=sections.l1,
+        l2=sections.l2,
+        area=sections.area,
+        c_t=sections.c_t,
+        rectangle=rectangle,
+        polygon=tuple(sections.polygons),
+    )
+
+
+class _Sections(NamedTuple):
+    """Centroids (m, 3), extents, areas and torsion lengths (m,) of contacts, and their corners, counter-clockwise."""
+
+    origin: Floats
+    l1: Floats
+    l2: Floats
+    area: Floats
+    c_t: Floats
+    polygons: list[Floats]
+
+
+def _sections(polygons: list[Floats], e1: Floats, e2: Floats, normal: Floats) -> _Sections:
+    """Compute the sections of contacts with corners (k, 3) and frames (m, 3)."""
+    count, polygons = len(polygons), list(polygons)
     origin = np.empty((count, 3))
     l1, l2, area, c_t = (np.empty(count) for _ in range(4))
     for chosen, stack in measures.by_corner_count(polygons):
@@ -438,27 +504,18 @@ def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
         l1[chosen], l2[chosen] = measures.sizes(flat).T
         for index in chosen[turned]:
             polygons[index] = polygons[index][::-1]
+    return _Sections(origin, l1, l2, area, c_t, polygons)
+
+
+def _set_rectangle_sizes(sections: _Sections, plain: list[Floats], rectangle: Bools, e1: Floats) -> None:
+    """Replace extents of rectangles (m,) by means of opposite sides; plain: corners without those in straight edges."""
     for chosen, stack in measures.by_corner_count([plain[i] for i in np.flatnonzero(rectangle)]):
         which = np.flatnonzero(rectangle)[chosen]
-        one, two = (
-            stack[:, 1] - stack[:, 0] + stack[:, 2] - stack[:, 3],
-            stack[:, 2] - stack[:, 1] + stack[:, 3] - stack[:, 0],
-        )
-        along = np.abs(np.einsum("nj,nj->n", one, e1[which])) > np.abs(np.einsum("nj,nj->n", two, e1[which]))
-        first, second = 0.5 * np.linalg.norm(one, axis=1), 0.5 * np.linalg.norm(two, axis=1)
-        l1[which], l2[which] = np.where(along, first, second), np.where(along, second, first)
-        c_t[which] = measures.rectangle_torsion_length(l1[which], l2[which])
-    return Interfaces(
-        a=np.array([c.a for c in contacts], dtype=np.int64),
-        b=np.array([c.b for c in contacts], dtype=np.int64),
-        origin=origin,
-        normal=normal,
-        e1=e1,
-        e2=e2,
-        l1=l1,
-        l2=l2,
-        area=area,
-        c_t=c_t,
-        rectangle=rectangle,
-        polygon=tuple(polygons),
-    )
+        # sums of two opposite sides
+        first = stack[:, 1] - stack[:, 0] + stack[:, 2] - stack[:, 3]
+        second = stack[:, 2] - stack[:, 1] + stack[:, 3] - stack[:, 0]
+        along_e1 = np.abs(np.einsum("nj,nj->n", first, e1[which])) > np.abs(np.einsum("nj,nj->n", second, e1[which]))
+        first_size, second_size = (0.5 * np.linalg.norm(side, axis=1) for side in (first, second))
+        sections.l1[which] = np.where(along_e1, first_size, second_size)
+        sections.l2[which] = np.where(along_e1, second_size, first_size)
+        sections.c_t[which] = measures.rectangle_torsion_length(sections.l1[which], sections.l2[which])

@@ -42,7 +42,8 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
     out_x, out_y = outward.tolist()
     length = math.hypot(x1 - x, y1 - y)
     along_x, along_y = (x1 - x) / length, (y1 - y) / length
-    found, off = list[tuple[list[float], float, float]](), []
+    # edges under the contact: heights at the ends of the common length, and these ends
+    edges = list[tuple[list[float], float, float]]()
     corners = outline.tolist()
     for (start_x, start_y), (end_x, end_y) in zip(corners, corners[1:] + corners[:1], strict=True):
         edge_x, edge_y = end_x - start_x, end_y - start_y
@@ -53,16 +54,18 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
         low, high = max(min(first, first + reach), 0.0), min(max(first, first + reach), length)
         heights = [height + slope * (place - first) for place in (low, high)]
         if high > low and max(abs(one) for one in heights) <= _OFF * length:
-            found.append((heights, low, high))
-    free = [(0.0, length)]
+            edges.append((heights, low, high))
+    uncovered, off = [(0.0, length)], list[float]()
     # an edge beside the contact, as that of a step, counts only where no nearer one lies
-    for heights, low, high in sorted(found, key=lambda one: max(abs(height) for height in one[0])):
-        own = [(max(low, a), min(high, b)) for a, b in free]
-        if any(b - a > tolerances.FACE * length for a, b in own):
+    for heights, low, high in sorted(edges, key=lambda edge: max(abs(height) for height in edge[0])):
+        if any(min(high, b) - max(low, a) > tolerances.FACE * length for a, b in uncovered):
             off += heights
-        free = [part for a, b in free for part in ((a, min(b, low)), (max(a, high), b)) if part[1] > part[0]]
-    beyond = sum(b - a for a, b in free)
+        uncovered = [part for a, b in uncovered for part in ((a, min(b, low)), (max(a, high), b)) if part[1] > part[0]]
+    beyond = sum(b - a for a, b in uncovered)
     return Fit(length, beyond, max([0.0, *off]), max([0.0, *(-height for height in off)]))
+
+
+_GRID: Final = 1e-3  # grid of regions, as a share of what contacts may be off
 
 
 def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Floats, ...]], normals: Floats) -> Fit:
@@ -70,7 +73,8 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
     axes, origin = across(outward), polygon[0]
     stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
     size = float(np.ptp(polygon, axis=0).max())
-    found, off = list[tuple[Floats, shapely.Polygon, shapely.Geometry]](), []
+    # facets under the contact: heights of their common region, the facet enlarged by rounding, the region
+    facets = list[tuple[Floats, shapely.Polygon, shapely.Geometry]]()
     for rings, normal in zip(loops, normals, strict=True):
         if normal @ outward < _ALONG:
             continue
@@ -82,20 +86,20 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
         points = origin + shapely.get_coordinates(shared) @ axes
         heights = (rings[0].mean(axis=0) - points) @ normal / (outward @ normal)
         if abs(heights).max() <= _OFF * size:
-            found.append((heights, shapely.buffer(region, tolerances.FACE * size, join_style="mitre"), shared))
-    grid = 1e-3 * tolerances.FACE * size
-    regions: list[shapely.Geometry] = []
-    for heights, region, shared in sorted(found, key=lambda one: float(abs(one[0]).max())):
+            facets.append((heights, shapely.buffer(region, tolerances.FACE * size, join_style="mitre"), shared))
+    grid = _GRID * tolerances.FACE * size
+    regions, off = list[shapely.Geometry](), list[float]()
+    # as for lines, a facet counts only where no nearer one lies
+    for heights, region, shared in sorted(facets, key=lambda facet: float(abs(facet[0]).max())):
         near = shapely.union_all(regions, grid_size=grid)
-        if (
-            not regions
-            or shapely.difference(area_of(shared), near, grid_size=grid).area > tolerances.FACE * stated.area
+        if not regions or (
+            shapely.difference(area_of(shared), near, grid_size=grid).area > tolerances.FACE * stated.area
         ):
             off += heights.tolist()
         regions.append(region)
     faces = shapely.union_all(regions, grid_size=grid)
-    rest = shapely.get_coordinates(shapely.difference(stated, faces, grid_size=grid))
-    beyond = float(shapely.distance(shapely.points(rest), faces).max(initial=0.0)) if regions else size
+    outside = shapely.get_coordinates(shapely.difference(stated, faces, grid_size=grid))
+    beyond = float(shapely.distance(shapely.points(outside), faces).max(initial=0.0)) if regions else size
     return Fit(size, beyond, max([0.0, *off]), max([0.0, *(-height for height in off)]))
 
 
@@ -109,13 +113,14 @@ class Misfit(InputError):
 
 def judge_fits(fits: Sequence[tuple[str, str, Fit]], tolerance: float | None, unit: str) -> tuple[str, ...]:
     """Return warnings about poor fits (key, element, fit); InputError, or `Misfit` if a larger tolerance takes all."""
+    # misfits that are refused: no tolerance takes them, size, key, problem
     warnings, wrong = list[str](), list[tuple[bool, float, str, str]]()
     for where, name, fit in fits:
         allowed = max(tolerances.FACE * fit.size, tolerance or 0.0)
-        whole = fit.beyond >= fit.size
+        no_face = fit.beyond >= fit.size
         cases = (
-            (fit.beyond, f"element {name!r} has no face there", whole),
-            (fit.beyond, f"it reaches {fit.beyond:.4g} {unit} beyond the face of element {name!r}", not whole),
+            (fit.beyond, f"element {name!r} has no face there", no_face),
+            (fit.beyond, f"it reaches {fit.beyond:.4g} {unit} beyond the face of element {name!r}", not no_face),
             (fit.depth, f"it lies up to {fit.depth:.4g} {unit} inside element {name!r}", True),
         )
         poor = [(misfit, problem) for misfit, problem, applies in cases if applies and misfit > allowed]
@@ -123,21 +128,21 @@ def judge_fits(fits: Sequence[tuple[str, str, Fit]], tolerance: float | None, un
             if fit.gap > allowed:
                 warnings.append(f"{where}: it lies {fit.gap:.4g} {unit} in front of element {name!r}")
             continue
-        misfit, problem = poor[0] if whole else max(poor)
+        misfit, problem = poor[0] if no_face else max(poor)
         if misfit > max(tolerances.NEAR * fit.size, tolerance or 0.0):
             wrong.append((misfit > _OFF * fit.size, misfit, where, problem))
         else:
             warnings.append(f"{where}: {problem}")
     if wrong:
         # what no tolerance takes first, then the largest misfit
-        far, misfit, where, problem = max(wrong, key=lambda one: one[:2])
+        far, misfit, where, problem = max(wrong, key=lambda misfit: misfit[:2])
         count = len({key for _, _, key, _ in wrong})
-        more = f", the largest misfit of {count} interfaces" if count > 1 and not far else ""
+        others = f", the largest misfit of {count} interfaces" if count > 1 and not far else ""
         accept = "" if far else f', or a "tolerance" above {misfit:.2g}'
         expected = f"an interface on the common boundary of its elements{accept}"
         if far:
             raise InputError(where, problem, expected)
-        raise Misfit(where, problem + more, expected, misfit)
+        raise Misfit(where, problem + others, expected, misfit)
     return tuple(warnings)
 
 
@@ -210,17 +215,20 @@ class NearMiss:
 
 def refuse_overlaps(pairs: Sequence[Overlap], expected: str, within: float) -> tuple[str, ...]:
     """Return a warning about overlaps up to `within`; Misfit for more, naming up to ten pairs."""
-    most = max((pair.depth for pair in pairs), default=0.0)
-    if not pairs or most <= within:
-        return (f"{len(pairs)} pairs of elements overlap, by up to {most:.3g}",) if pairs else ()
+    deepest = max((pair.depth for pair in pairs), default=0.0)
+    if not pairs or deepest <= within:
+        return (f"{len(pairs)} pairs of elements overlap, by up to {deepest:.3g}",) if pairs else ()
     named = [f"by {pair.depth:.3g} at ({_point(pair.place)})" for pair in pairs]
     first = pairs[0]
-    rest = [f"{p.a!r} and {p.b!r} {how}" for p, how in zip(pairs[1:_NAMED], named[1:_NAMED], strict=True)]
-    more = len(pairs) - _NAMED
-    problem = f"they overlap {named[0]}" + ("; so do " + ", ".join(rest) if rest else "")
-    problem += f" and {more} more pairs" if more > 0 else ""
+    also = [f"{p.a!r} and {p.b!r} {how}" for p, how in zip(pairs[1:_NAMED], named[1:_NAMED], strict=True)]
+    unnamed = len(pairs) - _NAMED
+    problem = f"they overlap {named[0]}" + ("; so do " + ", ".join(also) if also else "")
+    problem += f" and {unnamed} more pairs" if unnamed > 0 else ""
     where = f"elements {first.a!r} and {first.b!r}"
-    raise Misfit(where, problem, f'{expected}, or a "tolerance" above {most:.2g}', most)
+    raise Misfit(where, problem, f'{expected}, or a "tolerance" above {deepest:.2g}', deepest)
+
+
+_CLOSES: Final = 1.1  # factor on the widest gap for a tolerance that closes it
 
 
 def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple[str, ...]:
@@ -235,7 +243,7 @@ def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple
         else "a pair of faces nearly touches and is"
     )
     more = ", …" if len(misses) > _SHOWN else ""
-    return (f'{count} not joined: {shown}{more}; "tolerance": {1.1 * widest:.2g} closes such gaps',)
+    return (f'{count} not joined: {shown}{more}; "tolerance": {_CLOSES * widest:.2g} closes such gaps',)
 
 
 def _gap(miss: NearMiss, unit: str) -> str:
@@ -267,6 +275,9 @@ def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callab
     return normal * _sides(normal, place, size, a, facets)[:, None]
 
 
+_PARALLEL: Final = 0.9  # cosine from which a face is parallel to a contact
+
+
 def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets) -> Floats:
     """Return +1 (m,) for normals (m, 3) that point out of element a of the contact, else −1."""
     # The nearest face of a decides.
@@ -277,7 +288,7 @@ def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets)
     off = np.abs(np.einsum("ij,ij->i", place[owner] - facets.origin[facet], facets.normal[facet]))
     outside = np.maximum(facets.lower[facet] - place[owner], place[owner] - facets.upper[facet]).max(axis=1)
     # A body may have faces of both directions in one plane: count the distance of the place from a face's box too.
-    far = np.where(np.abs(cosine) < 0.9, np.inf, off + np.maximum(outside, 0.0))
+    far = np.where(np.abs(cosine) < _PARALLEL, np.inf, off + np.maximum(outside, 0.0))
     best = np.minimum.reduceat(far, np.concatenate([[0], np.cumsum(count[a])])[:-1])
     close = far <= (best + tolerances.FACE * size)[owner]
     vote = np.where(close & np.isfinite(far), np.sign(cosine), 0.0)

@@ -28,6 +28,8 @@ _NEAR: Final = 1e-6
 _NEAR_SOLID: Final = 2.0 * tolerances.FACE
 
 
+_PARALLEL: Final = 1e-8  # one less the cosine between normals up to which facets lie in one plane
+
 _HAIR: Final = 1e-7  # relative shrinkage of holes before triangulation, so that they do not touch the shell
 
 
@@ -100,45 +102,45 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
     from scipy.spatial import cKDTree  # local imports here and below: slow to import and seldom needed
 
     tree = cKDTree(corners)
+    # loops of each piece, with corners of the solids in the place of those near them
     rings: list[list[Floats]] = []
     for _, loops in pieces:
         placed = []
         for loop in loops:
-            distance, nearest = (np.asarray(found) for found in tree.query(loop))
+            distance, nearest = (np.asarray(values) for values in tree.query(loop))
             placed.append(np.where((distance <= _NEAR_SOLID * size)[:, None], corners[nearest], loop))
         rings.append(placed)
     flat = np.concatenate([loop for loops in rings for loop in loops])
     node = _weld(flat, _NEAR_SOLID * size)
     points = flat[np.unique(node, return_index=True)[1]]
     numbers = iter(np.split(node, np.cumsum([len(loop) for loops in rings for loop in loops])[:-1]))
-    found: list[tuple[int, ...]] = []
+    surface: list[tuple[int, ...]] = []
     triangles: list[tuple[int, int, int]] = []
-    from scipy.spatial import cKDTree
-
     points_tree = cKDTree(points)
     for (normal, _), loops in zip(pieces, rings, strict=True):
-        closed = [next(numbers).tolist() for _ in loops]
+        nodes = [next(numbers).tolist() for _ in loops]
         if len(vertices) > 1:
-            closed = [_with_nodes(loop, points, points_tree, _NEAR_SOLID * size) for loop in closed]
-        full = [loop for loop in (without_spikes(loop, closed=True) for loop in closed) if len(loop) > 2]
-        if not full:
+            nodes = [_with_nodes(loop, points, points_tree, _NEAR_SOLID * size) for loop in nodes]
+        closed = [loop for loop in (without_spikes(loop, closed=True) for loop in nodes) if len(loop) > 2]
+        if not closed:
             continue
-        frame = -across(normal)
-        local = points @ frame.T
-        cut = [(a, b, c) for a, b, c in triangulate_region(local, full)]
+        flat_points = points @ -across(normal).T
+        cut = triangulate_region(flat_points, closed)
         triangles += cut
-        found += [tuple(full[0])] if len(full) == 1 else [tuple(t) for t in cut]
-    return Surface(points, tuple(found), tuple(triangles))
+        # a face with holes is stated by its triangles
+        surface += [tuple(closed[0])] if len(closed) == 1 else cut
+    return Surface(points, tuple(surface), tuple(triangles))
 
 
 def _planes(facets: Facets, reach: float) -> list[list[int]]:
     """Group facets by the plane they lie in, regardless of the sense of their normals."""
     groups: list[list[int]] = []
+    # the first facet of each group
     first = np.zeros(len(facets), dtype=np.int64)
     for k in range(len(facets)):
         known = first[: len(groups)]
         apart = np.abs(np.einsum("ij,ij->i", facets.origin[k] - facets.origin[known], facets.normal[known]))
-        same = (np.abs(facets.normal[known] @ facets.normal[k]) > 1.0 - 1e-8) & (apart <= reach)
+        same = (np.abs(facets.normal[known] @ facets.normal[k]) > 1.0 - _PARALLEL) & (apart <= reach)
         if same.any():
             groups[int(np.argmax(same))].append(k)
         else:
@@ -160,6 +162,9 @@ def _weld(points: Floats, reach: float) -> Ints:
     return rank[inverse]
 
 
+_GRID: Final = 1e-9  # grid of unions, relative to the size of the solids
+
+
 def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
     """Compute outer regions of solids in one plane, normal and loops (k, 3); opposite facets cancel."""
     normal = facets.normal[plane[0]]
@@ -172,18 +177,18 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
         return area_of(shapely.Polygon(loops[0], loops[1:]))
 
     sides = [[region(k) for k in plane if facets.normal[k] @ normal * sign > 0.0] for sign in (1.0, -1.0)]
-    grid = 1e-9 * size
+    grid = _GRID * size
     up, down = (shapely.union_all(side, grid_size=grid) if side else shapely.Polygon() for side in sides)
-    found = []
-    for sign, one, other in ((1.0, up, down), (-1.0, down, up)):
-        left = shapely.difference(one, other, grid_size=grid)
-        for part in shapely.get_parts(left):
+    outside = []
+    for sign, region_up, region_down in ((1.0, up, down), (-1.0, down, up)):
+        uncovered = shapely.difference(region_up, region_down, grid_size=grid)
+        for part in shapely.get_parts(uncovered):
             if part.geom_type != "Polygon" or part.area <= (_NEAR_SOLID * size) * part.length:
                 continue
             clean = region_of(part)
             loops = [ring @ frame + origin for ring in (clean.shell, *clean.holes)]
-            found.append((sign * normal, loops if sign > 0.0 else [loop[::-1] for loop in loops]))
-    return found
+            outside.append((sign * normal, loops if sign > 0.0 else [loop[::-1] for loop in loops]))
+    return outside
 
 
 def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) -> list[int]:
@@ -222,15 +227,15 @@ def triangulate_region(points: Floats, loops: Sequence[Sequence[int]]) -> list[t
     number = {
         tuple(p): k for loop, ring in zip(loops, rings, strict=True) for k, p in zip(loop, ring.tolist(), strict=True)
     }
-    found = []
+    triangles = []
     for triangle in shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:])).geoms:
         a, b, c = shapely.get_coordinates(triangle)[:3]
         if (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0] < 0.0:
             b, c = c, b
         named = (number[tuple(a.tolist())], number[tuple(b.tolist())], number[tuple(c.tolist())])
         if len(set(named)) == 3:
-            found.append(named)
-    return found
+            triangles.append(named)
+    return triangles
 
 
 def _fans(ring: Floats) -> bool:

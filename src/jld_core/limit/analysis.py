@@ -109,18 +109,18 @@ class AttemptState:
         """Adopt a finished proof of the same labelling, unless the brackets are disjoint."""
         # If they are disjoint, only its solve log is kept; of a proof that is open, its bounds are kept where they are
         # better.
-        mine = self.proof
-        mine.solve_log += found.solve_log
-        mine.solves += found.solves
-        if apart((found.low, found.high), (mine.low, mine.high)):
+        proof = self.proof
+        proof.solve_log += found.solve_log
+        proof.solves += found.solves
+        if apart((found.low, found.high), (proof.low, proof.high)):
             return
         if self.analysis.is_open(found):
             if found.state is not None:
-                mine.offer_state(found.state)
+                proof.offer_state(found.state)
             if found.motion is not None:
-                mine.offer_motion(found.motion)
+                proof.offer_motion(found.motion)
         else:
-            found.solve_log, found.solves = mine.solve_log, mine.solves
+            found.solve_log, found.solves = proof.solve_log, proof.solves
             self.proof, self.settled = found, True
 
     @property
@@ -238,10 +238,10 @@ class ProofAttempt(AttemptState):
         batch = self.analysis.batch
         if batch is None:
             return
-        found = self.batch_results = batch.solve(self.labels[None], vectors=True)
+        results = self.batch_results = batch.solve(self.labels[None], vectors=True)
         self.proof.solves += 1
         self.proof.solve_log.append("batch solver")
-        self._offer_batch_results(found)
+        self._offer_batch_results(results)
 
     def try_batch_solver_last(self) -> None:
         """Offer the batch solver's bounds where other methods left a wide bracket or a bound missing."""
@@ -365,12 +365,12 @@ class ProofAttempt(AttemptState):
         if raw is None:
             return
         motion = self.prover.motion(raw.dual, labels)
-        found = self.repair.of_positive_multipliers(motion, raw.dual, labels) if motion.margin < 0.0 else None
-        if found is not None:
+        projected = self.repair.of_positive_multipliers(motion, raw.dual, labels) if motion.margin < 0.0 else None
+        if projected is not None:
             self.proof.solve_log.append("positive multipliers")
-            self.proof.offer_motion(found)
-            scale = max(abs(found.bound), self.analysis.load_scale)
-            self.mechanism_found = found.bound - motion.bound <= _NARROW * scale
+            self.proof.offer_motion(projected)
+            scale = max(abs(projected.bound), self.analysis.load_scale)
+            self.mechanism_found = projected.bound - motion.bound <= _NARROW * scale
 
     def repair_answer(self) -> None:
         """Repair the last raw answer of a solver, and offer the bounds that the repair proves."""

@@ -40,12 +40,12 @@ def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> Co
     column = np.zeros(s.shape[0])
     column[slack_rows(s)] = 1.0
     kept = matrix[:, :-1] if load_fixed else matrix
-    edge = s.equalities + s.linear
-    last = sp.csr_array(([1.0], ([0], [kept.shape[1]])), shape=(1, kept.shape[1] + 1))
-    wide = sp.hstack([kept, sp.csr_array(column[:, None])]).tocsr()
-    rows = sp.vstack([wide[:edge], last, wide[edge:]])
-    rhs = np.concatenate([program.rhs[:edge], [1.0], program.rhs[edge:]])
-    objective = np.zeros(wide.shape[1])
+    first_cone = s.equalities + s.linear
+    slack_at_most_one = sp.csr_array(([1.0], ([0], [kept.shape[1]])), shape=(1, kept.shape[1] + 1))
+    with_slack = sp.hstack([kept, sp.csr_array(column[:, None])]).tocsr()
+    rows = sp.vstack([with_slack[:first_cone], slack_at_most_one, with_slack[first_cone:]])
+    rhs = np.concatenate([program.rhs[:first_cone], [1.0], program.rhs[first_cone:]])
+    objective = np.zeros(with_slack.shape[1])
     objective[-1] = -1.0
     return pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones, s.places, program.bodies)
 
@@ -148,7 +148,7 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
 
 
 def project_onto_faces(
-    program: ConicProgram, found: LargestSupport, target: Floats, snap: float, least: float = 0.5
+    program: ConicProgram, found: LargestSupport, target: Floats, snap: float, tight: float = 0.5
 ) -> Floats:
     """Project a point of largest support (columns,) onto the faces of the cones it lies on."""
     # The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
@@ -157,18 +157,18 @@ def project_onto_faces(
     s, columns = program.structure, len(found.point)
     matrix = program.matrix.tocsr()[:, :columns]
     linear = s.linear - 1
-    rows = [matrix[: s.equalities], matrix[slack_rows(s)[:linear][found.slack[:linear] < least]]]
+    rows = [matrix[: s.equalities], matrix[slack_rows(s)[:linear][found.slack[:linear] < tight]]]
     for start, size, slack in zip(s.heads, s.cones, found.slack[linear:], strict=True):
-        if slack > least:
+        if slack > tight:
             continue
-        own, way = matrix[start : start + size], found.boundary_direction(start, size, least)
+        of_cone, way = matrix[start : start + size], found.boundary_direction(start, size, tight)
         if way is None:
-            rows.append(own)
+            rows.append(of_cone)
         else:
-            rows.append(own[1:] - sp.csr_array(without_small_components(way, snap)[:, None]) @ own[:1])
+            rows.append(of_cone[1:] - sp.csr_array(without_small_components(way, snap)[:, None]) @ of_cone[:1])
     equations = sp.csr_array(sp.vstack(rows))
-    wanted = np.concatenate([target, np.zeros(equations.shape[0] - s.equalities)])
-    return ConsistentProjector(equations).project(found.point, wanted)
+    rhs = np.concatenate([target, np.zeros(equations.shape[0] - s.equalities)])
+    return ConsistentProjector(equations).project(found.point, rhs)
 
 
 def without_small_components(way: Floats, snap: float) -> Floats:
@@ -184,22 +184,30 @@ def _slack_sum_program(
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
     tips = slack_rows(s)
-    count, more = len(tips), len(s.cones) if heads else 0
-    pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count + more))
-    linear = s.equalities + s.linear
-    wide = sp.hstack([matrix, pick]).tocsr()
-    bound = sp.hstack([sp.csr_array((count + more, columns)), sp.eye_array(count + more)])
-    above = [sp.hstack([matrix[s.heads], sp.csr_array((more, count)), sp.eye_array(more)])] if more else []
+    # columns: point, slacks, slacks of first rows of cones
+    count, heads_count = len(tips), len(s.cones) if heads else 0
+    pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count + heads_count))
+    first_cone = s.equalities + s.linear
+    with_slacks = sp.hstack([matrix, pick]).tocsr()
+    bound = sp.hstack([sp.csr_array((count + heads_count, columns)), sp.eye_array(count + heads_count)])
+    above = (
+        [sp.hstack([matrix[s.heads], sp.csr_array((heads_count, count)), sp.eye_array(heads_count)])]
+        if heads_count
+        else []
+    )
     box = []
     if np.isfinite(largest):
-        own = sp.hstack([sp.eye_array(columns), sp.csr_array((columns, count + more))])
-        box = [own, -own]
-    rows = sp.vstack([wide[:linear], bound, -bound, *above, *box, wide[linear:]])
-    ends = [rhs[:linear], np.full(count, cap), np.ones(more), np.zeros(count + 2 * more)]
-    ends += [np.full(len(box) * columns, largest), rhs[linear:]]
-    objective = np.concatenate([np.zeros(columns), -np.ones(count + more)])
-    inequalities = s.linear + 2 * count + 3 * more + len(box) * columns
+        point = sp.hstack([sp.eye_array(columns), sp.csr_array((columns, count + heads_count))])
+        box = [point, -point]
+    rows = sp.vstack([with_slacks[:first_cone], bound, -bound, *above, *box, with_slacks[first_cone:]])
+    ends = [rhs[:first_cone], np.full(count, cap), np.ones(heads_count), np.zeros(count + 2 * heads_count)]
+    ends += [np.full(len(box) * columns, largest), rhs[first_cone:]]
+    objective = np.concatenate([np.zeros(columns), -np.ones(count + heads_count)])
+    inequalities = s.linear + 2 * count + 3 * heads_count + len(box) * columns
     return pack(rows, np.concatenate(ends), objective, s.equalities, inequalities, s.cones, s.places, program.bodies)
+
+
+_BALANCED = 1e-6  # residual of balance, scaled, up to which multipliers count as a solution
 
 
 def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
@@ -209,14 +217,14 @@ def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
     matrix = program.matrix.tocsr()[:, :columns]
     yields = matrix[s.equalities + 1 :]
     linear = s.linear - 1
-    least = np.zeros(yields.shape[0])
-    least[:linear] = 1.0
+    at_least = np.zeros(yields.shape[0])
+    at_least[:linear] = 1.0
     starts = linear + beginnings(s.cones)
-    least[starts] = 1.0
-    point = least_multipliers(matrix[: s.equalities], yields, least, linear, s.cones, s)
-    left = sp.hstack([matrix[: s.equalities].T, yields.T]) @ point
+    at_least[starts] = 1.0
+    point = least_multipliers(matrix[: s.equalities], yields, at_least, linear, s.cones, s)
+    residual = sp.hstack([matrix[: s.equalities].T, yields.T]) @ point
     multipliers = point[s.equalities :]
-    if not np.all(np.isfinite(left)) or abs(left).max(initial=0.0) > 1e-6:
+    if not np.all(np.isfinite(residual)) or abs(residual).max(initial=0.0) > _BALANCED:
         return None
     if np.any(multipliers[:linear] < 0.5) or np.any(multipliers[starts] < 0.5):
         return None

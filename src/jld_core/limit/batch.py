@@ -49,6 +49,9 @@ class BatchBounds:
         return Status.LOCKED if self.locked[position] else Status.COLLAPSE
 
 
+_MOST = 0.8  # share of settled trial labellings from which the batch solver settles most
+
+
 class BatchAnalysis:
     """Batch solver of one limit analysis, safe for concurrent use by several threads.
 
@@ -74,17 +77,19 @@ class BatchAnalysis:
     @property
     def settles_most(self) -> bool:
         """Return True if the batch solver settled at least 80 % of its trial labellings."""
-        return self.batch.settled_fraction >= 0.8
+        return self.batch.settled_fraction >= _MOST
 
     def prove(self, labellings: Bits) -> BatchBounds:
         """Compute scaled bounds for labellings (k, m), settled where `LimitAnalysis.status_of` would agree."""
-        found = self.batch.solve(labellings, vectors=self._prover is not None)
-        low, high = found.low, found.high
-        falls, locked = found.verdict == FALLS, found.verdict == LOCKED
-        if self._prover is not None and found.forces is not None:
+        results = self.batch.solve(labellings, vectors=self._prover is not None)
+        low, high = results.low, results.high
+        falls, locked = results.verdict == FALLS, results.verdict == LOCKED
+        if self._prover is not None and results.forces is not None:
             locked[:] = False  # what crushes may have a finite λ
             for k, labels in enumerate(labellings):
-                state = self._prover.state(np.append(found.forces[k], low[k]), labels) if np.isfinite(low[k]) else None
+                state = (
+                    self._prover.state(np.append(results.forces[k], low[k]), labels) if np.isfinite(low[k]) else None
+                )
                 low[k] = state.load if state is not None and state.admissible else -np.inf
         return self.judged(low, high, np.where(locked, LOCKED, np.where(falls, FALLS, 0)))
 
@@ -202,15 +207,17 @@ class SampleAnalysis:
         parts = []
         for start in range(0, count, size):
             # a call takes a whole number of samples: the last one is repeated
-            own = np.minimum(np.arange(start, start + size), count - 1)
+            rows_of_part = np.minimum(np.arange(start, start + size), count - 1)
             if strengths is None:
                 rows = self._repeated
             else:
-                rows = self._rows(strengths.take((own[:, None] * m + np.arange(m)).ravel()), size)
+                rows = self._rows(strengths.take((rows_of_part[:, None] * m + np.arange(m)).ravel()), size)
             assert rows is not None
-            least = None if thresholds is None else thresholds[own]
-            found = self.analysis.batch.solve_samples(rows, dead[own], scaling.load * live[own], least, vectors=vectors)
-            parts.append(found.take(slice(0, min(size, count - start))))
+            needed = None if thresholds is None else thresholds[rows_of_part]
+            bounds = self.analysis.batch.solve_samples(
+                rows, dead[rows_of_part], scaling.load * live[rows_of_part], needed, vectors=vectors
+            )
+            parts.append(bounds.take(slice(0, min(size, count - start))))
         return BatchResults.joined(parts)
 
     @cached_property

@@ -58,17 +58,17 @@ class YieldSetFaces:
 
     def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:
         """Evaluate a measure of jumps (k, q) at faces (k,), at most one jump per face in each pass."""
-        found = np.empty(len(faces))
+        values = np.empty(len(faces))
         count = len(self.strengths)
         labels = np.full(count, self.dry)
         order = np.argsort(faces, kind="stable")
         turn = np.arange(len(faces)) - np.searchsorted(faces[order], faces[order])
         for each in range(int(turn.max(initial=-1)) + 1):
-            here = order[turn == each]
+            of_turn = order[turn == each]
             table = np.zeros((count, jumps.shape[1]))
-            table[faces[here]] = jumps[here]
-            found[here] = measure(table, labels)[faces[here]]
-        return found
+            table[faces[of_turn]] = jumps[of_turn]
+            values[of_turn] = measure(table, labels)[faces[of_turn]]
+        return values
 
 
 @dataclass(frozen=True)
@@ -176,9 +176,9 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
         for e in pair:
             if e in around:
                 around[e].append(face)
-    parts: list[tuple[int, int]] = []
-    sides: list[tuple[int, int]] = []
-    joints: list[tuple[int, int, int, int]] = []
+    parts: list[tuple[int, int]] = []  # block, free element
+    sides: list[tuple[int, int]] = []  # part, face
+    joints: list[tuple[int, int, int, int]] = []  # block, face, parts on its sides a and b
     for p, (elements, within) in enumerate(zip(members, inside, strict=True)):
         number = {e: len(parts) + i for i, e in enumerate(elements)}
         parts += [(p, int(place[e])) for e in elements]
@@ -188,14 +188,14 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
     part_block, part_element = np.array(parts, dtype=np.int64).reshape(-1, 2).T
     side_part, side_face = np.array(sides, dtype=np.int64).reshape(-1, 2).T
     joint_block, joint_face, joint_a, joint_b = np.array(joints, dtype=np.int64).reshape(-1, 4).T
-    both = (place[faces.a] >= 0) & (place[faces.b] >= 0)
+    between_free = (place[faces.a] >= 0) & (place[faces.b] >= 0)
     shared = np.full(len(faces), -1, dtype=np.int64)
-    shared[both] = np.arange(int(both.sum()))
+    shared[between_free] = np.arange(int(between_free.sum()))
     matrix = sp.csr_array(template.matrix)
     return BlockParts(
         blocks=len(members),
         elements=len(free),
-        shared=int(both.sum()),
+        shared=int(between_free.sum()),
         part_block=part_block,
         part_element=part_element,
         side_part=side_part,
@@ -231,19 +231,28 @@ def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
 LEAST: Final = 0.5
 
 
+_LEAST_CAP: Final = 1e-9  # least normal force, scaled, by which the row of a cap is divided
+
+
 class AllBlocksProgram:
     """Program min −λ of the relaxation by blocks for all p possible blocks; `of` selects allowed ones."""
 
-    # Rows: equations up to `_equalities`, linear inequalities up to `_linear`, cones of `_cone` rows; `_most` and
-    # `_least` bound λ of each block.
+    # Rows: equations up to `_equalities`, linear inequalities up to `_linear`, cones of `_cone` rows. `_upper_entries`
+    # and `_lower_entries` are those that bound λ of each block. A row or column of owner −1 belongs to no block.
 
     shape: tuple[int, int]
+    x: Ints
+    cover: Ints
+    share: Ints
+    equal_forces: Ints
+    balance: Ints
+    _entries: SparseEntries
     _table: tuple[Ints, Ints, Floats]
     _rhs: Floats
     _row_block: Ints
     _column_block: Ints
-    _most: slice
-    _least: slice
+    _upper_entries: slice
+    _lower_entries: slice
     _equalities: int
     _linear: int
     _cone: int
@@ -255,25 +264,55 @@ class AllBlocksProgram:
         """
         row, column, value = self._table
         value = value.copy()
-        value[self._most] = -most
-        value[self._least] = LEAST * threshold
+        value[self._upper_entries] = -most
+        value[self._lower_entries] = LEAST * threshold
         keep = np.append(allowed, True)  # Index −1, for rows and columns of no block, is always kept.
         rows, columns = keep[self._row_block], keep[self._column_block]
-        here = rows[row] & columns[column]
+        kept = rows[row] & columns[column]
         # Drop the rows of faces with no remaining forces.
         used = np.zeros(self.shape[0], dtype=bool)
-        used[row[here]] = True
+        used[row[kept]] = True
         used[self._linear :] = True  # Keep each cone as a whole.
         rows &= used | (self._rhs != 0.0)
         new_row, new_column = np.cumsum(rows) - 1, np.cumsum(columns) - 1
         shape = int(rows.sum()), int(columns.sum())
-        matrix = sp.csc_array((value[here], (new_row[row[here]], new_column[column[here]])), shape=shape)
+        matrix = sp.csc_array((value[kept], (new_row[row[kept]], new_column[column[kept]])), shape=shape)
         objective = np.zeros(shape[1])
         objective[-1] = -1.0
         equal, linear = int(rows[: self._equalities].sum()), int(rows[self._equalities : self._linear].sum())
         cones = (self._cone,) * (int(rows[self._linear :].sum()) // self._cone)
         program = pack(matrix, self._rhs[rows], objective, equal, linear, cones)
         return program, np.flatnonzero(rows), np.flatnonzero(columns)
+
+    def _begin_rows(self, rows: OwnedIndices, parts: BlockParts, q: int) -> None:
+        """Append the equations: cover, shares, equal forces (shared faces, q), balance (parts, q)."""
+        self.cover, self.share = rows.append_unowned(parts.elements), rows.append_unowned(parts.elements)
+        self.equal_forces = rows.append_unowned(q * parts.shared).reshape(-1, q)
+        self.balance = rows.of(np.repeat(parts.part_block, q)).reshape(-1, q)
+        self._equalities = len(rows)
+
+    def _add_loads(self, parts: BlockParts, block_load: Ints, load: Ints) -> None:
+        """Add cover, shares of λ and loads; block_load: (p,) columns of λ times x, load: (1,) column of λ."""
+        add, add_vectors = self._entries.add, self._entries.add_vectors
+        add(self.cover[parts.part_element], parts.part_block, 1.0)
+        add(self.share[parts.part_element], block_load[parts.part_block], 1.0)
+        add(self.share, np.repeat(load, parts.elements), -1.0)
+        add_vectors(self.balance, parts.part_block, parts.dead)
+        add_vectors(self.balance, block_load[parts.part_block], parts.live)
+
+    def _bound_loads(self, upper: Ints, lower: Ints, block_load: Ints) -> None:
+        """Add bounds on λ of each block in rows `upper` and `lower` (p,), whose values `of` states."""
+        self._entries.add(upper, block_load, 1.0)
+        self._upper_entries = self._entries.add(upper, self.x, -1.0)
+        self._entries.add(lower, block_load, -1.0)
+        self._lower_entries = self._entries.add(lower, self.x, 1.0)
+
+    def _finish(self, rows: OwnedIndices, columns: OwnedIndices) -> None:
+        self.shape = len(rows), len(columns)
+        self._rhs = np.zeros(len(rows))
+        self._rhs[self.cover] = 1.0
+        self._table = self._entries.arrays()
+        self._row_block, self._column_block = rows.owner, columns.owner
 
 
 class BlockProgram(AllBlocksProgram):
@@ -287,50 +326,35 @@ class BlockProgram(AllBlocksProgram):
     def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, caps: Floats | None = None) -> None:
         self._parts, self._entries = parts, SparseEntries()
         self.cohesive = np.flatnonzero(dry.shear[parts.side_face] > 0.0)
-        p, n = np.arange(parts.blocks), parts.elements
+        p = np.arange(parts.blocks)
         of_cohesive, of_joint = parts.side_block[self.cohesive], parts.joint_block
         columns, rows = OwnedIndices(), OwnedIndices()
         self.x = columns.of(p)
         rays = columns.of(np.repeat(parts.side_block, 4)).reshape(-1, 4)
         bends = columns.of(np.repeat(of_joint, 3)).reshape(-1, 3)
         sticks = columns.of(of_cohesive)
-        own = columns.of(p)
+        block_load = columns.of(p)
         load = columns.append_unowned(1)
-        self.cover, self.share = rows.append_unowned(n), rows.append_unowned(n)
-        self.equal_forces = rows.append_unowned(Q * parts.shared).reshape(-1, Q)
-        self.balance = rows.of(np.repeat(parts.part_block, Q)).reshape(-1, Q)
-        self._equalities = len(rows)
+        self._begin_rows(rows, parts, Q)
         shear = rows.of(np.repeat(of_joint, 2)).reshape(-1, 2)
         cohesive_shear = rows.of(np.repeat(of_cohesive, 2)).reshape(-1, 2)
-        most, least = rows.of(p), rows.of(p)
+        upper, lower = rows.of(p), rows.of(p)
         if caps is not None:
             self._cap(dry, inner, caps, rays, bends, rows)
-        positive = np.concatenate([self.x, rays.ravel(), bends[:, :2].ravel(), own])
+        positive = np.concatenate([self.x, rays.ravel(), bends[:, :2].ravel(), block_load])
         above_zero = rows.of(columns.owner[positive])
 
-        add = self._entries.add
-        add(self.cover[parts.part_element], parts.part_block, 1.0)
-        add(self.share[parts.part_element], own[parts.part_block], 1.0)
-        add(self.share, np.repeat(load, n), -1.0)
+        self._add_loads(parts, block_load, load)
         self._sides(dry, rays, sticks)
         self._joints(inner, bends)
-        self._entries.add_vectors(self.balance, parts.part_block, parts.dead)
-        self._entries.add_vectors(self.balance, own[parts.part_block], parts.live)
         self._shear(inner, bends, shear)
         for turn, sign in enumerate((1.0, -1.0)):
-            add(cohesive_shear[:, turn], sticks, sign)
-            add(cohesive_shear[:, turn], of_cohesive, -dry.shear[parts.side_face[self.cohesive]])
-        add(most, own, 1.0)
-        self._most = add(most, self.x, -1.0)
-        add(least, own, -1.0)
-        self._least = add(least, self.x, 1.0)
-        add(above_zero, positive, -1.0)
-        self.shape = len(rows), len(columns)
+            self._entries.add(cohesive_shear[:, turn], sticks, sign)
+            self._entries.add(cohesive_shear[:, turn], of_cohesive, -dry.shear[parts.side_face[self.cohesive]])
+        self._bound_loads(upper, lower, block_load)
+        self._entries.add(above_zero, positive, -1.0)
         self._linear, self._cone = len(rows), 1
-        self._rhs = np.zeros(len(rows))
-        self._rhs[self.cover] = 1.0
-        self._table = self._entries.arrays()
-        self._row_block, self._column_block = rows.owner, columns.owner
+        self._finish(rows, columns)
 
     def _cap(
         self, dry: CoulombWedge, inner: CoulombWedge, caps: Floats, rays: Ints, bends: Ints, rows: OwnedIndices
@@ -342,9 +366,9 @@ class BlockProgram(AllBlocksProgram):
             (parts.joint_face, parts.joint_block, bends[:, :2], np.ones(len(caps)), inner.tension),
         ):
             held = np.flatnonzero(np.isfinite(caps[face]))
-            row, most = rows.of(block[held]), np.maximum(caps + drawn, 1e-9)[face[held]]
+            row, cap = rows.of(block[held]), np.maximum(caps + drawn, _LEAST_CAP)[face[held]]
             for column in presses[held].T:
-                add(row, column, 1.0 / (size[face[held]] * most))
+                add(row, column, 1.0 / (size[face[held]] * cap))
             add(row, block[held], -1.0)
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
@@ -353,16 +377,16 @@ class BlockProgram(AllBlocksProgram):
         parts, cohesive, add = self._parts, self.cohesive, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
         size = np.maximum(1.0, mu)
-        known = parts.side_shared >= 0
-        meets = self.equal_forces[parts.side_shared[known]]
+        shared = parts.side_shared >= 0
+        rows = self.equal_forces[parts.side_shared[shared]]
         for turn, (slip, tip) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
             vector = np.column_stack([1.0 / size, slip * mu / size, tip / size])
             add(self.balance[parts.side_part], rays[:, turn], np.einsum("kij,kj->ki", parts.arm, vector))
-            add(meets, rays[known, turn], (parts.sign[:, None] * vector)[known])
+            add(rows, rays[shared, turn], (parts.sign[:, None] * vector)[shared])
         add(self.balance[parts.side_part[cohesive]], sticks, parts.arm[cohesive, :, 1])
-        known = known[cohesive]
+        shared = shared[cohesive]
         across = parts.sign[cohesive, None] * np.eye(Q)[1]
-        add(self.equal_forces[parts.side_shared[cohesive][known]], sticks[known], across[known])
+        add(self.equal_forces[parts.side_shared[cohesive][shared]], sticks[shared], across[shared])
 
     def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
         """Add N = N' − σtA x with N' = r + r', m = (r − r') / bending, and V, of columns `bends` (j, 3)."""
@@ -503,12 +527,12 @@ class _Block:
         """Add the column of a force (3,) at a side: equilibrium of the part, and the shared face."""
         parts = self._parts
         at = self._place[int(parts.side_part[side])]
-        found = [(at + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
+        entries = [(at + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
         face = int(parts.side_shared[side])
         if face >= 0:
             known = self._shared[Q * face]
-            found += [(known + k, value) for k, value in enumerate((parts.sign[side] * force).tolist())]
-        self._keep(found, row)
+            entries += [(known + k, value) for k, value in enumerate((parts.sign[side] * force).tolist())]
+        self._keep(entries, row)
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
         # The columns are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column
@@ -528,12 +552,12 @@ class _Block:
         """Return the entries (row, value) of a force at a joint in the equilibrium of both parts."""
         parts = self._parts
         ends = ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b))
-        found: dict[int, float] = {}
+        sums: dict[int, float] = {}
         for part, arm in ends:
             at = self._place[int(part[joint])]
             for k, value in enumerate((arm[joint] @ force).tolist()):
-                found[at + k] = found.get(at + k, 0.0) + value
-        return list(found.items())
+                sums[at + k] = sums.get(at + k, 0.0) + value
+        return list(sums.items())
 
     def _keep(self, found: list[tuple[int, float]], row: int | None = None) -> None:
         """Store a column without its zero entries.
@@ -569,66 +593,53 @@ class ConeProgram(AllBlocksProgram):
     def __init__(self, template: Template, parts: BlockParts) -> None:
         self._template, self._parts, self._entries = template, parts, SparseEntries()
         pattern, q = template.yield_set.pattern, template.assembly.freedoms
+        sizes = set(pattern.cones)
+        if len(sizes) > 1:
+            raise TypeError("cones of more than one size")
+        self._cone = sizes.pop() if sizes else 1
         count = len(template.assembly.interfaces)
         every = np.ones(count, dtype=bool)
-        p, n = np.arange(parts.blocks), parts.elements
+        p = np.arange(parts.blocks)
         columns, rows = OwnedIndices(), OwnedIndices()
         self.x = columns.of(p)
-        self._own_columns = _lists(pattern.face, pattern.column, count, q)
+        self._face_columns = _lists(pattern.face, pattern.column, count, q)
         sides = self._copies(columns, parts.side_face, parts.side_block, template.yield_set.active(every))
         joints = self._copies(columns, parts.joint_face, parts.joint_block, template.yield_set.active(~every))
-        own = columns.of(p)
+        block_load = columns.of(p)
         load = columns.append_unowned(1)
-        self.cover, self.share = rows.append_unowned(n), rows.append_unowned(n)
-        self.equal_forces = rows.append_unowned(q * parts.shared).reshape(-1, q)
-        self.balance = rows.of(np.repeat(parts.part_block, q)).reshape(-1, q)
-        self._equalities = len(rows)
+        self._begin_rows(rows, parts, q)
+        self._add_loads(parts, block_load, load)
+        self._add_forces(sides, joints)
+        upper, lower, above_zero = rows.of(p), rows.of(p), rows.of(np.concatenate([p, p]))
+        self._bound_loads(upper, lower, block_load)
+        self._entries.add(above_zero, np.concatenate([self.x, block_load]), -1.0)
+        for linear in (True, False):
+            for copies, dry in ((sides, True), (joints, False)):
+                self._sets(rows, copies, dry=dry, linear=linear)
+            if linear:
+                self._linear = len(rows)
+        self._finish(rows, columns)
 
-        add, vectors = self._entries.add, self._entries.add_vectors
-        add(self.cover[parts.part_element], parts.part_block, 1.0)
-        add(self.share[parts.part_element], own[parts.part_block], 1.0)
-        add(self.share, np.repeat(load, n), -1.0)
-        vectors(self.balance, parts.part_block, parts.dead)
-        vectors(self.balance, own[parts.part_block], parts.live)
+    def _add_forces(self, sides: _Copies, joints: _Copies) -> None:
+        """Add the resultants of sides and joints to the balance of parts, and equal ones on both sides of a face."""
+        parts, q = self._parts, self._template.assembly.freedoms
         for copies, part, arm in (
             (sides, parts.side_part, parts.arm),
             (joints, parts.joint_a, parts.arm_a),
             (joints, parts.joint_b, parts.arm_b),
         ):
             for turn in range(q):
-                vectors(self.balance[part], copies.column[:, turn], arm[:, :, turn] * copies.active[:, turn, None])
-        known = np.flatnonzero(parts.side_shared >= 0)
-        meets = self.equal_forces[parts.side_shared[known]]
-        add(
-            meets.ravel(),
-            sides.column[known].ravel(),
-            (parts.sign[known, None] * sides.active[known]).ravel(),
-        )
-        most, least, above_zero = rows.of(p), rows.of(p), rows.of(np.concatenate([p, p]))
-        add(most, own, 1.0)
-        self._most = add(most, self.x, -1.0)
-        add(least, own, -1.0)
-        self._least = add(least, self.x, 1.0)
-        add(above_zero, np.concatenate([self.x, own]), -1.0)
-        for linear in (True, False):
-            for copies, dry in ((sides, True), (joints, False)):
-                self._sets(rows, copies, dry=dry, linear=linear)
-            if linear:
-                self._linear = len(rows)
-        self.shape = len(rows), len(columns)
-        self._rhs = np.zeros(len(rows))
-        self._rhs[self.cover] = 1.0
-        self._table = self._entries.arrays()
-        self._row_block, self._column_block = rows.owner, columns.owner
-        sizes = set(pattern.cones)
-        if len(sizes) > 1:
-            raise TypeError("cones of more than one size")
-        self._cone = sizes.pop() if sizes else 1
+                vectors = arm[:, :, turn] * copies.active[:, turn, None]
+                self._entries.add_vectors(self.balance[part], copies.column[:, turn], vectors)
+        shared = np.flatnonzero(parts.side_shared >= 0)
+        rows = self.equal_forces[parts.side_shared[shared]]
+        signs = parts.sign[shared, None] * sides.active[shared]
+        self._entries.add(rows.ravel(), sides.column[shared].ravel(), signs.ravel())
 
     def _copies(self, columns: OwnedIndices, face: Ints, block: Ints, active: Bools) -> _Copies:
         """Create the columns of copies of faces (k,) for blocks (k,): active (m, q) resultants, extra variables."""
         q = self._template.assembly.freedoms
-        number = np.array([len(one) for one in self._own_columns], dtype=np.int64)[face]
+        number = np.array([len(one) for one in self._face_columns], dtype=np.int64)[face]
         given = columns.of(np.repeat(block, number))
         begin = given[0] + np.cumsum(number) - number if len(given) else np.zeros(len(face), dtype=np.int64)
         # The resultants come first among the columns of a face.
@@ -641,31 +652,33 @@ class ConeProgram(AllBlocksProgram):
         pattern = self._template.yield_set.pattern
         count = len(self._template.assembly.interfaces)
         values, rhs = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
-        wanted = (np.arange(len(rhs)) < pattern.linear) == linear
+        chosen = (np.arange(len(rhs)) < pattern.linear) == linear
         if linear:  # Leave out rows that this label does not use.
-            wanted &= np.bincount(pattern.row, weights=abs(values), minlength=len(rhs)) > 0.0
-        own_rows = _lists(pattern.row_face[wanted], np.flatnonzero(wanted), count)
+            chosen &= np.bincount(pattern.row, weights=abs(values), minlength=len(rhs)) > 0.0
+        face_rows = _lists(pattern.row_face[chosen], np.flatnonzero(chosen), count)
+        # place of each row and column of the pattern among those of its face
         place_row = np.zeros(len(rhs), dtype=np.int64)
         place_column: dict[int, int] = {}
-        for listed in own_rows:
+        for listed in face_rows:
             place_row[listed] = np.arange(len(listed))
-        for listed in self._own_columns:
+        for listed in self._face_columns:
             place_column |= {int(column): k for k, column in enumerate(listed)}
-        used = wanted[pattern.row] & (values != 0.0)
+        used = chosen[pattern.row] & (values != 0.0)
         entries = _lists(pattern.face[used], np.flatnonzero(used), count)
-        number = np.array([len(one) for one in own_rows], dtype=np.int64)[copies.face]
+        number = np.array([len(listed) for listed in face_rows], dtype=np.int64)[copies.face]
         given = rows.of(np.repeat(copies.block, number))
         begin = (given[0] if len(given) else 0) + np.cumsum(number) - number
         local = np.array([place_column[int(column)] for column in pattern.column], dtype=np.int64)
         for face in np.unique(copies.face).tolist():
-            mine = np.flatnonzero(copies.face == face)
-            which, own = entries[face], own_rows[face]
-            row = begin[mine][:, None] + place_row[pattern.row[which]]
-            column = copies.column[mine, 0][:, None] + local[which]
-            self._entries.add(row.ravel(), column.ravel(), np.tile(values[which], len(mine)))
-            tall = own[rhs[own] != 0.0]
-            row = begin[mine][:, None] + place_row[tall]
-            self._entries.add(row.ravel(), np.repeat(copies.block[mine], len(tall)), np.tile(-rhs[tall], len(mine)))
+            of_face = np.flatnonzero(copies.face == face)
+            which = entries[face]
+            row = begin[of_face][:, None] + place_row[pattern.row[which]]
+            column = copies.column[of_face, 0][:, None] + local[which]
+            self._entries.add(row.ravel(), column.ravel(), np.tile(values[which], len(of_face)))
+            with_rhs = face_rows[face][rhs[face_rows[face]] != 0.0]
+            row = begin[of_face][:, None] + place_row[with_rhs]
+            blocks = np.repeat(copies.block[of_face], len(with_rhs))
+            self._entries.add(row.ravel(), blocks, np.tile(-rhs[with_rhs], len(of_face)))
 
 
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:

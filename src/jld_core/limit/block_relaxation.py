@@ -178,6 +178,12 @@ class _Mechanism:
     portion: Floats
 
 
+# Share of the rounding allowed for sums that a jump needs: it is a sum of six products
+_OF_JUMPS: Final = 1e-2
+
+_MORE: Final = 1.01  # factor on the opening that a mechanism lacks: a little more is added
+
+
 class BlockRelaxation:
     """Upper bounds on scaled λ over the segmentations into selectable blocks.
 
@@ -257,18 +263,20 @@ class BlockRelaxation:
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound λ for many sets of allowed blocks, by the batch solver where it applies."""
         if not self.batched or self._batch_program is None or not asked:
-            return [self.choose(*one) for one in asked]
-        allowed, threshold, most = (np.array(column) for column in zip(*asked, strict=True))
-        answers = self._batch_program.solve(allowed, threshold, most, pool)
+            return [self.choose(*program) for program in asked]
+        allowed, threshold, upper = (np.array(column) for column in zip(*asked, strict=True))
+        answers = self._batch_program.solve(allowed, threshold, upper, pool)
         self.solves += len(asked)
-        found = []
-        for one, answer in zip(asked, answers, strict=True):
-            choice = self._proven_choice(answer, *one)
+        choices = []
+        for program, answer in zip(asked, answers, strict=True):
+            choice = self._proven_choice(answer, *program)
             settled = answer.solved or choice.refuted
-            if not settled and not self._is_close(choice, one[1]):  # a large program that iterations ended too early
+            if not settled and not self._is_close(
+                choice, program[1]
+            ):  # a large program that iterations ended too early
                 settled = choice.bound <= answer.load + _ROUGH * abs(answer.load)
-            found.append(choice if settled else self.choose(*one))
-        return found
+            choices.append(choice if settled else self.choose(*program))
+        return choices
 
     def _is_close(self, found: Choice, threshold: float) -> bool:
         """Return True where a finer residual may refute a threshold that is not refuted."""
@@ -294,12 +302,12 @@ class BlockRelaxation:
             return Choice(most, False, share, np.zeros(len(allowed)), np.zeros(len(allowed), dtype=bool))
         proof = (BlockMechanism(0, answer),)
         # The lower bound of Σ e_p is concave in θ: if it is positive at two load factors, it is positive between them.
-        end, spare_end = self._excess(mechanism, most, allowed)
-        excess, spare = self._excess(mechanism, threshold, allowed)
-        useless = allowed & (excess + spare > 0.0) & (end + spare_end > 0.0)
-        if not end > 0.0:
+        at_most, spare_at_most = self._excess(mechanism, most, allowed)
+        at_threshold, spare_at_threshold = self._excess(mechanism, threshold, allowed)
+        useless = allowed & (at_threshold + spare_at_threshold > 0.0) & (at_most + spare_at_most > 0.0)
+        if not at_most > 0.0:
             return Choice(most, False, share, mechanism.inside, useless, proof)
-        if excess > 0.0:
+        if at_threshold > 0.0:
             return Choice(min(most, threshold), True, share, mechanism.inside, useless, proof)
         start = float(mechanism.price.sum())
         for step in _STEPS:
@@ -336,10 +344,10 @@ class BlockRelaxation:
         # Count rounding before terms cancel; a jump is a sum of six products, far fewer than ROUNDING allows for.
         work = (abs(parts.dead) + most * abs(parts.live)) * abs(velocity)
         size = self._sums(work.sum(axis=1), parts.part_block)
-        np.add.at(size, parts.joint_block, 1e-2 * self._inner.strength(parts.joint_face) * parts.speed(velocity))
+        np.add.at(size, parts.joint_block, _OF_JUMPS * self._inner.strength(parts.joint_face) * parts.speed(velocity))
         speed = np.einsum("kij,ki->k", abs(parts.arm[strong]), abs(velocity[parts.side_part[strong]]))
         still = np.append(abs(wall).sum(axis=1), 0.0)
-        np.add.at(size, block, 1e-2 * self._dry.strength(face) * (speed + still[parts.side_shared[strong]]))
+        np.add.at(size, block, _OF_JUMPS * self._dry.strength(face) * (speed + still[parts.side_shared[strong]]))
         return _Mechanism(live, cost, inside, size, answer.price, answer.portion)
 
     @property
@@ -358,9 +366,9 @@ class BlockRelaxation:
             if self._opening is None:
                 return None if margin < 0.0 else (velocity, wall)
             # Open by at least the rounding error of the velocities.
-            more = max(-1.01 * margin + tolerances.ROUNDING * size if margin < 0.0 else 0.0, share * size)
-            more /= self._opening_margin
-            velocity, wall = velocity + more * self._opening[0], wall + more * self._opening[1]
+            step = max(-_MORE * margin + tolerances.ROUNDING * size if margin < 0.0 else 0.0, share * size)
+            step /= self._opening_margin
+            velocity, wall = velocity + step * self._opening[0], wall + step * self._opening[1]
             if self._margin(velocity, wall, allowed) < 0.0:
                 return None
         return velocity, wall

@@ -72,20 +72,22 @@ def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> 
     # The program is `program_of_rows` with one more cone for each ray, docs/method.md (3.12a). In a cone on whose
     # boundary the self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V
     # across d|², where s = t − d·V.
-    left = program_of_rows(program, reduced, right=True)
-    s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
-    rows, ends = [left.matrix.tocsr()], [left.rhs]
-    last = own.equalities + own.linear - len(reduced.rays)
+    reduced_program = program_of_rows(program, reduced, right=True)
+    s, matrix, structure = program.structure, program.matrix.tocsr(), reduced_program.structure
+    rows, ends = [reduced_program.matrix.tocsr()], [reduced_program.rhs]
+    last = structure.equalities + structure.linear - len(reduced.rays)
     for number, (cone, way) in enumerate(reduced.rays.items()):
         at = slice(s.heads[cone], s.heads[cone] + s.cones[cone])
-        touch, end = left.matrix.tocsr()[[last + number]], left.rhs[last + number]
+        touch, end = reduced_program.matrix.tocsr()[[last + number]], reduced_program.rhs[last + number]
         size = float(-(matrix[[s.heads[cone]]][:, : len(stress)] @ stress)[0])
         across = sp.csr_array(la.null_space(way[None]).T) * (2.0 / np.sqrt(2.0 * size))
         rows += [touch, across @ matrix[at][1:], touch]
         ends += [np.array([end + 1.0]), np.asarray(across @ program.rhs[at][1:]), np.array([end - 1.0])]
-    sizes = own.cones + tuple(s.cones[cone] for cone in reduced.rays)
+    sizes = structure.cones + tuple(s.cones[cone] for cone in reduced.rays)
     tall = sp.vstack(rows)
-    return pack(tall, np.concatenate(ends), program.objective, own.equalities, own.linear, sizes, own.places)
+    return pack(
+        tall, np.concatenate(ends), program.objective, structure.equalities, structure.linear, sizes, structure.places
+    )
 
 
 def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
@@ -134,9 +136,15 @@ def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
     return np.inf if much else error
 
 
+# Relative amount by which the lower bound exceeds the upper one where they contradict each other
+_CROSSED: Final = 10.0 * tolerances.ROUNDING
+
+DIVERGED: Final = 1e30  # size that values of a failed solve may have
+
+
 def usable(vector: Floats) -> bool:
     """Return True if a vector is below 1e30, unlike those that a failed solve may leave."""
-    return not vector.size or bool(abs(vector).max() < 1e30)
+    return not vector.size or bool(abs(vector).max() < DIVERGED)
 
 
 class EquilibriumProjectors:
@@ -291,12 +299,12 @@ class Prover:
         # Faces without forces are exactly at the apex of their sets: only the slack of the others must exceed rounding.
         mask = np.repeat(inside, forces.shape[1]).astype(float)
         dead, projector = self.template.dead, self._projectors.of_forces(mask)
-        projected, left, error = projected_onto(projector, forces.ravel() * mask, -dead, 3)
+        projected, residual, error = projected_onto(projector, forces.ravel() * mask, -dead, 3)
         table = projected.reshape(forces.shape)
         slack = self.template.yield_set.slack(table, labels)
         outside = float(slack[~inside].min(initial=np.inf))
-        least = float(slack[inside].min(initial=np.inf))
-        return State(table, 0.0, least if outside >= 0.0 else outside, error_or_inf(error, left, projected))
+        room = float(slack[inside].min(initial=np.inf))
+        return State(table, 0.0, room if outside >= 0.0 else outside, error_or_inf(error, residual, projected))
 
     def ray(self, point: Floats, labels: Bits) -> State:
         """Project a point, λ > 0 last, onto A R + b_λ = 0 and measure its recession slack per unit of λ."""
@@ -306,30 +314,30 @@ class Prover:
         if not usable(point) or not point[-1] > 0.0:
             return self._nothing()
         active = self.template.yield_set.recession_active(labels)
-        found = self._ray(point[: self._columns] / point[-1], active, labels)
+        state = self._ray(point[: self._columns] / point[-1], active, labels)
         for share in _FAINT_SHARES:
-            if self.is_ray(found):
+            if self.is_ray(state):
                 break
             # forces that are rounding of others are taken out, where the live load can do without them
-            largest = abs(found.forces).max(axis=1)
+            largest = abs(state.forces).max(axis=1)
             kept = active & (largest > share * largest.max(initial=0.0))[:, None]
-            found = self._ray(found.forces.ravel(), kept, labels)
-        return found
+            state = self._ray(state.forces.ravel(), kept, labels)
+        return state
 
     def _ray(self, forces: Floats, active: Bools, labels: Bits) -> State:
         """Project forces (q·m,) onto A R + b_λ = 0, only `active` ones (m, q) not zero, and measure them."""
         mask, live = active.ravel().astype(float), self.template.live
-        forces, left, error = projected_onto(self._projectors.of_forces(mask), forces * mask, -live, 3)
+        forces, residual, error = projected_onto(self._projectors.of_forces(mask), forces * mask, -live, 3)
         table = forces.reshape(self._everything.shape)
         # what elements that bear nothing show is the last digit of the factors
         table[abs(table).max(axis=1) <= _LAST_DIGIT * abs(table).max(initial=0.0)] = 0.0
         forces = table.ravel()
-        left = self.template.matrix @ forces + live
+        residual = self.template.matrix @ forces + live
         largest = abs(table).max(axis=1)
         slack = self.template.yield_set.recession_slack(table, labels)
         slack = np.where(largest > 0.0, slack / np.where(largest > 0.0, np.minimum(largest, 1.0), 1.0), slack)
         share = self.imbalance(forces, live)
-        return State(table, 1.0, float(slack.min()), max(error_or_inf(error, left, forces), share))
+        return State(table, 1.0, float(slack.min()), max(error_or_inf(error, residual, forces), share))
 
     def imbalance(self, forces: Floats, load: Floats) -> float:
         """Return the largest residual of A F + load of an element, relative to its terms but at most 1."""
@@ -355,13 +363,15 @@ class Prover:
         if mask is None or held:
             if mask is not None:
                 projector, forces = self._projectors.of_forces(mask), forces * mask
-            forces, left, error = projected_onto(projector, forces, -(template.dead + load * template.live), passes)
+            forces, residual, error = projected_onto(projector, forces, -(template.dead + load * template.live), passes)
         else:
             # With resultants dropped, equilibrium may hold at one λ alone: project λ with the forces.
-            joint, left, error = projected_onto(projector, np.append(forces * mask, load), -template.dead, passes + 1)
+            joint, residual, error = projected_onto(
+                projector, np.append(forces * mask, load), -template.dead, passes + 1
+            )
             forces, load = joint[:-1], float(joint[-1])
         if mask is not None:
-            error = error_or_inf(error, left, forces)
+            error = error_or_inf(error, residual, forces)
         table = forces.reshape(self._everything.shape)
         return State(table, load, float(template.yield_set.slack(table, labels).min()), error)
 
@@ -474,7 +484,7 @@ def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
     bool or array of bool
         False where one is NaN.
     """
-    return low - high > 10.0 * tolerances.ROUNDING * np.maximum(np.maximum(abs(low), abs(high)), least)
+    return low - high > _CROSSED * np.maximum(np.maximum(abs(low), abs(high)), least)
 
 
 def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
@@ -580,7 +590,7 @@ class Proof:
             return False
         # Same test as `brackets.crossed`, which accepts arrays and takes ten times as long.
         low, high = self.state.load, self.motion.bound
-        return bool(low - high > 10.0 * tolerances.ROUNDING * max(abs(low), abs(high), 1.0))
+        return bool(low - high > _CROSSED * max(abs(low), abs(high), 1.0))
 
     @property
     def low(self) -> float:
@@ -621,8 +631,8 @@ class Proof:
         low, high = self.bracket
         if math.isnan(low) or math.isnan(high):
             return self.guess if self.status is Status.UNCERTIFIED else math.nan
-        wide = relative_width(low, high, tolerances.GAP_FLOOR) > tolerances.GAP
-        return low if wide else 0.5 * (low + high)
+        is_wide = relative_width(low, high, tolerances.GAP_FLOOR) > tolerances.GAP
+        return low if is_wide else 0.5 * (low + high)
 
 
 # Least and largest number of faces of a spatial assembly for which the batch solver is faster for one labelling.

@@ -23,6 +23,7 @@ from jld_core.deadline import Deadline, checkpoint
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_program import CappedWedge
 from jld_core.limit.block_relaxation import Asked, BlockMechanism, BlockRelaxation, Choice
+from jld_core.limit.bounds import DIVERGED
 from jld_core.limit.mechanism import DualBound, MinimizedConflict, WorkBalances
 from jld_core.program import ConicProgram, Template
 from jld_core.program.template import Structure
@@ -85,50 +86,59 @@ class PartialLabellingBounds(ABC):
         """Return the mechanism of the least bound found; None where none was found."""
 
 
+class _HullEntries:
+    """Entries of the matrix of a shared hull, with their values under either label of their owner.
+
+    Owners are the faces of both copies: face, then faces + face.
+    """
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[Ints, Ints, Ints, Floats, Floats]] = []
+
+    def add(self, row: Ints, column: Ints, owner: Ints, dry: Floats, inner: Floats | None = None) -> None:
+        """Add k entries; inner: None where the label changes nothing."""
+        self._parts.append((row, column, owner, dry, dry if inner is None else inner))
+
+    def by_column(self) -> tuple[Ints, Ints, Ints, Floats, Floats]:
+        """Return rows, columns, owners, dry and inner values, column by column."""
+        rows, columns, owners, dry, inner = (np.concatenate(parts) for parts in zip(*self._parts, strict=True))
+        order = np.lexsort((rows, columns))
+        return rows[order], columns[order], owners[order], dry[order], inner[order]
+
+
+_OPENED: Final = 1e-9  # share of its speed by which a mechanism is opened, so that rounding closes no face
+
+
 class SharedHull:
     """Programs of partial labellings of a template whose joints may crush; ValueError for rows of extra columns."""
 
     def __init__(self, template: Template) -> None:
-        sets, pattern, matrix = template.yield_set, template.yield_set.pattern, template.matrix.tocoo()
+        pattern = template.yield_set.pattern
         if pattern.extra:
             raise ValueError("the perspective of rows with extra columns is not defined")
         faces, (equalities, resultants) = len(template.assembly.interfaces), template.matrix.shape
-        q = template.assembly.freedoms
-        every = np.ones(faces, dtype=bool)
-        on_dry, on_inner = sets.active(every).ravel(), sets.active(~every).ravel()
-        row, column = (np.asarray(part, dtype=np.int64) for part in matrix.coords)
-        share = 2 * resultants  # The columns of w follow those of both copies; λ is last.
-        last = share + faces
+        # Columns: resultants of both copies, share w of the second copy of each face, λ.
+        load = 2 * resultants + faces
         # Linear rows are λ ≥ −floor, 0 ≤ w, w ≤ 1, then those of both copies; cones are last.
         first = equalities + 1 + 2 * faces
         count = len(pattern.h_dry)
         places = [self._places(pattern.linear, count, copy) + first for copy in (0, 1)]
-        entries: list[tuple[Ints, Ints, Ints, Floats, Floats]] = []
+        entries = _HullEntries()
         for copy in (0, 1):
-            owner = column // q + faces * copy
-            own = resultants * copy
-            dry, inner = (np.asarray(matrix.data * on[column], dtype=float) for on in (on_dry, on_inner))
-            entries.append((row, column + own, owner, dry, inner))
-            face = pattern.face + faces * copy
-            entries.append((places[copy][pattern.row], pattern.column + own, face, pattern.dry, pattern.inner))
-            sign = -1.0 if copy else 1.0
-            owner, at = pattern.row_face + faces * copy, share + pattern.row_face
-            entries.append((places[copy], at, owner, sign * pattern.h_dry, sign * pattern.h_inner))
+            self._add_copy(entries, template, copy, places[copy])
         live = np.flatnonzero(template.live)
-        none = np.zeros(live.size, dtype=np.int64)
-        entries.append((live, none + last, none, template.live[live], template.live[live]))
-        every_face, one = np.arange(faces), np.ones(faces)
-        entries.append((np.array([equalities]), np.array([last]), np.array([0]), -np.ones(1), -np.ones(1)))
-        entries.append((equalities + 1 + every_face, share + every_face, every_face, -one, -one))
-        entries.append((equalities + 1 + faces + every_face, share + every_face, every_face, one, one))
-        rows, columns, owners, dry, inner = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-        order = np.lexsort((rows, columns))
-        self._owner, self._dry, self._inner = owners[order], dry[order], inner[order]
-        indptr = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=last + 1))])
+        nobody = np.zeros(live.size, dtype=np.int64)
+        entries.add(live, nobody + load, nobody, template.live[live])
+        every, one = np.arange(faces), np.ones(faces)
+        share = 2 * resultants + every
+        entries.add(np.array([equalities]), np.array([load]), np.array([0]), -np.ones(1))
+        entries.add(equalities + 1 + every, share, every, -one)
+        entries.add(equalities + 1 + faces + every, share, every, one)
+        rows, columns, self._owner, self._dry, self._inner = entries.by_column()
         self.structure = Structure(
-            indices=rows[order],
-            indptr=indptr,
-            shape=(first + 2 * count, last + 1),
+            indices=rows,
+            indptr=np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=load + 1))]),
+            shape=(first + 2 * count, load + 1),
             equalities=equalities,
             linear=1 + 2 * faces + 2 * pattern.linear,
             cones=(*pattern.cones, *pattern.cones),
@@ -138,10 +148,29 @@ class SharedHull:
         self._rhs[:, :first] = head
         self._rhs[0, places[0]], self._rhs[1, places[0]] = pattern.h_dry, pattern.h_inner
         self._first, self._row_face = places[0], pattern.row_face
-        self._objective = np.zeros(last + 1)
+        self._objective = np.zeros(load + 1)
         self._objective[-1] = -1.0
-        self._pressure = np.zeros(last + 1)
-        self._pressure[0 : 2 * resultants : q] = -1.0
+        self._pressure = np.zeros(load + 1)
+        self._pressure[0 : 2 * resultants : template.assembly.freedoms] = -1.0
+
+    def _add_copy(self, entries: _HullEntries, template: Template, copy: int, places: Ints) -> None:
+        """Add equilibrium and yield rows of one of two copies; places: (rows,) rows of its yield set."""
+        sets, pattern, matrix = template.yield_set, template.yield_set.pattern, template.matrix.tocoo()
+        faces, resultants = len(template.assembly.interfaces), matrix.shape[1]
+        row, column = (np.asarray(part, dtype=np.int64) for part in matrix.coords)
+        every = np.ones(faces, dtype=bool)
+        dry, inner = (
+            np.asarray(matrix.data * sets.active(labels).ravel()[column], dtype=float) for labels in (every, ~every)
+        )
+        first_column, first_owner = resultants * copy, faces * copy
+        owner = column // template.assembly.freedoms + first_owner
+        entries.add(row, column + first_column, owner, dry, inner)
+        owner = pattern.face + first_owner
+        entries.add(places[pattern.row], pattern.column + first_column, owner, pattern.dry, pattern.inner)
+        # right-hand sides are shared: h (1 − w) of the first copy, h w of the second
+        sign = -1.0 if copy else 1.0
+        share = 2 * resultants + pattern.row_face
+        entries.add(places, share, pattern.row_face + first_owner, sign * pattern.h_dry, sign * pattern.h_inner)
 
     @staticmethod
     def _places(linear: int, count: int, copy: int) -> Ints:
@@ -215,24 +244,24 @@ class Relaxation(PartialLabellingBounds):
         count = len(labellings)
         with self._counting:
             self.solves += count
-        found: list[DualBound | None] = [None] * count
-        left = np.arange(count)
+        bounds: list[DualBound | None] = [None] * count
+        open_ones = np.arange(count)
         if self._batch is not None:
             answers = self._batch.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
             # Skip labellings whose forces carry more than the threshold. Unchecked forces suffice: skipping proves
             # nothing false.
             candidates = np.flatnonzero(answers.verdict != CARRIES)
-            self._add_refutations(answers.velocities[candidates], candidates, labellings, undecided, thresholds, found)
+            self._add_refutations(answers.velocities[candidates], candidates, labellings, undecided, thresholds, bounds)
             # Between abutments the batch solver reports bounds that the exact work balance cannot confirm.
             low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
-            left = np.array([k for k in candidates.tolist() if found[k] is None and low[k]], dtype=int)
+            open_ones = np.array([k for k in candidates.tolist() if bounds[k] is None and low[k]], dtype=int)
             if thorough is not None:
-                left = left[thorough[left]]
-        if len(left):
-            others = self._refute_by_solver(labellings[left], undecided[left], thresholds[left])
-            for k, one in zip(left.tolist(), others, strict=True):
-                found[k] = one
-        return found
+                open_ones = open_ones[thorough[open_ones]]
+        if len(open_ones):
+            others = self._refute_by_solver(labellings[open_ones], undecided[open_ones], thresholds[open_ones])
+            for k, bound in zip(open_ones.tolist(), others, strict=True):
+                bounds[k] = bound
+        return bounds
 
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
         # Parameters and results: see `PartialLabellingBounds.minimize_conflicts`.
@@ -243,14 +272,14 @@ class Relaxation(PartialLabellingBounds):
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
         of = raw.labelling[begun]
-        left = np.arange(len(begun))[raw.fate[begun] == REFUTED]
+        refuted = np.arange(len(begun))[raw.fate[begun] == REFUTED]
         open_ = request.free & ~raw.decided[begun]
-        found: list[DualBound | None] = [None] * len(begun)
+        bounds: list[DualBound | None] = [None] * len(begun)
         self._add_refutations(
-            raw.velocity[begun[left]], left, request.labellings[of], open_, request.thresholds[of], found
+            raw.velocity[begun[refuted]], refuted, request.labellings[of], open_, request.thresholds[of], bounds
         )
         drawn = begun % (1 + request.how.neighbours) == 0
-        rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
+        rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], bounds, raw.fate[begun].tolist(), strict=True)
         return [
             MinimizedConflict(k, own, faces, None, fate == CARRIED)
             if one is None
@@ -281,14 +310,14 @@ class Relaxation(PartialLabellingBounds):
         fine = np.isfinite(velocities).all(axis=1)
         which, velocities = which[fine], velocities[fine]
         size = abs(velocities).max(axis=1, initial=0.0)
-        moving = (size > 0.0) & (size < 1e30)  # A failed solve may leave any values behind.
+        moving = (size > 0.0) & (size < DIVERGED)  # A failed solve may leave any values behind.
         which, velocities = which[moving], velocities[moving] / size[moving, None]
         opening = self._repair.opening()
         for parted in (False, True):
             if parted:
                 if opening is None:
                     return
-                velocities = velocities + 1e-9 / float(abs(opening.velocity).max()) * opening.velocity
+                velocities = velocities + _OPENED / float(abs(opening.velocity).max()) * opening.velocity
             if not len(which):
                 return
             answers = self._refutations(velocities, labellings[which], undecided[which], thresholds[which])
@@ -307,13 +336,13 @@ class Relaxation(PartialLabellingBounds):
 
     def _refute_by_solver(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """Refute scaled λ one by one, by the interior-point solver."""
-        rows, found = self.template.matrix.shape[0], []
+        rows, duals = self.template.matrix.shape[0], []
         for pair in zip(labellings, undecided, strict=True):
             checkpoint()
             with self._solving:
-                found.append(self._solver.solve(self.program(*pair)).dual[:rows])
+                duals.append(self._solver.solve(self.program(*pair)).dual[:rows])
         answers: list[DualBound | None] = [None] * len(labellings)
-        self._add_refutations(np.array(found), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
+        self._add_refutations(np.array(duals), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
         return answers
 
     def _refutations(
@@ -386,47 +415,51 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        found: list[DualBound | None] = [None] * len(labellings)
-        left = np.arange(len(labellings))
+        refutations: list[DualBound | None] = [None] * len(labellings)
+        open_ones = np.arange(len(labellings))
         counts = [0] * len(self._cases)
         for case in tuple(self._order):
-            if not left.size:
+            if not open_ones.size:
                 break
             unit = self._units[case]
-            careful = None if thorough is None else thorough[left]
-            answers = self._cases[case].refute_all(labellings[left], undecided[left], thresholds[left] / unit, careful)
-            for k, one in zip(left.tolist(), answers, strict=True):
-                if one is not None:
-                    found[k] = replace(one, bound=_raised(one.bound * unit), case=case)
+            careful = None if thorough is None else thorough[open_ones]
+            answers = self._cases[case].refute_all(
+                labellings[open_ones], undecided[open_ones], thresholds[open_ones] / unit, careful
+            )
+            for k, of_case in zip(open_ones.tolist(), answers, strict=True):
+                if of_case is not None:
+                    refutations[k] = replace(of_case, bound=_raised(of_case.bound * unit), case=case)
                     counts[case] += 1
-            left = np.array([k for k in left.tolist() if found[k] is None], dtype=np.int64)
+            open_ones = np.array([k for k in open_ones.tolist() if refutations[k] is None], dtype=np.int64)
         self._reorder(counts)
-        return found
+        return refutations
 
     def minimize_conflicts(self, request: ConflictRequest) -> list[MinimizedConflict]:
         """Minimise conflicts of labellings, each under the first case that refutes it."""
         # Labellings that no case refutes come last, without bound. Parameters: see
         # `PartialLabellingBounds.minimize_conflicts`.
-        found: list[MinimizedConflict] = []
-        left, carried = np.arange(len(request.labellings)), np.ones(len(request.labellings), dtype=bool)
+        conflicts: list[MinimizedConflict] = []
+        open_ones, carried = np.arange(len(request.labellings)), np.ones(len(request.labellings), dtype=bool)
         counts = [0] * len(self._cases)
         for case in tuple(self._order):
-            if not left.size:
+            if not open_ones.size:
                 break
             unit = self._units[case]
-            fallen: set[int] = set()
-            for one in self._cases[case].minimize_conflicts(request.take(left).in_units(unit)):
-                labelling = int(left[one.labelling])
-                if one.bound is None:
-                    carried[labelling] &= one.carries or not one.drawn
+            refuted: set[int] = set()
+            for conflict in self._cases[case].minimize_conflicts(request.take(open_ones).in_units(unit)):
+                labelling = int(open_ones[conflict.labelling])
+                if conflict.bound is None:
+                    carried[labelling] &= conflict.carries or not conflict.drawn
                     continue
-                found.append(replace(one, labelling=labelling, bound=_raised(one.bound * unit), case=case))
-                if one.drawn:
-                    fallen.add(labelling)
-            counts[case] = len(fallen)
-            left = np.array([k for k in left.tolist() if k not in fallen], dtype=np.int64)
+                bound = _raised(conflict.bound * unit)
+                conflicts.append(replace(conflict, labelling=labelling, bound=bound, case=case))
+                if conflict.drawn:
+                    refuted.add(labelling)
+            counts[case] = len(refuted)
+            open_ones = np.array([k for k in open_ones.tolist() if k not in refuted], dtype=np.int64)
         self._reorder(counts)
-        return found + [MinimizedConflict(k, True, request.free, None, bool(carried[k])) for k in left.tolist()]
+        unrefuted = [MinimizedConflict(k, True, request.free, None, bool(carried[k])) for k in open_ones.tolist()]
+        return conflicts + unrefuted
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         if not 0 <= case < len(self._cases):
@@ -459,30 +492,30 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
 
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound the governing factor for many sets of allowed blocks."""
-        found: list[Choice | None] = [None] * len(asked)
-        left, counts = list(range(len(asked))), [0] * len(self._cases)
+        choices: list[Choice | None] = [None] * len(asked)  # of all cases so far
+        open_ones, counts = list(range(len(asked))), [0] * len(self._cases)
         for case in tuple(self._order):
             unit = self._units[case]
-            scaled = [(allowed, *self._in_units(threshold, most, unit)) for allowed, threshold, most in asked]
-            answers = self._cases[case].bound_all([scaled[k] for k in left], pool)
-            for k, one in zip(left, answers, strict=True):
-                _, threshold, most = asked[k]
-                before = found[k]
-                useless = one.useless if before is None else one.useless | before.useless
-                proof = tuple(replace(mechanism, case=case) for mechanism in one.mechanisms)
+            scaled = [(allowed, *self._in_units(threshold, upper, unit)) for allowed, threshold, upper in asked]
+            answers = self._cases[case].bound_all([scaled[k] for k in open_ones], pool)
+            for k, of_case in zip(open_ones, answers, strict=True):
+                _, threshold, upper = asked[k]
+                before = choices[k]
+                useless = of_case.useless if before is None else of_case.useless | before.useless
+                proof = tuple(replace(mechanism, case=case) for mechanism in of_case.mechanisms)
                 proof = proof if before is None else (*before.mechanisms, *proof)
-                if one.refuted:
+                if of_case.refuted:
                     counts[case] += 1
-                    found[k] = replace(one, bound=min(most, threshold), useless=useless, mechanisms=proof)
+                    choices[k] = replace(of_case, bound=min(upper, threshold), useless=useless, mechanisms=proof)
                     continue
-                bound = min(most, _raised(one.bound * unit))
+                bound = min(upper, _raised(of_case.bound * unit))
                 if before is None or bound < before.bound:
-                    found[k] = replace(one, bound=bound, useless=useless, mechanisms=proof)
+                    choices[k] = replace(of_case, bound=bound, useless=useless, mechanisms=proof)
                 else:
-                    found[k] = replace(before, useless=useless, mechanisms=proof)
-            left = [k for k in left if (known := found[k]) is not None and not known.refuted]
+                    choices[k] = replace(before, useless=useless, mechanisms=proof)
+            open_ones = [k for k in open_ones if (known := choices[k]) is not None and not known.refuted]
         self._reorder(counts)
-        return [one for one in found if one is not None]
+        return [choice for choice in choices if choice is not None]
 
     @staticmethod
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
@@ -578,11 +611,11 @@ class NormalCaps:
         """Return the bound on N of a face that velocities prove; inf where they prove none."""
         if not np.isfinite(velocity).all():
             return math.inf
-        tried = [velocity]
+        velocities = [velocity]
         if self._opening is not None:
-            step = 1e-9 * float(abs(velocity).max(initial=1.0)) / float(abs(self._opening.velocity).max())
-            tried.append(velocity + step * self._opening.velocity)
-        return min(self._value(one, face, threshold, most) for one in tried)
+            step = _OPENED * float(abs(velocity).max(initial=1.0)) / float(abs(self._opening.velocity).max())
+            velocities.append(velocity + step * self._opening.velocity)
+        return min(self._value(one, face, threshold, most) for one in velocities)
 
     def _value(self, velocity: Floats, face: int, threshold: float, most: float) -> float:
         template, every = self._template, np.arange(len(self._labels))

@@ -59,6 +59,10 @@ _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
 _Allowed: TypeAlias = tuple[Ints, Floats]
 
 
+_NO_WORK: Final = 1e-9  # live work, scaled, up to which it may be zero but for the solver's residual
+_SHARES: Final = np.logspace(-14.0, -3.0, 23)  # shares of a motion inside the allowed jumps, tried in turn
+
+
 class FacialReduction:
     """Repair of motions and states of assemblies that a self-stress confines, docs/method.md (3.12)."""
 
@@ -72,7 +76,7 @@ class FacialReduction:
             return None
         # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
         # first with rays of the live load treated as self-stress.
-        idle = not normalise and abs(motion.work) < 1e-9
+        idle = not normalise and abs(motion.work) < _NO_WORK
         return (self._repaired(motion, labels, normalise, idle, True) if idle else None) or self._repaired(
             motion, labels, normalise, idle, False
         )
@@ -96,9 +100,9 @@ class FacialReduction:
                     for given in (motion, self._solved(program, reduced, labels, normalise))
                     for turned in ((False, True) if reduced.rays else (False,))
                 ]
-                found = [one for one in tried if one is not None]
-                if found:
-                    return min(found, key=lambda one: one.bound)
+                repaired = [one for one in tried if one is not None]
+                if repaired:
+                    return min(repaired, key=lambda one: one.bound)
         return None
 
     def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
@@ -114,8 +118,8 @@ class FacialReduction:
         # More accurate than the mechanism of `program`, the program of all rows.
         if not reduced.rays:
             return None
-        left = program_of_rows(program, reduced, right=True)
-        raw = ClarabelSolver(iterative_refinement_enable=True).solve(left)
+        reduced_program = program_of_rows(program, reduced, right=True)
+        raw = ClarabelSolver(iterative_refinement_enable=True).solve(reduced_program)
         velocity = raw.dual[: self.template.matrix.shape[0]]
         size = float(abs(velocity).max())
         if (raw.status is RawStatus.INFEASIBLE) is normalise or not (np.isfinite(size) and size > 0.0):
@@ -132,7 +136,7 @@ class FacialReduction:
             return []
         program = template.program(labels, _KEPT)
         columns, resultants = program.structure.shape[1] - 1, template.matrix.shape[1]
-        found: list[State] = []
+        states: list[State] = []
         for search in SEARCHES:
             whole = kept_rows(program)
             support = search(program_of_rows(program, whole), columns)
@@ -148,8 +152,8 @@ class FacialReduction:
                 raw = ClarabelSolver(1e-9, proximal=(resultants, _CALM)).solve(stated)
                 if raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST) and np.all(np.isfinite(raw.point)):
                     y = np.append((raw.point[:columns] + share * stress)[:resultants], raw.point[-1])
-                    found.append(self.prover.state(y, labels, passes=3))
-        return found
+                    states.append(self.prover.state(y, labels, passes=3))
+        return states
 
     def _blended(
         self,
@@ -180,7 +184,7 @@ class FacialReduction:
         size = float(abs(start).max()) / max(float(abs(inward).max()), 1e-300)
         if not np.isfinite(size):
             return None
-        for share in (0.0, *np.logspace(-14.0, -3.0, 23 if step else 0)):
+        for share in (0.0, *(_SHARES if step else ())):
             velocity = start + share * size * inward
             work = float(live @ velocity)
             if normalise:
@@ -188,9 +192,9 @@ class FacialReduction:
                 if not work * _ROUNDED > tolerances.ROUNDING * float(abs(live).max() * abs(velocity).max()):
                     continue
                 velocity, work = velocity / work, 1.0
-            found = self._measured(velocity, work, labels, allowed)
-            if found.margin >= 0.0:
-                return found
+            measured = self._measured(velocity, work, labels, allowed)
+            if measured.margin >= 0.0:
+                return measured
         return None
 
     def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> _Allowed:
@@ -249,8 +253,8 @@ class FacialReduction:
         jumps[abs(jumps).max(axis=1) <= 1e-3 * noise] = 0.0
         sets = self.template.yield_set
         margin = sets.margin(jumps, labels)
-        own = self.prover.exact * abs(jumps[edge]).max(axis=1)
-        margin[edge] = np.where(abs(margin[edge]) <= own, 0.0, margin[edge])
+        rounding = self.prover.exact * abs(jumps[edge]).max(axis=1)
+        margin[edge] = np.where(abs(margin[edge]) <= rounding, 0.0, margin[edge])
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
         return Motion(velocity, jumps, work, float(margin.min()), bound, self.prover.noise(velocity, bound))
 
@@ -267,8 +271,8 @@ def _projectors(rows: sp.coo_array, owner: Ints, edge: Ints, sizes: tuple[int, i
     number[order] = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
     tables = np.zeros((len(edge), max(1, int(count.max(initial=0))), q))
     at, column, beyond = owner[rows.row], rows.col - q * edge[owner[rows.row]], rows.col >= q * faces
-    own = (column >= 0) & (column < q)
-    tables[at[own], number[rows.row[own]], column[own]] = rows.data[own]
+    in_face = (column >= 0) & (column < q)
+    tables[at[in_face], number[rows.row[in_face]], column[in_face]] = rows.data[in_face]
     extra = sp.csr_array(rows)
     for face in np.unique(at[beyond & (rows.data != 0.0)]).tolist():
         further = extra[np.flatnonzero(owner == face)][:, q * faces :].toarray()
@@ -284,14 +288,14 @@ def _projectors(rows: sp.coo_array, owner: Ints, edge: Ints, sizes: tuple[int, i
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:
     """List the yield rows that are kept after 0, 1, 2, … self-stresses, in reverse order."""
     # The search ends where no self-stress removes another row, or after `_REDUCTION_ROUNDS` of them.
-    found = [kept_rows(program)]
+    rounds = [kept_rows(program)]
     for _ in range(_REDUCTION_ROUNDS):
-        support = search(program_of_rows(program, found[-1]), columns)
-        after = support and reduced_by(support, program, found[-1])
+        support = search(program_of_rows(program, rounds[-1]), columns)
+        after = support and reduced_by(support, program, rounds[-1])
         if not after:
             break
-        found.append(after)
-    return found[::-1]
+        rounds.append(after)
+    return rounds[::-1]
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
@@ -405,11 +409,11 @@ class SelfStress:
         """
         target = -self.template.live
         for stage, attempt in itertools.product(self.stages, _ATTEMPTS):
-            left = program_of_rows(self.program, stage.left)
-            support = attempt.support(left, self.columns, target)
+            remaining = program_of_rows(self.program, stage.left)
+            support = attempt.support(remaining, self.columns, target)
             if support is None:
                 continue
-            ray = self._as_ray(_without_last_digits(attempt.point(left, support, target)), left)
+            ray = self._as_ray(_without_last_digits(attempt.point(remaining, support, target)), remaining)
             if self.prover.is_ray(ray):
                 return ray
         return None
@@ -473,14 +477,14 @@ class SelfStress:
         stage = _Stage((), (), kept_rows(self.program))
         for _ in range(_ROUNDS):
             for search in SEARCHES[:2]:
-                left = program_of_rows(self.program, stage.left)
-                support = search(left, self.columns)
+                remaining = program_of_rows(self.program, stage.left)
+                support = search(remaining, self.columns)
                 if support is None:
                     continue
                 stress = _without_last_digits(
-                    project_onto_faces(left, support, np.zeros(left.structure.equalities), _SNAP)
+                    project_onto_faces(remaining, support, np.zeros(remaining.structure.equalities), _SNAP)
                 )
-                after = self._remaining_rows(stress, left, stage.left)
+                after = self._remaining_rows(stress, remaining, stage.left)
                 if after is not None:
                     stage = _Stage((*stage.stresses, stress), (*stage.before, stage.left), after)
                     if after.rays:

@@ -112,11 +112,16 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
     kinds, size, gap = movements(assembly, result.labels, jumps[None], dilates)
     motions = []
     for k, kind in enumerate(kinds[0]):
-        place, own = faces.origin[k], gap[0, k, : len(faces.polygon[k])]
+        place, opening = faces.origin[k], gap[0, k, : len(faces.polygon[k])]
         if kind is Movement.HINGE:
-            place = faces.polygon[k][own <= own.min() + 0.1 * np.ptp(own)].mean(axis=0)
+            place = faces.polygon[k][opening <= opening.min() + _AT_HINGE * np.ptp(opening)].mean(axis=0)
         motions.append(FaceMotion(kind, place, float(size[0, k])))
     return tuple(motions)
+
+
+_AT_HINGE: Final = 0.1  # share of the range of openings up to which corners lie at the hinge
+
+_LIFTS: Final = 0.05  # share of its movement from which a face that opens everywhere counts as open
 
 
 def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) -> tuple[Any, Floats, Floats]:
@@ -146,9 +151,9 @@ def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) 
     # rotation about an axis in the face (hinge), slip (slide) and spin about the normal (twist) names the movement. An
     # inner face that moves is a crack, in shear where it slips more than it opens. Slip is taken at the centroid, slip
     # by spin at the farthest corner. In space a face opens by μ max(|s|, c_T |ω|).
-    faces, most = assembly.interfaces, max(map(len, assembly.interfaces.polygon), default=1)
-    corners = np.array([one[np.minimum(np.arange(most), len(one) - 1)] for one in faces.polygon])
-    arm = corners.reshape(len(faces), most, -1) - faces.origin[:, None]
+    faces, corner_count = assembly.interfaces, max(map(len, assembly.interfaces.polygon), default=1)
+    corners = np.array([one[np.minimum(np.arange(corner_count), len(one) - 1)] for one in faces.polygon])
+    arm = corners.reshape(len(faces), corner_count, -1) - faces.origin[:, None]
     along = np.einsum("mcd,md->mc", arm, faces.e1)
     if assembly.dimension == 2:
         gap = jumps[..., 0, None] - jumps[..., 2, None] * along
@@ -167,13 +172,13 @@ def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) 
     )
     lift = gap.min(axis=2, initial=np.inf) - dilates * rubbing
     if criteria := assembly.face_strengths.criteria:  # these state no friction: their rows say what is dilation
-        own = _margin(assembly, labels, jumps)
+        margin = _margin(assembly, labels, jumps)
         stated = np.logical_or.reduce([one.faces for one in criteria])
-        lift = np.where(stated & np.isfinite(own), own, lift)
-    opens = lift > 0.05 * size
+        lift = np.where(stated & np.isfinite(margin), margin, lift)
+    opens = lift > _LIFTS * size
     kinds = np.where(labels, np.where(opens, Movement.OPEN, slides), cracks)
-    least = SMALL * size.max(axis=1, initial=0.0)[:, None]
-    named = np.array([Movement(one) for one in np.where(size <= least, Movement.CLOSED, kinds).ravel()], dtype=object)
+    still = SMALL * size.max(axis=1, initial=0.0)[:, None]
+    named = np.array([Movement(one) for one in np.where(size <= still, Movement.CLOSED, kinds).ravel()], dtype=object)
     return named.reshape(size.shape), size, gap
 
 
@@ -204,12 +209,12 @@ class Movements:
         else:
             rows = self.template.matrix.shape[0]
             velocities = np.array([self._solver.solve(self.template.program(row)).dual[:rows] for row in labellings])
-        found = np.zeros(labellings.shape)
+        patterns = np.zeros(labellings.shape)
         for k, velocity in enumerate(velocities):
             if usable(velocity):
                 size = abs(self._prover.motion(velocity, labellings[k], normalise=False).jumps).max(axis=1)
-                found[k] = size / max(float(size.max()), 1e-300)
-        return found
+                patterns[k] = size / max(float(size.max()), 1e-300)
+        return patterns
 
 
 def result_of_faces(result: LimitAnalysisResult) -> LimitAnalysisResult:
@@ -264,17 +269,17 @@ class WorkBalances:
         velocities, jumps, finite = self._opened(velocities, matters)
         dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
         either = dissipation.max(axis=0)
-        own = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
+        of_labels = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
         # Sum row by row: the rounding of a matrix product depends on the number of rows.
         powers = velocities * self.template.live
         work = powers.sum(axis=1)
         # A remainder of cancelling terms gives no bound.
         work[abs(work) < tolerances.ROUNDING * abs(powers).sum(axis=1)] = 0.0
-        total = own.sum(axis=1) - (velocities * self.template.dead).sum(axis=1)
+        total = of_labels.sum(axis=1) - (velocities * self.template.dead).sum(axis=1)
         sound = np.isfinite(total) & (work >= 0.0)
         total = np.where(sound, total, 0.0)
         total += self._prover.noises(velocities, total)
-        return WorkBalance(velocities, work, total, sound, own, either)
+        return WorkBalance(velocities, work, total, sound, of_labels, either)
 
     def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
         """Compute margins, or dissipation, of scaled jumps (k, m, q): (2, k, m), all dry, then all inner."""

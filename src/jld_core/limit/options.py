@@ -352,26 +352,26 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
         highs.append(inf if locked or math.isnan(case.high) else case.high / factor)
         values.append(inf if locked else nan if math.isnan(case.load_factor) else case.load_factor / factor)
     if all(case.status is Status.LOCKED for case in cases):
-        least = [case.low / factor for case, factor in zip(cases, required, strict=True)]
-        position = min(range(len(cases)), key=lambda k: math.inf if math.isnan(least[k]) else least[k])
-        return Governing(Status.LOCKED, least[position], nan, nan, position)
-    first = min(range(len(cases)), key=lambda k: (lows[k], highs[k]))
-    position = min(range(len(cases)), key=lambda k: (highs[k], lows[k]))
-    low, high = lows[first], highs[position]
+        known_lows = [case.low / factor for case, factor in zip(cases, required, strict=True)]
+        position = min(range(len(cases)), key=lambda k: inf if math.isnan(known_lows[k]) else known_lows[k])
+        return Governing(Status.LOCKED, known_lows[position], nan, nan, position)
+    least_low = min(range(len(cases)), key=lambda k: (lows[k], highs[k]))
+    least_high = min(range(len(cases)), key=lambda k: (highs[k], lows[k]))
+    low, high = lows[least_low], highs[least_high]
     proven = [case.status is Status.COLLAPSE or math.isnan(case.high) for case in cases]
-    if proven[first] and math.isfinite(low) and math.isfinite(high):
+    if proven[least_low] and math.isfinite(low) and math.isfinite(high):
+        # cases whose brackets cannot be told apart from that of the least lower bound: the first of them is named
         near = high + (high - low) + tolerances.GAP * abs(high)
         alike = (k for k in range(len(cases)) if proven[k] and lows[k] <= high and highs[k] <= near)
         value = min((value for value in values if not math.isnan(value)), default=low)
-        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike, first))
+        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike, least_low))
     known = [value for value in values if not math.isnan(value)]
-    both = math.isfinite(low) and math.isfinite(high)
-    guess = 0.5 * (low + high) if both else min(known, default=nan)
+    bounded = math.isfinite(low) and math.isfinite(high)
+    guess = 0.5 * (low + high) if bounded else min(known, default=nan)
     if not math.isfinite(guess):
         guess = nan
-    return Governing(
-        Status.UNCERTIFIED, low if math.isfinite(low) else nan, high if math.isfinite(high) else nan, guess, position
-    )
+    low, high = (end if math.isfinite(end) else nan for end in (low, high))
+    return Governing(Status.UNCERTIFIED, low, high, guess, least_high)
 
 
 def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limit: float, extra: dict[str, Any]) -> str:
@@ -379,7 +379,7 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limi
     apart = f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
     if status is not Status.UNCERTIFIED:
         return apart if status is Status.COLLAPSE and gap > gap_limit else ""
-    low, high = (math.isfinite(end) for end in bracket)
+    has_low, has_high = (math.isfinite(end) for end in bracket)
     lower = "no lower bound: no forces were found that balance the loads in every yield set, within rounding (1e-12)"
     upper = (
         f"no upper bound: no mechanism was found whose jumps all faces allow, within rounding ({tolerances.EXACT:.0e})"
@@ -387,8 +387,8 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limi
     areas = extra.get("effective_area")
     if isinstance(areas, dict) and areas["fixed_point"] > tolerances.FIXED_POINT:
         at = f", most at face {areas['face']}" if "face" in areas else ""
-        change, least = areas["fixed_point"], tolerances.FIXED_POINT
-        return f"effective areas did not settle: they still change by {change:.1e}{at} (asked {least:.0e})"
+        change, asked = areas["fixed_point"], tolerances.FIXED_POINT
+        return f"effective areas did not settle: they still change by {change:.1e}{at} (asked {asked:.0e})"
     if isinstance(areas, dict) and "above" in areas:
         above = areas["above"]
         stays = f"stays {above:.1e} above the forces (asked {gap_limit:.0e})"
@@ -397,13 +397,13 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limi
         return (
             "effective areas: with whole faces no forces are in balance at any λ, so that there are none to begin from"
         )
-    if not low and not high:
+    if not has_low and not has_high:
         return f"{lower}; {upper}"
-    if not low:
+    if not has_low:
         return lower
-    if not high and isinstance(areas, dict):
+    if not has_high and isinstance(areas, dict):
         return f"{upper}, nor forces that grow without end within the effective areas they ask for"
-    if not high:
+    if not has_high:
         return upper
     if isinstance(areas, dict) and gap <= gap_limit:
         return "effective areas: the forces that fit their own areas carry less than the bracket of the frozen areas"

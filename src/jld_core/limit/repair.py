@@ -130,6 +130,10 @@ _ON_BOUNDARY = 0.5  # Tail over head of a tight cone from which its tail has a d
 _NO_FORCE = 1e-3  # Head of a cone, scaled, below which a point counts as the tip of the cone.
 
 
+_GAPS: Final = (1e-2, 1e-8)  # relative gaps at which λ = 0 is decided: coarse on large scenes, then fine
+_SHARES: Final = (0.0, *np.logspace(-13.0, -3.0, 11), 1.0)  # shares of a state inside, tried in turn
+
+
 class Repair:
     def __init__(self, template: Template, prover: Prover) -> None:
         self.template, self.prover = template, prover
@@ -147,7 +151,7 @@ class Repair:
 
     def standing_state(self, labels: Bits) -> State | None:
         """Find an admissible state at λ = 0, with slack where possible; None if none is found."""
-        raw = solve_auxiliary(largest_slack_program(self.template.program(labels), load_fixed=True), 1e-8)
+        raw = solve_auxiliary(largest_slack_program(self.template.program(labels), load_fixed=True), _GAPS[1])
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         state = self.prover.state(point, labels, passes=3, held=True)
         return state if state.admissible else self.boundary_state(raw.point, labels, load_fixed=True)
@@ -167,7 +171,7 @@ class Repair:
         """
         program = largest_slack_program(self.template.program(labels), load_fixed=True)
         # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
-        for gap in (1e-2, 1e-8) if is_large(program.structure) else (1e-8,):
+        for gap in _GAPS if is_large(program.structure) else _GAPS[1:]:
             found = self._settled(solve_auxiliary(program, gap, until), labels)
             if found is not None:
                 break
@@ -222,7 +226,7 @@ class Repair:
         start = projector.project(point[:columns], ends) if point is not None and usable(point) else inside
         faces = self.template.yield_set.pattern.row_face[slack_rows(s)[tight] - s.equalities - 1]
         edge = np.isin(np.arange(len(labels)), faces)
-        for share in (0.0, *np.logspace(-13.0, -3.0, 11), 1.0):
+        for share in _SHARES:
             y = (1.0 - share) * start + share * inside
             state = self._state_on_boundary(y, labels, edge, 0.0 if load_fixed else float(y[-1]))
             if state is not None:
@@ -260,13 +264,13 @@ class Repair:
         # The residual force on a face that must be free of force by the equations is rounding of other forces.
         forces[edge & (largest <= 1e-2 * tolerances.ROUNDING * max(1.0, float(largest.max())))] = 0.0
         dead, live = template.dead, load * template.live
-        left = template.matrix @ forces.ravel() + dead + live
+        residual = template.matrix @ forces.ravel() + dead + live
         met = self._magnitudes @ abs(forces.ravel()) + abs(dead) + abs(live)
         slack = sets.slack(forces, labels)
         nothing = np.finfo(float).eps * max(1.0, float(largest.max()))  # Last digit of the projected values.
         noise = tolerances.ROUNDING * abs(forces[edge]).max(axis=1) + nothing
         slack[edge] = np.where(abs(slack[edge]) <= noise, np.inf, slack[edge])
-        if np.any(abs(left) > tolerances.ROUNDING * met + nothing) or slack.min() < 0.0:
+        if np.any(abs(residual) > tolerances.ROUNDING * met + nothing) or slack.min() < 0.0:
             return None
         return State(forces, load, float(slack.min()), 0.0)
 

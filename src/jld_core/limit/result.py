@@ -42,17 +42,17 @@ def without_idle(assembly: Assembly, forces: Floats) -> Floats:
     (m, q) array
         Resultants.
     """
-    members, found = assembly.members, forces
+    members, without = assembly.members, forces
     if members.bond is not None:
-        found = forces.copy()
-        found[: assembly.faces, 0] -= members.bond
+        without = forces.copy()
+        without[: assembly.faces, 0] -= members.bond
     for k in np.flatnonzero(members.face >= 0).tolist():
-        found = forces.copy() if found is forces else found
-        row = found[members.face[k]]
+        without = forces.copy() if without is forces else without
+        row = without[members.face[k]]
         if not members.axial[k]:
             row[0] = 0.0
         row[1 if members.kinds[k] != "pin" else assembly.dimension :] = 0.0
-    return found
+    return without
 
 
 def elongations(assembly: Assembly, velocity: Floats) -> Floats:
@@ -101,9 +101,9 @@ def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats
     members, ids = assembly.members, assembly.elements.ids
     force = None if forces is None else tensions(assembly, forces)
     rate = None if mechanism is None else elongations(assembly, mechanism)
-    found: list[dict[str, Any]] = []
+    entries: list[dict[str, Any]] = []
     for k, name in enumerate(members.names):
-        one: dict[str, Any] = {
+        entry: dict[str, Any] = {
             "name": name,
             "kind": members.kinds[k],
             "elements": [ids[e] for e in members.elements[k]],
@@ -111,10 +111,10 @@ def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats
         }
         if members.kinds[k] == "pin":
             across = slice(1, assembly.dimension)
-            one["shear"] = None if forces is None else float(np.linalg.norm(forces[members.face[k], across]))
-        one["elongation"] = None if rate is None else float(rate[k])
-        found.append(one)
-    return found
+            entry["shear"] = None if forces is None else float(np.linalg.norm(forces[members.face[k], across]))
+        entry["elongation"] = None if rate is None else float(rate[k])
+        entries.append(entry)
+    return entries
 
 
 class Result(NotebookRepr):
@@ -192,14 +192,19 @@ class Result(NotebookRepr):
     @property
     def warnings(self) -> list[str]:
         """Return the warnings about the scene and this result, one sentence each."""
-        found = [*self.assembly.warnings, *self.assembly.notes, *self.notes, *([self.reason] if self.reason else [])]
+        sentences = [
+            *self.assembly.warnings,
+            *self.assembly.notes,
+            *self.notes,
+            *([self.reason] if self.reason else []),
+        ]
         if self.cracks == "faces" and not self.labels[: self.assembly.faces].all():
-            found.append(BY_FACES)
+            sentences.append(BY_FACES)
         if self.stands_at_zero is False and math.isfinite(self.load_factor):
-            least = self.least_load_factor
-            on = "" if math.isnan(least) else f"; it stands from λ = {least:.6g} on"
-            found.append(f"the structure does not stand without live load, at λ = 0{on}")
-        return found
+            stands_from = self.least_load_factor
+            on = "" if math.isnan(stands_from) else f"; it stands from λ = {stands_from:.6g} on"
+            sentences.append(f"the structure does not stand without live load, at λ = 0{on}")
+        return sentences
 
     def plot(self, *, ids: bool = False, values: bool = False) -> Figure:
         """Draw the result: labels, forces and mechanism, or stresses and cracks; of load cases, the governing one.
@@ -406,12 +411,12 @@ def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
     """Return the JSON entries of all faces in scene units, which suffice to check equilibrium and yield by hand."""
     faces, ids = assembly.interfaces, assembly.elements.ids
     planar = assembly.dimension == 2
-    found = []
+    entries = []
     for k in range(assembly.faces):
         frame = {"origin": faces.origin[k], "normal": faces.normal[k], "e1": faces.e1[k]}
         frame |= {} if planar else {"e2": faces.e2[k]}
         size = {"length": float(faces.l1[k])} if planar else {"area": float(faces.area[k])}
-        found.append(
+        entries.append(
             {
                 "index": k,
                 "elements": [ids[faces.a[k]], ids[faces.b[k]]],
@@ -420,7 +425,7 @@ def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
                 **size,
             }
         )
-    return found
+    return entries
 
 
 def stands_in_words(found: Result) -> str:
@@ -521,15 +526,15 @@ def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:
 
 def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) -> LimitAnalysisResult:
     """Combine the results of load cases, in their order, into that of the structure."""
-    found = list(cases.values())
-    known = [CaseBounds(one.status, *one.bracket, one.load_factor) for one in found]
+    results = list(cases.values())
+    known = [CaseBounds(one.status, *one.bracket, one.load_factor) for one in results]
     decided = governing(known, assembly.required.tolist())
-    first = found[decided.case]
+    first = results[decided.case]
     scale = max(1e-300, load_scale(first.assembly) / float(assembly.required[decided.case]))
     width = relative_width(decided.low, decided.high, scale)
-    stands = [one.stands_at_zero for one in found]
-    ends = [[end / factor for end in one.least_bracket] for one, factor in zip(found, assembly.required, strict=True)]
-    least = (float(np.max([low for low, _ in ends])), float(np.max([high for _, high in ends])))
+    stands = [one.stands_at_zero for one in results]
+    ends = [[end / factor for end in one.least_bracket] for one, factor in zip(results, assembly.required, strict=True)]
+    least_bracket = (float(np.max([low for low, _ in ends])), float(np.max([high for _, high in ends])))
     return replace(
         first,
         assembly=assembly,
@@ -538,10 +543,10 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
         bracket=(decided.low, decided.high),
         gap=math.nan if decided.status in (Status.UNSTABLE, Status.LOCKED) else width,
         stands_at_zero=False if False in stands else None if None in stands else True,
-        iterations=sum(one.iterations for one in found),
-        seconds={key: sum(one.seconds[key] for one in found) for key in first.seconds},
+        iterations=sum(one.iterations for one in results),
+        seconds={key: sum(one.seconds[key] for one in results) for key in first.seconds},
         cases=cases,
-        least_bracket=least,
+        least_bracket=least_bracket,
         governing=list(cases)[decided.case],
     )
 

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly, Elements, blocks_of, without
 from jld_core.errors import ParameterError, SolverError
 from jld_core.geometry import spun
@@ -157,8 +157,7 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
     The proof holds in the full model; it may lack the lower bound. None where the full model must be solved instead.
     """
     # Source: docs/method.md (7.1), (7.2).
-    assembly, own = full.assembly, full.options
-    scale = full.template.scaling
+    assembly, options = full.assembly, full.options
     apart = np.zeros(0, dtype=np.int64) if apart is None else apart
     route: list[str] = []
     solves = 0
@@ -168,7 +167,7 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
             return None
         given = rigid.assembly.labels
         inner = LimitAnalysis(
-            rigid.assembly, solver=own.solver, gap=own.gap, inner_bending=own.inner_bending, reference=given
+            rigid.assembly, solver=options.solver, gap=options.gap, inner_bending=options.inner_bending, reference=given
         )
         # Where the full model is large, its own repairs take less time than a simplex on rigid blocks.
         simple = is_large(full.template.structure)
@@ -185,24 +184,14 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
             return None
         boundary = proof.state.forces * scaling.face
         load = proof.state.load * scaling.load
-        found = _inner_forces(full.template, labels, rigid, boundary, load)
+        inner_forces = _inner_forces(full.template, labels, rigid, boundary, load)
         solves += 1
-        if found is None:
+        if inner_forces is None:
             return None
-        state, failing = found
+        forces, failing = inner_forces
         if failing.size == 0:
-            checked = full.prover.state(np.append(state.ravel(), load / scale.load), labels)
-            if not (checked.admissible or boundary.any() or load):
-                # Loads that cancel within each block leave its joints empty.
-                inside = ~np.isin(np.arange(len(labels)), rigid.face)
-                checked = full.prover.state_within(state, labels, inside)
-            within = None if checked.admissible else full.repair.state(labels)
-            if within is not None:
-                # equilibrium of the cells has moved forces on the boundary of a yield set a last digit too far
-                solves += 1
-                checked = full.prover.blend(checked, within, labels)
-            if not checked.admissible:
-                checked = full.unloaded(labels) or checked
+            checked, blended = _checked_state(full, labels, rigid, forces, load, empty=not (boundary.any() or load))
+            solves += blended
             lifted = Proof(solve_log=route, solves=solves, extra={"rigid_blocks": len(rigid.assembly.elements.free)})
             lifted.offer_state(checked)
             lifted.offer_motion(_of_elements(full, rigid, inner, proof.motion))
@@ -215,6 +204,27 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
     return None
 
 
+def _checked_state(
+    full: LimitAnalysis, labels: Bits, rigid: RigidBlocks, forces: Floats, load: float, *, empty: bool
+) -> tuple[State, bool]:
+    """Check scaled forces (m, q) at λ in the full model, blended with a state inside where needed; True if blended.
+
+    empty: joints between blocks carry no force.
+    """
+    checked = full.prover.state(np.append(forces.ravel(), load / full.template.scaling.load), labels)
+    if not checked.admissible and empty:
+        # Loads that cancel within each block leave its joints empty.
+        inside = ~np.isin(np.arange(len(labels)), rigid.face)
+        checked = full.prover.state_within(forces, labels, inside)
+    within = None if checked.admissible else full.repair.state(labels)
+    if within is not None:
+        # equilibrium of the cells has moved forces on the boundary of a yield set a last digit too far
+        checked = full.prover.blend(checked, within, labels)
+    if not checked.admissible:
+        checked = full.unloaded(labels) or checked
+    return checked, within is not None
+
+
 def _inner_forces(
     template: Template, labels: Bits, rigid: RigidBlocks, boundary: Floats, load: float
 ) -> tuple[Floats, Ints] | None:
@@ -225,32 +235,19 @@ def _inner_forces(
     # Given boundary forces and λ, each block maximises its own least slack, at most 1. Row `equalities`, which bounds
     # λ, is left out.
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
-    count = len(labels)
-    forces = np.zeros((count, q))
+    forces = np.zeros((len(labels), q))
     forces[rigid.face] = boundary / scale.face[rigid.face]
-    faces = template.assembly.interfaces
-    within = np.ones(count, dtype=bool)
-    within[rigid.face] = False
+    faces, pattern = template.assembly.interfaces, sets.pattern
     support = rigid.assembly.elements.support[rigid.group]
+    within = np.ones(len(labels), dtype=bool)
+    within[rigid.face] = False
     within &= ~(support[faces.a] & support[faces.b])  # Faces between supports need no forces.
     inside = np.flatnonzero(within)
     if inside.size == 0:
         return forces, inside
     program = template.program(labels)
     s = program.structure
-    free = template.assembly.elements.free
-    # Within a block that is in balance, the equations of one element follow from those of the others. Interior points
-    # take the rounding of that balance for a contradiction.
-    follows = np.zeros(len(support), dtype=bool)
-    follows[free[np.unique(rigid.group[free], return_index=True)[1]]] = True
-    rows = np.flatnonzero(~np.repeat((support | follows)[free], q))
-    columns = (q * inside[:, None] + np.arange(q)).ravel()
-    pattern = sets.pattern
-    if pattern.extra:  # Append the further unknowns of faces inside, of which a face may have none or several.
-        further = pattern.column >= q * count
-        owner = np.zeros(pattern.extra, dtype=np.int64)
-        owner[pattern.column[further] - q * count] = pattern.face[further]
-        columns = np.concatenate([columns, q * count + np.flatnonzero(within[owner])])
+    rows, columns = _independent_rows(template, rigid, support), _columns_of(template, within)
     matrix = program.matrix.tocsr()
     target = -(template.dead + load / scale.load * template.live) - template.matrix @ forces.ravel()
     yields = s.equalities + 1 + np.flatnonzero(within[pattern.row_face])
@@ -258,6 +255,7 @@ def _inner_forces(
     conic = yields[yields >= s.equalities + s.linear]
     of_cones = pattern.row_face[pattern.linear + beginnings(s.cones)]
     sizes = tuple(np.array(s.cones, dtype=np.int64)[within[of_cones]].tolist())
+    # one slack for each block, in its linear rows and in the first rows of its cones
     block = rigid.group[faces.a]
     names, position = np.unique(block[inside], return_inverse=True)
     of_block = np.full(int(rigid.group.max()) + 1, -1)
@@ -265,20 +263,46 @@ def _inner_forces(
     tips = np.concatenate([linear, conic[np.concatenate([[0], np.cumsum(sizes)])[: len(sizes)].astype(int)]])
     owner = of_block[block[pattern.row_face[tips - s.equalities - 1]]]
     slack = sp.csr_array((np.ones(len(tips)), (tips, owner)), shape=(s.shape[0], len(names)))
-    wide = sp.hstack([matrix[:, columns], slack]).tocsr()
+    with_slack = sp.hstack([matrix[:, columns], slack]).tocsr()
     cap = sp.hstack([sp.csr_array((len(names), len(columns))), sp.eye_array(len(names))])
-    stacked = sp.vstack([wide[rows], wide[linear], cap, wide[conic]])
+    stacked = sp.vstack([with_slack[rows], with_slack[linear], cap, with_slack[conic]])
     rhs = np.concatenate([target[rows], program.rhs[linear], np.ones(len(names)), program.rhs[conic]])
     objective = np.concatenate([np.zeros(len(columns)), -np.ones(len(names))])
     # Far below yield slacks hardly depend on forces: without refinement of its steps the method stops short of balance.
     solver = ClarabelSolver(iterative_refinement_enable=True)
     raw = solver.solve(pack(stacked, rhs, objective, len(rows), len(linear) + len(names), sizes))
-    own = raw.point[: q * inside.size].reshape(-1, q)
-    if not np.all(np.isfinite(own)):
+    forces_inside = raw.point[: q * inside.size].reshape(-1, q)
+    if not np.all(np.isfinite(forces_inside)):
         return None
-    forces[inside] = np.where(sets.active(labels)[inside], own, 0.0)
+    forces[inside] = np.where(sets.active(labels)[inside], forces_inside, 0.0)
     slacks = sets.slack(forces, labels)[inside]
-    return forces, names[np.unique(position[slacks < 1e-9])]
+    return forces, names[np.unique(position[slacks < _LEAST_SLACK])]
+
+
+_LEAST_SLACK = 1e-9  # slack, scaled, below which the forces of a face count as inadmissible
+
+
+def _independent_rows(template: Template, rigid: RigidBlocks, support: Bools) -> Ints:
+    """Return the equations (k,) of the elements that are not supported (n,), without one element of each block."""
+    # Within a block that is in balance, the equations of one element follow from those of the others. Interior points
+    # take the rounding of that balance for a contradiction.
+    free = template.assembly.elements.free
+    follows = np.zeros(len(support), dtype=bool)
+    follows[free[np.unique(rigid.group[free], return_index=True)[1]]] = True
+    return np.flatnonzero(~np.repeat((support | follows)[free], template.assembly.freedoms))
+
+
+def _columns_of(template: Template, within: Bools) -> Ints:
+    """Return the columns (k,) of the resultants of some faces (m,), then of their further unknowns."""
+    q, count, pattern = template.assembly.freedoms, len(within), template.yield_set.pattern
+    columns = (q * np.flatnonzero(within)[:, None] + np.arange(q)).ravel()
+    if not pattern.extra:
+        return columns
+    # a face may have none or several further unknowns
+    further = pattern.column >= q * count
+    owner = np.zeros(pattern.extra, dtype=np.int64)
+    owner[pattern.column[further] - q * count] = pattern.face[further]
+    return np.concatenate([columns, q * count + np.flatnonzero(within[owner])])
 
 
 def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, motion: Motion) -> Motion:

@@ -47,6 +47,11 @@ _NONE = np.zeros(0, dtype=np.int64)
 _EMPTY = np.zeros(0)
 
 
+_SHIFT_GROWTH = 100.0  # factor on the shift after each failure
+_LEAST_SIDE = 1e-3  # size of right-hand sides below which residuals are not made smaller
+_NO_COLUMN = 1e-150  # diagonal entry in the place of 0 for a column without entries
+
+
 class SchurSystem:
     """Linear systems of the interior-point method, for all programs of one structure.
 
@@ -161,8 +166,8 @@ class SchurSystem:
             if count:
                 border = _divided(scaling, family, self._g_border[number])
                 side = inverse.transpose(0, 2, 1) @ (scaled.transpose(0, 2, 1) @ border)
-                rest = border - scaled @ (inverse @ side)
-                hessian = hessian + np.einsum("nij,nik->jk", rest, rest)
+                outside = border - scaled @ (inverse @ side)
+                hessian = hessian + np.einsum("nij,nik->jk", outside, outside)
                 np.subtract.at(border_equations, family.equations, half.transpose(0, 2, 1) @ side)
             sides.append(side.reshape(-1, count))
             lower = np.tril_indices(half.shape[2])
@@ -188,7 +193,7 @@ class SchurSystem:
             try:
                 return self._fronts.factor(data)
             except np.linalg.LinAlgError:
-                shift *= 100.0
+                shift *= _SHIFT_GROWTH
         raise np.linalg.LinAlgError("the Schur complement is not positive definite")
 
     def _solve(self, rhs: Floats) -> Floats:
@@ -200,7 +205,7 @@ class SchurSystem:
         """Return x (columns,), u (equations,) and W v (yield rows,), refined while that halves the residual."""
         scaling = self._scaling
         x, u, wv = self._once(p, q, r)
-        aim = self.accuracy * max(1e-3, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
+        aim = self.accuracy * max(_LEAST_SIDE, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
         best_residual, best = np.inf, (x, u, wv)
         for _ in range(_PASSES):
             left_p = p - self.transposed(u, scaling.divide(wv))
@@ -227,8 +232,8 @@ class SchurSystem:
         x = np.zeros(len(p))
         border = np.zeros(len(blocks.border))
         if len(blocks.border):
-            rest = c[blocks.border] - self._reduced_border.T @ u - self._side.T @ e
-            border = np.linalg.solve(self._border_complement, rest)
+            right = c[blocks.border] - self._reduced_border.T @ u - self._side.T @ e
+            border = np.linalg.solve(self._border_complement, right)
             u = u + self._border_solved @ border
             x[blocks.border] = border
         x[self._columns_of_faces] = self._inverse @ (e - self._half @ u - self._side @ border)
@@ -254,9 +259,9 @@ def _right_inverse_of_r(stack: Floats) -> Floats:
     # The product WᵀW would lose digits where the weights differ by more than half of the digits of a float; QR keeps
     # them.
     table = np.array(stack.transpose(1, 2, 0), order="C")
-    wide, count = table.shape[1:]
-    inverse = np.zeros((wide, wide, count))
-    for j in range(wide):
+    width, count = table.shape[1:]
+    inverse = np.zeros((width, width, count))
+    for j in range(width):
         column = table[j:, j]
         norm = np.sqrt(np.einsum("in,in->n", column, column))
         sign = np.where(column[0] < 0.0, -1.0, 1.0)
@@ -264,10 +269,10 @@ def _right_inverse_of_r(stack: Floats) -> Floats:
         v[0] += sign * norm
         scale = np.einsum("in,in->n", v, v)
         scale = np.where(scale > 0.0, 2.0 / np.where(scale > 0.0, scale, 1.0), 0.0)
-        if j + 1 < wide:
+        if j + 1 < width:
             table[j:, j + 1 :] -= v[:, None] * (scale * np.einsum("in,ijn->jn", v, table[j:, j + 1 :]))
-        table[j, j] = np.where(norm > 0.0, -sign * norm, 1e-150)
-    for j in range(wide):
+        table[j, j] = np.where(norm > 0.0, -sign * norm, _NO_COLUMN)
+    for j in range(width):
         inverse[j, j] = 1.0 / table[j, j]
         if j:
             inverse[:j, j] = -np.einsum("ikn,kn->in", inverse[:j, :j], table[:j, j]) * inverse[j, j]
@@ -521,6 +526,10 @@ class SchurSolver(Solver):
         return known
 
 
+_START_SLACK = 1e-3  # slack below which the first iterate is shifted into the cones
+_RAY = 10.0  # residual of a ray, in tolerances, up to which it counts as one
+
+
 class _Iteration:
     def __init__(self, program: ConicProgram, system: SchurSystem, tolerance: float, gap: float) -> None:
         edge = program.structure.equalities
@@ -589,7 +598,7 @@ class _Iteration:
         s = -minus_s
         for vector in (s, v):
             slack = self.cones.slack(vector)
-            if slack < 1e-3:
+            if slack < _START_SLACK:
                 vector += (1.0 - slack) * self.unit
         return Iterate(x, u, s, v)
 
@@ -605,7 +614,7 @@ class _Iteration:
         if merit <= 1.0:
             return RawStatus.OPTIMAL, merit
         if it.kappa > it.tau:
-            ray = 10.0 * self.tolerance
+            ray = _RAY * self.tolerance
             if value < 0.0 and _largest(gradient) <= ray * -value:
                 return RawStatus.INFEASIBLE, merit
             if cost < 0.0 and max(_largest(left_u), _largest(left_v)) <= ray * -cost:

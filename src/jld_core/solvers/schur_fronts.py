@@ -26,6 +26,8 @@ from jld_core.linalg.factors import Fronts
 from jld_core.program import ConicProgram
 from jld_core.program.template import Structure
 
+_LONGEST = 1e10  # longest step, where no cone bounds it
+
 
 @dataclass(frozen=True)
 class Cones:
@@ -78,20 +80,20 @@ class Cones:
         return float(min(linear.min(initial=np.inf), inside.min(initial=np.inf)))
 
     def step(self, vector: Floats, direction: Floats) -> float:
-        """Return the step length α ≤ 1e10 to the boundary of the cones, from a vector inside."""
+        """Return the step length α ≤ `_LONGEST` to the boundary of the cones, from a vector inside."""
         # α is the largest number for which vector + α·direction lies in the cones.
         (vl, vc), (dl, dc) = self.parts(vector), self.parts(direction)
-        most = 1e-10
+        ratio = 1.0 / _LONGEST
         if self.linear:
-            most = max(most, float((-dl / vl).max()))
+            ratio = max(ratio, float((-dl / vl).max()))
         if self.count:
             # In the frame of the vector the least eigenvalue of the direction limits the step.
             root = np.sqrt(_determinant(vc))
             v0, v1 = vc[:, 0] / root, vc[:, 1:] / root[:, None]
             first = (v0 * dc[:, 0] - np.einsum("ij,ij->i", v1, dc[:, 1:])) / root
-            rest = dc[:, 1:] / root[:, None] - ((first + dc[:, 0] / root) / (v0 + 1.0))[:, None] * v1
-            most = max(most, float((np.sqrt(np.einsum("ij,ij->i", rest, rest)) - first).max()))
-        return 1.0 / most
+            tail = dc[:, 1:] / root[:, None] - ((first + dc[:, 0] / root) / (v0 + 1.0))[:, None] * v1
+            ratio = max(ratio, float((np.sqrt(np.einsum("ij,ij->i", tail, tail)) - first).max()))
+        return 1.0 / ratio
 
 
 def _determinant(cones: Floats) -> Floats:
@@ -187,26 +189,29 @@ class CompiledFronts:
     def __init__(self, fronts: Fronts, variant: str, routines: tuple[int, ...]) -> None:
         self._library = library(variant)
         self.order, self.place = fronts.order, fronts.place
-        own, rest = np.diff(fronts.bounds), np.array([len(passed) for passed in fronts.passed], dtype=np.int64)
-        ends = np.cumsum(own * (own + rest))
-        start, self.size = ends - own * (own + rest), int(ends[-1]) if len(ends) else 0
+        pivots, passed_count = (
+            np.diff(fronts.bounds),
+            np.array([len(passed) for passed in fronts.passed], dtype=np.int64),
+        )
+        ends = np.cumsum(pivots * (pivots + passed_count))
+        start, self.size = ends - pivots * (pivots + passed_count), int(ends[-1]) if len(ends) else 0
         # Entries are numbered in the pivot matrix and in the panel of their front; here both are one array.
-        half = np.repeat(np.arange(2 * len(own)), np.diff(fronts.cut))
+        half = np.repeat(np.arange(2 * len(pivots)), np.diff(fronts.cut))
         front, below = half // 2, half % 2
-        height = np.where(below == 1, rest[front], own[front])
+        height = np.where(below == 1, passed_count[front], pivots[front])
         local, row = fronts.where // height, fronts.where % height
         self._entries = fronts.entries
-        self._where = start[front] + local * (own + rest)[front] + row + below * own[front]
+        self._where = start[front] + local * (pivots + passed_count)[front] + row + below * pivots[front]
         self._arrays: dict[str, NDArray[Any]] = {
             "bounds": np.ascontiguousarray(fronts.bounds, dtype=np.int64),
-            "passed_start": np.concatenate([[0], np.cumsum(rest)]).astype(np.int64),
+            "passed_start": np.concatenate([[0], np.cumsum(passed_count)]).astype(np.int64),
             "passed": np.concatenate([*fronts.passed, np.zeros(0, dtype=np.int64)]).astype(np.int64),
             "place": _rows_in_parents(fronts),
             "parent": fronts.parent.astype(np.int32),
             "factor_start": start.astype(np.int64),
             "routines": np.array(routines, dtype=np.int64),
         }
-        self.stated = FrontsOfC(count=len(own), **pointers(**self._arrays))
+        self.stated = FrontsOfC(count=len(pivots), **pointers(**self._arrays))
 
     def factor(self, data: Floats) -> CompiledFactor:
         numbers, definite = np.zeros(self.size), np.zeros(1, dtype=np.uint8)
@@ -239,15 +244,15 @@ class CompiledFactor:
 def _rows_in_parents(fronts: Fronts) -> Ints:
     """Return the row of each unknown of the update matrices in its parent front."""
     # The pivot unknowns of the parent come first. Fronts follow each other; roots have zeros.
-    found = [np.zeros(0, dtype=np.int64)]
+    rows = [np.zeros(0, dtype=np.int64)]
     for passed, parent in zip(fronts.passed, fronts.parent.tolist(), strict=True):
         if parent < 0:
-            found.append(np.zeros(len(passed), dtype=np.int64))
+            rows.append(np.zeros(len(passed), dtype=np.int64))
             continue
         first, last = fronts.bounds[parent : parent + 2].tolist()
         below = np.searchsorted(fronts.passed[parent], passed)
-        found.append(np.where(passed < last, passed - first, last - first + below))
-    return np.concatenate(found).astype(np.int32)
+        rows.append(np.where(passed < last, passed - first, last - first + below))
+    return np.concatenate(rows).astype(np.int32)
 
 
 # Entry in the equations of a block, relative to the largest term of its column, below which it is rounding. Terms of
@@ -273,10 +278,10 @@ class BlockEquations:
         position = np.arange(len(source)) - np.repeat(start - by_column.indptr[row], count)
         target, factor = by_column.indices[position].astype(np.int64), by_column.data[position]
         # Yield rows stay as they are.
-        rest = np.flatnonzero(~inside)
-        source = np.concatenate([source, rest])
-        target = np.concatenate([target, old.indices[rest]])
-        factor = np.concatenate([factor, np.ones(len(rest))])
+        yield_entries = np.flatnonzero(~inside)
+        source = np.concatenate([source, yield_entries])
+        target = np.concatenate([target, old.indices[yield_entries]])
+        factor = np.concatenate([factor, np.ones(len(yield_entries))])
         keys, place = np.unique(column[source] * old.shape[0] + target, return_inverse=True)
         terms = factor * program.data[source]
         total = np.bincount(place, terms, len(keys))
@@ -303,13 +308,13 @@ class BlockEquations:
 
     def fits(self, program: ConicProgram) -> bool:
         """Return True if `changed` applies: same structure, labelling and equation coefficients."""
-        mine = self._program
-        if program is mine:
+        known = self._program
+        if program is known:
             return True
-        if program.structure is not mine.structure or program.bodies is None or mine.bodies is None:
+        if program.structure is not known.structure or program.bodies is None or known.bodies is None:
             return False
-        same = np.array_equal(program.bodies.labels, mine.bodies.labels)
-        return same and np.array_equal(program.data[self._inside], mine.data[self._inside])
+        same = np.array_equal(program.bodies.labels, known.bodies.labels)
+        return same and np.array_equal(program.data[self._inside], known.data[self._inside])
 
     def changed(self, program: ConicProgram) -> ConicProgram:
         """Replace the equations of a program that fits by those of whole blocks."""
@@ -393,20 +398,13 @@ def face_blocks(structure: Structure) -> FaceBlocks:
     head = np.arange(rows)
     first = equalities + structure.linear
     head[first:] = first + (np.arange(rows - first) // size) * size
-    apart = np.zeros(columns, dtype=bool)
-    apart[np.bincount(column, minlength=columns) > _WIDE] = True
-    apart[-1] = True
-    chosen = yields & ~apart[column]
-    part = components(columns + rows, column[chosen], columns + head[row[chosen]])
-    # A column that shares its rows with no other column is a load factor and belongs to no face.
-    columns_of_part = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
     touched = np.zeros(columns, dtype=bool)
     touched[column[yields]] = True
-    apart |= touched & (columns_of_part[part[:columns]] == 1)
+    part, apart = _parts(column, row, yields, head, touched)
     idle = np.flatnonzero(~touched & ~apart)
     face_column = np.flatnonzero(touched & ~apart)
     border = np.flatnonzero(apart)
-    if len(border) > _MOST_BORDER or columns_of_part.max(initial=0) > _MOST:
+    if len(border) > _MOST_BORDER:
         raise SolverError("the columns of this program are not separable by face")
     faces, column_face = np.unique(part[face_column], return_inverse=True)
     row_part = part[columns + head]
@@ -427,6 +425,24 @@ def face_blocks(structure: Structure) -> FaceBlocks:
         border_yields=BorderEntries(data[in_yields], row[in_yields] - equalities, border_index[column[in_yields]]),
         border_equations=BorderEntries(data[in_equations], row[in_equations], border_index[column[in_equations]]),
     )
+
+
+def _parts(column: Ints, row: Ints, yields: Bools, head: Ints, touched: Bools) -> tuple[Ints, Bools]:
+    """Return the parts (columns + rows,) that yield rows join, and a mask (columns,) of those that border them.
+
+    column, row, yields: of each entry; head: (rows,) row that stands for it; touched: (columns,) enter yield rows.
+    """
+    columns, rows = len(touched), len(head)
+    apart = np.zeros(columns, dtype=bool)
+    apart[np.bincount(column, minlength=columns) > _WIDE] = True
+    apart[-1] = True
+    chosen = yields & ~apart[column]
+    part = components(columns + rows, column[chosen], columns + head[row[chosen]])
+    # A column that shares its rows with no other column is a load factor and belongs to no face.
+    columns_of_part = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
+    if columns_of_part.max(initial=0) > _MOST:
+        raise SolverError("the columns of this program are not separable by face")
+    return part, apart | (touched & (columns_of_part[part[:columns]] == 1))
 
 
 class _Layout:

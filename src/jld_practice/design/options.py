@@ -13,7 +13,17 @@ from typing import Any, Final, Literal
 import numpy as np
 import shapely
 
-from jld_core import Assembly, Floats, InputError, ParameterError, Scene, build_assembly, load_scene, parse_scene
+from jld_core import (
+    Assembly,
+    Elements,
+    Floats,
+    InputError,
+    ParameterError,
+    Scene,
+    build_assembly,
+    load_scene,
+    parse_scene,
+)
 from jld_core.build import build_geometry
 from jld_core.geometry import unions
 from jld_formats import ImportOptions, Notes, cells, forces, import_file, libraries
@@ -124,13 +134,16 @@ def _free_edges(assembly: Assembly) -> list[tuple[int, Floats, Floats]]:
 
 def _facing_edges(assembly: Assembly, facing: Floats, axis: Floats) -> list[Edge]:
     """Return the edges of free elements that face a direction (2,), by places along `axis` (2,)."""
-    found = []
+    edges = []
     for element, p, q in _outer_edges(assembly):
         outward = np.array([q[1] - p[1], p[0] - q[0]])
         if float(outward @ facing) > _FACING * float(np.hypot(*outward)):
             a, b = (p, q) if float(p @ axis) < float(q @ axis) else (q, p)
-            found.append(Edge(element, float(a @ axis), float(b @ axis), a, b))
-    return found
+            edges.append(Edge(element, float(a @ axis), float(b @ axis), a, b))
+    return edges
+
+
+_UNCOVERED: Final = 1e-3  # share of the line between two points on which no edge may lie
 
 
 def _between(assembly: Assembly, first: Floats, last: Floats) -> LoadedLine:
@@ -140,22 +153,23 @@ def _between(assembly: Assembly, first: Floats, last: Floats) -> LoadedLine:
     length = float(np.hypot(*(last - first)))
     axis = (last - first) / length
     normal = np.array([-axis[1], axis[0]])
-    found = []
+    edges = []
     for element, p, q in _outer_edges(assembly):
-        level, along = np.array([p - first, q - first]) @ normal, np.array([p - first, q - first]) @ axis
+        away = np.array([p - first, q - first])
+        level, along = away @ normal, away @ axis
         if (abs(level) > _ON * size).any() or along.max() <= 0.0 or along.min() >= length:
             continue
         a, b = (p, q) if along[0] < along[1] else (q, p)
         low, high = float(along.min()), float(along.max())
         ends = np.clip([low, high], 0.0, length)
         p, q = (a + (end - low) / (high - low) * (b - a) for end in ends)
-        found.append(Edge(element, float(ends[0]), float(ends[1]), p, q))
-    covered = sum(edge.high - edge.low for edge in found)
-    if covered < (1.0 - 1e-3) * length:
+        edges.append(Edge(element, float(ends[0]), float(ends[1]), p, q))
+    covered = sum(edge.high - edge.low for edge in edges)
+    if covered < (1.0 - _UNCOVERED) * length:
         named = "({:.6g}, {:.6g}) and ({:.6g}, {:.6g})".format(*first, *last)
         problem = f"no free straight edge of the outline joins {named}"
         raise ParameterError("along", problem, "two points of one edge, in the unit of the outline")
-    return LoadedLine(found, np.zeros(2))
+    return LoadedLine(edges, np.zeros(2))
 
 
 def _extrados(assembly: Assembly, down: Floats) -> LoadedLine:
@@ -167,20 +181,20 @@ def _extrados(assembly: Assembly, down: Floats) -> LoadedLine:
     if not arcs:
         problem = "no arc of the outline is round upwards"
         raise ParameterError("along", problem, "a side, or two points of its outline")
-    arc = max(arcs, key=lambda one: (one.sweep * one.radius, one.radius))
+    arc = max(arcs, key=lambda arc: (arc.sweep * arc.radius, arc.radius))
     corners = np.array([arc.point(angle) for angle in arc.angles])
     line = shapely.LineString(corners)
-    found = []
+    edges = []
     for element, p, q in _outer_edges(assembly):
         if (shapely.distance(shapely.points([p, q]), line) > 2.0 * _ON * arc.radius).any():
             continue
         # counter-clockwise, the angle grows along an edge; places run from the left
         ends = [line.length - float(line.project(shapely.Point(point))) for point in (q, p)]
         if ends[1] > ends[0]:
-            found.append(Edge(element, ends[0], ends[1], q, p))
-    if not found:
+            edges.append(Edge(element, ends[0], ends[1], q, p))
+    if not edges:
         raise ParameterError("along", "the extrados lies on supports", "a side, or two points of its outline")
-    return LoadedLine(found, np.zeros(2))
+    return LoadedLine(edges, np.zeros(2))
 
 
 def _outer_edges(assembly: Assembly) -> list[tuple[int, Floats, Floats]]:
@@ -287,15 +301,15 @@ class DesignOptions:
         try:
             if text.isdigit():
                 count = int(text)
-                found = [(k + 0.5) / count for k in range(count)]
+                shares = [(k + 0.5) / count for k in range(count)]
             else:
-                found = sorted(float(part) for part in text.split(","))
+                shares = sorted(float(part) for part in text.split(","))
         except ValueError:
-            found = []
-        if not 1 <= len(found) <= _PLACES or not all(0.0 < share < 1.0 for share in found):
+            shares = []
+        if not 1 <= len(shares) <= _PLACES or not all(0.0 < share < 1.0 for share in shares):
             wish = f"a number of places up to {_PLACES}, or shares of the length between 0 and 1, as 0.25,0.5"
             raise ParameterError("places", f"{self.places!r} is wrong", wish)
-        return found
+        return shares
 
     def force(self, unit: str) -> float | None:
         """Return the downward load in a unit of force; None if no load is stated."""
@@ -395,7 +409,7 @@ def _forces(
     width = options.width if options.width is not None else _SPREAD * (high - low)
     if not width < high - low:
         raise ParameterError("width", f"{width:g} is not below the loaded length, {high - low:g}", "a shorter length")
-    found = []
+    places = []
     for share in options.shares():
         middle = min(max(low + share * (high - low), low + 0.5 * width), high - 0.5 * width)
         parts = line.spread(middle - 0.5 * width, middle + 0.5 * width)
@@ -405,6 +419,7 @@ def _forces(
             raise ParameterError("places", problem, "a place at the structure, away from its supports")
         live = []
         for edge, a, b in parts:
+            # middle of the part as a share of its edge, and length of the part along the edge
             along = (0.5 * (a + b) - edge.low) / (edge.high - edge.low)
             reach = float(np.hypot(*(edge.q - edge.p))) * (b - a) / (edge.high - edge.low)
             live.append(
@@ -416,8 +431,8 @@ def _forces(
                     "width": (1.0 - 1e-9) * reach,
                 }
             )
-        found.append((middle, live))
-    return found
+        places.append((middle, live))
+    return places
 
 
 def _forces_in_space(
@@ -427,57 +442,72 @@ def _forces_in_space(
     # across it the load acts near the middle of the plan, or of the nearest wall where nothing lies there
     if options.width is not None:
         raise ParameterError("width", "loads in space act at points", "a planar outline, or no width")
-    elements = assembly.elements
-    down = _down(assembly)
-    vertical = int(np.argmax(abs(down)))
-    flat = [axis for axis in range(3) if axis != vertical]
-    side = int(np.argmax(abs(direction)))
-    other = next(axis for axis in flat if axis != side)
-    every = np.concatenate([elements.shape[k] for k in elements.free])
-    lower, upper = every.min(axis=0), every.max(axis=0)
-    outlines = [
-        (k, elements.shape[k][list(loop)], shapely.Polygon(elements.shape[k][list(loop)][:, flat]))
-        for k in elements.free.tolist()
-        for loop in elements.faces[k]
-    ]
-    outlines = [one for one in outlines if one[2].area > 0.0]
-    below = shapely.union_all([shapely.buffer(outline, 0.0) for _, _, outline in outlines])
-    found = []
+    plan = _Plan(assembly, direction)
+    places = []
     for share in options.shares():
-        plan = np.zeros(3)
-        plan[side] = lower[side] + share * (upper[side] - lower[side])
-        ends = np.array([lower, upper])
-        ends[:, side] = plan[side]
-        parts = shapely.get_parts(shapely.intersection(below, shapely.LineString(ends[:, flat])))
-        spans = [shapely.get_coordinates(part)[:, flat.index(other)] for part in parts]
+        at = plan.loaded_point(share)
+        element, at[plan.vertical] = plan.uppermost(at)
+        live = [{"element": assembly.elements.ids[element], "force": (size * plan.down).tolist(), "at": at.tolist()}]
+        places.append((float(at[plan.side]), live))
+    return places
+
+
+class _Plan:
+    """Faces of the free elements of a spatial structure, seen from above."""
+
+    def __init__(self, assembly: Assembly, direction: Floats) -> None:
+        elements = assembly.elements
+        self.down = _down(assembly)
+        # axes: the vertical one, both of the plan, that along which places lie, the other one of the plan
+        self.vertical, self.side = int(np.argmax(abs(self.down))), int(np.argmax(abs(direction)))
+        self._flat = [axis for axis in range(3) if axis != self.vertical]
+        self._other = next(axis for axis in self._flat if axis != self.side)
+        corners = np.concatenate([elements.shape[k] for k in elements.free])
+        self._lower, self._upper = corners.min(axis=0), corners.max(axis=0)
+        faces = [(k, elements.shape[k][list(loop)]) for k in elements.free.tolist() for loop in elements.faces[k]]
+        outlines = [(k, face, shapely.Polygon(face[:, self._flat])) for k, face in faces]
+        # element, corners and outline in the plan of each face that is not upright
+        self._faces = [(k, face, outline) for k, face, outline in outlines if outline.area > 0.0]
+        self._covered = shapely.union_all([shapely.buffer(outline, 0.0) for _, _, outline in self._faces])
+
+    def loaded_point(self, share: float) -> Floats:
+        """Return the point (3,) of the plan, vertical coordinate 0, for a share of its length."""
+        point, side, other = np.zeros(3), self.side, self._other
+        point[side] = self._lower[side] + share * (self._upper[side] - self._lower[side])
+        ends = np.array([self._lower, self._upper])
+        ends[:, side] = point[side]
+        parts = shapely.get_parts(shapely.intersection(self._covered, shapely.LineString(ends[:, self._flat])))
+        spans = [shapely.get_coordinates(part)[:, self._flat.index(other)] for part in parts]
         if not spans:
-            raise ParameterError("places", f"nothing lies below the place {plan[side]:.4g}", "another place")
-        middle = lower[other] + (0.5 - _BESIDE) * (upper[other] - lower[other])
-        over = [span for span in spans if span.min() <= middle <= span.max()]
-        span = min(over or spans, key=lambda one: (round(float(abs(one - middle).min() / np.ptp(ends)), 2), one.min()))
-        plan[other] = middle if over else span.min() + (0.5 - _BESIDE) * np.ptp(span)
-        point = shapely.Point(plan[flat])
-        hits = [
-            (_height(corners, plan, flat, vertical, down), -k)
-            for k, corners, outline in outlines
-            if outline.covers(point)
-        ]
-        level, k = max(hits)
-        at = plan.copy()
-        at[vertical] = -level * np.sign(down[vertical])
-        live = [{"element": elements.ids[-k], "force": (size * down).tolist(), "at": at.tolist()}]
-        found.append((float(plan[side]), live))
-    return found
+            raise ParameterError("places", f"nothing lies below the place {point[side]:.4g}", "another place")
+        middle = self._lower[other] + (0.5 - _BESIDE) * (self._upper[other] - self._lower[other])
+        if any(span.min() <= middle <= span.max() for span in spans):
+            point[other] = middle
+            return point
+        # of walls about as near as the nearest, the first
+        extent = np.ptp(ends)
+        nearest = min(spans, key=lambda span: (round(float(abs(span - middle).min() / extent), 2), span.min()))
+        point[other] = nearest.min() + (0.5 - _BESIDE) * np.ptp(nearest)
+        return point
+
+    def uppermost(self, point: Floats) -> tuple[int, float]:
+        """Return the element on top at a point (3,) of the plan, the first of equals, and its vertical coordinate."""
+        place = shapely.Point(point[self._flat])
+        hits = [(self._height(face, point), -k) for k, face, outline in self._faces if outline.covers(place)]
+        height, element = max(hits)
+        return -element, float(-height * np.sign(self.down[self.vertical]))
+
+    def _height(self, corners: Floats, point: Floats) -> float:
+        """Return the height of a plane face (k, 3) above a point (3,) of the plan; −inf for an upright face."""
+        middle, flat, vertical = corners.mean(axis=0), self._flat, self.vertical
+        normal = np.linalg.svd(corners - middle)[2][2]
+        if abs(normal[vertical]) < _UPRIGHT:
+            return -np.inf
+        level = middle[vertical] - (normal[flat] @ (point[flat] - middle[flat])) / normal[vertical]
+        return float(-level * np.sign(self.down[vertical]))
 
 
-def _height(corners: Floats, plan: Floats, flat: list[int], vertical: int, down: Floats) -> float:
-    """Return the height of a plane face (k, 3) above a point (3,) of the plan; −inf for an upright face."""
-    middle = corners.mean(axis=0)
-    normal = np.linalg.svd(corners - middle)[2][2]
-    if abs(normal[vertical]) < 1e-9:
-        return -np.inf
-    level = middle[vertical] - (normal[flat] @ (plan[flat] - middle[flat])) / normal[vertical]
-    return float(-level * np.sign(down[vertical]))
+_UPRIGHT: Final = 1e-9  # vertical component of a unit normal below which a face is upright
 
 
 # Keys of a search that speak of the cells of a scene, which a design cuts anew
@@ -546,20 +576,7 @@ def _united(scene: Scene, notes: Notes) -> Scene:
     alike = not any(key in entry for entry in free for key in ("density", "weight", "volume", "centroid"))
     if scene.dimension == 3 or len(free) == 1 or scene.interfaces is not None or not alike or scene.materials.faces:
         return scene
-    places = [
-        entry["face"].get("between")
-        for owner in owners
-        for entry in owner.get("live", []) + owner.get("dead", [])
-        if "face" in entry
-    ]
-    if scene.members or any(places):
-        where = "members" if scene.members else "loads"
-        problem = "they name elements, and the free ones of the scene become one outline"
-        raise InputError(
-            where,
-            problem,
-            'a pressure "along" a line' if any(places) else "a drawing or scene with one element for each part",
-        )
+    _refuse_named_elements(scene, owners)
     elements = build_assembly(scene).elements
     parts = unions.union_outlines([elements.shape[k] for k in elements.free])
     if any(part.holes for part in parts):
@@ -567,30 +584,46 @@ def _united(scene: Scene, notes: Notes) -> Scene:
     united = [{"id": f"outline{k}", "polygon": part.shell.tolist()} for k, part in enumerate(parts)]
     shapes = [shapely.Polygon(part.shell) for part in parts]
 
-    def moved(entry: dict[str, Any]) -> dict[str, Any]:
-        """Return a load that refers to the outline that its element is part of, wherever it acts."""
-        if "element" not in entry:
-            return entry
-        k = elements.index[entry["element"]]
-        inside = shapely.Polygon(elements.shape[k]).representative_point()
-        number = int(np.argmin(shapely.distance(shapes, inside)))
-        at = entry.get("at") or elements.centroid[k].tolist()
-        return {**entry, "element": f"outline{number}", **({"at": at} if entry.get("force") is not None else {})}
-
     for owner in owners:
         for key in ("live", "dead"):
             if key in owner:
-                owner[key] = [moved(entry) for entry in owner[key]]
+                owner[key] = [_on_outline(entry, elements, shapes) for entry in owner[key]]
     if scene.grid is not None:
         document["thickness"] = scene.grid.thickness
-    left = [key for key in _OF_CELLS if document.get("search", {}).pop(key, None) is not None]
+    dropped = [key for key in _OF_CELLS if document.get("search", {}).pop(key, None) is not None]
     notes.assumed.append(f"the {len(free)} elements of the scene are one outline, whose joints are chosen anew")
-    if left:
-        notes.assumed.append(f"search.{', search.'.join(left)} left out: they speak of the cells of the scene")
+    if dropped:
+        notes.assumed.append(f"search.{', search.'.join(dropped)} left out: they speak of the cells of the scene")
     for key in ("grid", "labels", "move"):
         document.pop(key, None)
     document["elements"] = [*united, *(entry for entry in entries if entry.get("support"))]
     return parse_scene(document, scene.name)
+
+
+def _on_outline(entry: dict[str, Any], elements: Elements, outlines: list[shapely.Polygon]) -> dict[str, Any]:
+    """Return a load that refers to the outline that its element is part of, wherever it acts."""
+    if "element" not in entry:
+        return entry
+    k = elements.index[entry["element"]]
+    inside = shapely.Polygon(elements.shape[k]).representative_point()
+    number = int(np.argmin(shapely.distance(outlines, inside)))
+    at = entry.get("at") or elements.centroid[k].tolist()
+    return {**entry, "element": f"outline{number}", **({"at": at} if entry.get("force") is not None else {})}
+
+
+def _refuse_named_elements(scene: Scene, owners: list[dict[str, Any]]) -> None:
+    """Raise InputError for members, or loads on faces between elements; owners: the loads and their cases as JSON."""
+    pairs = [
+        entry["face"].get("between")
+        for owner in owners
+        for entry in owner.get("live", []) + owner.get("dead", [])
+        if "face" in entry
+    ]
+    if scene.members or any(pairs):
+        where = "members" if scene.members else "loads"
+        problem = "they name elements, and the free ones of the scene become one outline"
+        remedy = 'a pressure "along" a line' if any(pairs) else "a drawing or scene with one element for each part"
+        raise InputError(where, problem, remedy)
 
 
 def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
@@ -598,8 +631,8 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
     # Supports are added below it if the file has none.
     if options.load is not None and options.force("N") == options.force("kN"):
         raise ParameterError("load", f"{options.load!r} names no unit of force", 'a force, as "10 kN"')
-    found = import_file(file, options.reading, feet=True)
-    report = found.report
+    imported = import_file(file, options.reading, feet=True)
+    report = imported.report
     notes = Notes(found=list(report.found), assumed=list(report.assumed), doubtful=list(report.doubtful))
     with libraries.reading(file):
         # the options say what was assumed instead
@@ -608,9 +641,9 @@ def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
         notes.assumed = [note for note in notes.assumed if not any(words in note for words in said)]
         if loadless and options.load is None and options.push is None:
             notes.assumed.append("the live load is the weight acting sideways: no load was given or drawn")
-        if found.document["materials"] == exchange_options.DEFAULT_MATERIALS:
+        if imported.document["materials"] == exchange_options.DEFAULT_MATERIALS:
             notes.assumed += _defaults(options)
-        scene = parse_scene(found.document, str(file))
+        scene = parse_scene(imported.document, str(file))
     if scene.dimension == 3 and options.thickness is not None:
         raise ParameterError("thickness", "the outline is a solid, which has its own", "a drawing, or no such option")
     _refuse_size(scene, options, notes)
@@ -646,14 +679,14 @@ def _defaults(options: DesignOptions) -> list[str]:
 
 def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) -> dict[str, Any]:
     # Default strengths and friction replace missing ones, and a low friction is added.
-    found = {**materials}
+    completed = {**materials}
     if options.density is not None:
-        found["density"] = options.density
-    dry = dict(found.get("dry") or exchange_options.DEFAULT_MATERIALS["dry"])
-    inner = dict(found.get("inner") or exchange_options.DEFAULT_MATERIALS["inner"])
-    if not found.get("dry") and options.friction is None:
+        completed["density"] = options.density
+    dry = dict(completed.get("dry") or exchange_options.DEFAULT_MATERIALS["dry"])
+    inner = dict(completed.get("inner") or exchange_options.DEFAULT_MATERIALS["inner"])
+    if not completed.get("dry") and options.friction is None:
         notes.assumed.append(f"friction {exchange_options.DEFAULT_MATERIALS['dry']['friction_coefficient']:g}")
-    if not found.get("inner") and (options.tension is None or options.shear is None):
+    if not completed.get("inner") and (options.tension is None or options.shear is None):
         notes.assumed.append(f"{exchange_options.DEFAULT_STRENGTHS}, where not given")
     if options.friction is not None:
         dry.pop("friction_angle", None)
@@ -666,4 +699,4 @@ def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) 
     for name, key in (("tension", "tensile_strength"), ("shear", "shear_strength")):
         if getattr(options, name) is not None:
             inner[key] = getattr(options, name)
-    return {**found, "dry": dry, "inner": inner}
+    return {**completed, "dry": dry, "inner": inner}

@@ -140,8 +140,8 @@ def verdict(work: Design) -> str:
         "" if not anywhere or math.isnan(winner.load_factor) else f" By the faces drawn it is {winner.load_factor:.4g}."
     )
     if not math.isfinite(low):
-        most = f"at most {high:.4g} times {load}" if math.isfinite(high) else "no bound was found in time"
-        told = f"What {stones} stones carry {model} is not decided: {most}."
+        at_most = f"at most {high:.4g} times {load}" if math.isfinite(high) else "no bound was found in time"
+        told = f"What {stones} stones carry {model} is not decided: {at_most}."
     else:
         ending = f"; not decided between that and {high:.4g}" if high > (1.0 + _CLOSE) * low else ""
         ending = "; nothing bounds it from above" if math.isinf(high) else ending
@@ -151,9 +151,11 @@ def verdict(work: Design) -> str:
     told += drawn
     rivals = rivals_of(work)
     if rivals:
-        most = "without a bound" if math.isinf(rivals[0].upper_estimate) else f"at most {rivals[0].upper_estimate:.4g}"
+        at_most = (
+            "without a bound" if math.isinf(rivals[0].upper_estimate) else f"at most {rivals[0].upper_estimate:.4g}"
+        )
         count = "another layout" if len(rivals) == 1 else f"one of {len(rivals)} other layouts"
-        told += f" Whether {count} carries more is not decided ({_name(rivals[0])}: {most})."
+        told += f" Whether {count} carries more is not decided ({_name(rivals[0])}: {at_most})."
     return told
 
 
@@ -197,8 +199,8 @@ def _claim(trial: Trial) -> str:
     """Describe the load carried at least and at most, with the kind of proof."""
     low, high = trial.fields
     if math.isfinite(low):
-        most = f", at most {high:.4g}" if math.isfinite(high) else ""
-        return f"carries at least {low:.4g} times the load wherever its blocks crack{most}"
+        at_most = f", at most {high:.4g}" if math.isfinite(high) else ""
+        return f"carries at least {low:.4g} times the load wherever its blocks crack{at_most}"
     if high < 0.0:
         return "does not stand under its dead load where blocks crack anywhere"
     if math.isfinite(high):
@@ -255,12 +257,15 @@ def _loads(work: Design) -> str:
 
 def _tried(work: Design) -> list[dict[str, str]]:
     rows = []
-    for one in work.tessellations:
-        own = [trial for trial in work.trials if trial.tessellation == one.name]
-        row = {"tessellation": one.words, "search": work.search_words.get(one.name, one.problem or "not begun")}
+    for tessellation in work.tessellations:
+        its_trials = [trial for trial in work.trials if trial.tessellation == tessellation.name]
+        row = {
+            "tessellation": tessellation.words,
+            "search": work.search_words.get(tessellation.name, tessellation.problem or "not begun"),
+        }
         for kind, words in (("stated", "as stated"), ("searched", "searched"), ("moved", "moved")):
-            found = next((trial for trial in own if trial.kind == kind), None)
-            row[f"λ by fields, {words}"] = "–" if found is None else _words_of_bounds(found)
+            trial_of_kind = next((trial for trial in its_trials if trial.kind == kind), None)
+            row[f"λ by fields, {words}"] = "–" if trial_of_kind is None else _words_of_bounds(trial_of_kind)
         rows.append(row)
     return rows
 
@@ -279,35 +284,35 @@ def _words_of_bounds(trial: Trial) -> str:
 
 
 def _proven(work: Design) -> list[str]:
-    found = []
+    sentences = []
     winner = work.winner
     if winner is not None and math.isfinite(winner.fields[0]):
-        found.append(
+        sentences.append(
             f"Proven: the best layout carries at least {winner.fields[0]:.4g} times the load in every load case. A "
             "stress field that nowhere exceeds the strengths was found and weighed."
         )
     elif winner is not None and math.isfinite(winner.fields[1]):
-        found.append(
+        sentences.append(
             f"Proven: the best layout carries at most {winner.fields[1]:.4g} times the load. No lower bound by fields "
             "was found in time: give more time, or jld solve DIR/best.json --cracks fields."
         )
     elif winner is not None:
-        found.append(
+        sentences.append(
             f"Proven for cracks along the faces of the cells: λ from {winner.faces[0]:.4g} to {winner.faces[1]:.4g}. "
             "Blocks that crack elsewhere may carry less."
         )
     for name, words in work.search_words.items():
         if re.match(r"\d+ layouts?, proven", words):
             crushed = "" if work.outline.scene.dimension == 3 else ", where faces crush as blocks do,"
-            found.append(f"Proven: of the cells of {name}{crushed} no other choice of joints is stronger by faces.")
+            sentences.append(f"Proven: of the cells of {name}{crushed} no other choice of joints is stronger by faces.")
     tried = sum(one.scene is not None for one in work.tessellations)
     moved = any(one.kind == "moved" for one in work.trials)
     ends = "; moves end at a local best" if moved else ""
     kinds = "1 kind of cells was" if tried == 1 else f"{tried} kinds of cells were"
-    found.append(f"Not proven: that no stronger layout exists. {kinds} tried{ends}.")
+    sentences.append(f"Not proven: that no stronger layout exists. {kinds} tried{ends}.")
     if work.options.shapes is not None or work.options.laid is not None:
-        found.append("Joints were not moved: a limit on shapes or on laying holds for the cells as they are.")
-    return found
+        sentences.append("Joints were not moved: a limit on shapes or on laying holds for the cells as they are.")
+    return sentences
 
 
 def _blocks(winner: Trial) -> list[dict[str, str]]:

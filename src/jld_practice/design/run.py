@@ -94,18 +94,18 @@ def move_in_rounds(work: Design, until: Deadline, say: Callable[[str], None]) ->
 def _first_tasks(work: Design) -> list[Task]:
     """Return the layouts of the first round: best of each tessellation, second best, stated ones."""
     scenes = {one.name: one.scene for one in work.tessellations if one.scene is not None}
-    found: list[Task] = []
+    tasks: list[Task] = []
     ranked = sorted((one for one in work.ranked if one.kind == "searched"), key=lambda one: -one.upper_estimate)
     for number in range(LAYOUTS):
         for trial in ranked:
             layouts = work.layouts.get(trial.tessellation, [])
             if number < len(layouts):
-                found.append(Task(trial.tessellation, scenes[trial.tessellation], layouts[number], f"row {number + 1}"))
+                tasks.append(Task(trial.tessellation, scenes[trial.tessellation], layouts[number], f"row {number + 1}"))
     usual = work.usual
     if usual is not None and usual.allowed and usual.stands:
         assembly = build_assembly(scenes[usual.tessellation])
-        found.append(Task(usual.tessellation, scenes[usual.tessellation], assembly.labels, "as stated"))
-    return found
+        tasks.append(Task(usual.tessellation, scenes[usual.tessellation], assembly.labels, "as stated"))
+    return tasks
 
 
 def _further_tasks(work: Design, until: Deadline, strength: float, number: int) -> list[Task]:
@@ -113,10 +113,10 @@ def _further_tasks(work: Design, until: Deadline, strength: float, number: int) 
     moved = [one for one in work.ranked if one.kind == "moved"]
     bases = moved[:1]
     bases += sorted((one for one in moved if one not in bases), key=lambda one: -one.upper_estimate)[: _BASES - 1]
-    found: list[Task] = []
+    tasks: list[Task] = []
     for k, base in enumerate(bases):
-        own = build_assembly(base.scene).labels
-        found.append(Task(base.tessellation, base.scene, own, f"round {number}, its own labels"))
+        base_labels = build_assembly(base.scene).labels
+        tasks.append(Task(base.tessellation, base.scene, base_labels, f"round {number}, its own labels"))
         seconds = until.remaining() / (len(bases) - k)
         if seconds < _LEAST_MOVE / 2.0:
             continue
@@ -128,12 +128,12 @@ def _further_tasks(work: Design, until: Deadline, strength: float, number: int) 
             done = explore(with_crushing(base.scene, strength), folder, settings)
         except InputError:  # no layout was found in the time: its own labels move on
             continue
-        others = [labels for labels in best_labels(done, LAYOUTS) if not np.array_equal(labels, own)]
-        found += [
+        others = [labels for labels in best_labels(done, LAYOUTS) if not np.array_equal(labels, base_labels)]
+        tasks += [
             Task(base.tessellation, base.scene, labels, f"round {number}, row {row}")
             for row, labels in enumerate(others, 1)
         ]
-    return found
+    return tasks
 
 
 def _run(
@@ -146,11 +146,11 @@ def _run(
     each = min(until.remaining() / max(1, math.ceil(len(tasks) / jobs)), _LONGEST)
     refused: dict[str, None] = {}
     with Pool(jobs) as pool:
-        for found in pool.run(moved_trial, [(task, strength, _SLACK * each) for task in tasks]):
-            if isinstance(found, Trial):
-                work.trials = [*work.trials, found]
+        for outcome in pool.run(moved_trial, [(task, strength, _SLACK * each) for task in tasks]):
+            if isinstance(outcome, Trial):
+                work.trials = [*work.trials, outcome]
             else:
-                refused[found] = None
+                refused[outcome] = None
     for words in refused:
         say(f"round {number}      joints cannot move: {words}")
 
@@ -166,9 +166,9 @@ def moved_trial(task: Task, strength: float, seconds: float) -> Trial | str:
         fields = field_bounds(assembly, assembly.labels, (1.0 - _MOVING) * seconds)
     except InputError as error:
         return f"{error.where}: {error.problem}".lstrip(": ")
-    found = solve_rigid(assembly)
+    result = solve_rigid(assembly)
     words = f"{task.words}, {done.end}"
-    return Trial(task.tessellation, "moved", scene, found.load_factor, faces_of(found.bracket), fields, words)
+    return Trial(task.tessellation, "moved", scene, result.load_factor, faces_of(result.bracket), fields, words)
 
 
 _WRITING: Final = (0.05, 2.0)  # share of the time limit, and seconds, that are kept back for page and pictures
@@ -223,8 +223,8 @@ def design_outline(
     deadline = Deadline(options.seconds, started)
     say = announce or (lambda _: None)
     files.require_folder(folder)
-    there = folder.exists()
-    if there and any(folder.iterdir()):
+    existed = folder.exists()
+    if existed and any(folder.iterdir()):
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder")
     try:
         work = Design(options, read_outline(file, options), folder)
@@ -235,30 +235,14 @@ def design_outline(
     busy = busy_factor(deadline.elapsed(), time.process_time())
     until = deadline.earlier(_WRITING[0] * options.seconds + busy * _WRITING[1])
     try:
-        _cut(work, deadline, say)
-        folder.mkdir(parents=True, exist_ok=True)
-        _search_all(work, until, say)
-        work.seconds = deadline.elapsed()
-        write_design(work, pictures=False)
-        _bound_usual(work, until)
-        _move_best(work, until, say)
-        _refine_promising(work, until, say)
-        if work.winner is not None:
-            work.checks = check_winner(work, until.within(2.0 * _CHECKS * options.seconds), say)
+        _take_steps(work, deadline, until, say)
     except Interrupted as stop:
-        if not work.trials and not folder.exists():
-            stop.words = _NOTHING
-            raise
-        work.stop = "interrupted"
-        work.seconds = deadline.elapsed()
-        folder.mkdir(parents=True, exist_ok=True)
-        write_design(work)
-        stop.words = f"stopped; the best so far is in {folder}" if work.winner else "stopped; no layout was found yet"
+        stop.words = _write_best_so_far(work, deadline)
         raise
     work.seconds = deadline.elapsed()
     if work.winner is None:
         shutil.rmtree(folder)
-        if there:
+        if existed:
             folder.mkdir()
         reasons = "; ".join(f"{name}: {words}" for name, words in work.search_words.items())
         wish = "weaker limits, a longer time, or a smaller load"
@@ -266,6 +250,30 @@ def design_outline(
     # a picture takes seconds on a busy machine
     write_design(work, pictures=deadline.remaining() + max(_OVER[0] * options.seconds, _OVER[1]) > busy * _PICTURE)
     return work
+
+
+def _take_steps(work: Design, deadline: Deadline, until: Deadline, say: Say) -> None:
+    """Cut, search, move, refine and check, with a first page as soon as searches end."""
+    _cut(work, deadline, say)
+    work.folder.mkdir(parents=True, exist_ok=True)
+    _search_all(work, until, say)
+    work.seconds = deadline.elapsed()
+    write_design(work, pictures=False)
+    _bound_usual(work, until)
+    _move_best(work, until, say)
+    _refine_promising(work, until, say)
+    if work.winner is not None:
+        work.checks = check_winner(work, until.within(2.0 * _CHECKS * work.options.seconds), say)
+
+
+def _write_best_so_far(work: Design, deadline: Deadline) -> str:
+    """Write what an interrupted design has found, if anything, and say so."""
+    if not work.trials and not work.folder.exists():
+        return _NOTHING
+    work.stop, work.seconds = "interrupted", deadline.elapsed()
+    work.folder.mkdir(parents=True, exist_ok=True)
+    write_design(work)
+    return f"stopped; the best so far is in {work.folder}" if work.winner else "stopped; no layout was found yet"
 
 
 def _cut(work: Design, deadline: Deadline, say: Say) -> None:
@@ -311,11 +319,11 @@ def _screen_tessellation(
 def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds | None, seconds: float = 0.0) -> None:
     """Add the layout that a scene states to the trials in the place of a weaker one."""
     assembly = build_assembly(scene)
-    found = solve_rigid(assembly)
+    result = solve_rigid(assembly)
     if fields is None:
         fields = field_bounds(assembly, assembly.labels, seconds)
     name, words = tessellation.name, work.search_words[tessellation.name]
-    trial = Trial(name, "searched", scene, found.load_factor, faces_of(found.bracket), fields, words)
+    trial = Trial(name, "searched", scene, result.load_factor, faces_of(result.bracket), fields, words)
     others = [one for one in work.trials if (one.tessellation, one.kind) == (name, "searched")]
     if not any(one.order() < trial.order() for one in others):
         work.trials = [*(one for one in work.trials if one not in others), trial]
@@ -328,14 +336,14 @@ def _solve_usual(work: Design) -> None:
     if first is None or first.scene is None:
         return
     assembly = build_assembly(first.scene)
-    found = solve_rigid(assembly)
+    result = solve_rigid(assembly)
     try:
         allowed = bool(feasible(search_space(first.scene, assembly), assembly.labels[None])[0])
     except InputError:  # limits that nothing satisfies: the search says so
         allowed = False
-    faces = (-math.inf, -math.inf) if found.status is Status.UNSTABLE else faces_of(found.bracket)
+    faces = (-math.inf, -math.inf) if result.status is Status.UNSTABLE else faces_of(result.bracket)
     work.trials.append(
-        Trial(first.name, "stated", first.scene, found.load_factor, faces, UNPROVEN, "no search", allowed)
+        Trial(first.name, "stated", first.scene, result.load_factor, faces, UNPROVEN, "no search", allowed)
     )
 
 
@@ -350,31 +358,35 @@ def _bound_usual(work: Design, until: Deadline) -> None:
 
 def _search_all(work: Design, until: Deadline, say: Say) -> None:
     """Search the labels of every tessellation in equal times; bound their best by fields."""
-    fitting = [one for one in work.tessellations if one.scene is not None and one.name in work.screened]
-    left = until.remaining()
-    total = max(_SEARCHES * left, min(_LEAST * len(fitting), _SHORT * left))
+    fitting = [
+        tessellation
+        for tessellation in work.tessellations
+        if tessellation.scene is not None and tessellation.name in work.screened
+    ]
+    seconds_left = until.remaining()
+    total = max(_SEARCHES * seconds_left, min(_LEAST * len(fitting), _SHORT * seconds_left))
     if not _moves(work):  # searches get that time as well
         refining = _REFINING if work.outline.scene.dimension == 2 else 0.0
-        total = (1.0 - _CHECKS - refining) * left
+        total = (1.0 - _CHECKS - refining) * seconds_left
     # in a short time the most promising tessellations are searched, instead of all with a few layouts each
-    fitting = sorted(fitting, key=lambda one: -work.screened[one.name].load_factor)
-    least = max((work.screened[one.name].search_seconds for one in fitting), default=_LEAST)
-    fitting = fitting[: max(1, round(total / min(least, _LEAST)))]
+    fitting = sorted(fitting, key=lambda tessellation: -work.screened[tessellation.name].load_factor)
+    seconds_each = max((work.screened[tessellation.name].search_seconds for tessellation in fitting), default=_LEAST)
+    fitting = fitting[: max(1, round(total / min(seconds_each, _LEAST)))]
     whole = until.within(total)
-    for number, one in enumerate(fitting):
+    for number, tessellation in enumerate(fitting):
         each = whole.within(whole.remaining() / (len(fitting) - number))
         if each.remaining() < 1.0:
             continue
         try:
-            _search(work, one, each)
+            _search(work, tessellation, each)
         except InputError as error:
-            work.search_words[one.name] = f"{error.where}: {error.problem}".lstrip(": ")
+            work.search_words[tessellation.name] = f"{error.where}: {error.problem}".lstrip(": ")
         except Interrupted as stop:
             if isinstance(stop.done, Exploration):
-                _keep(work, one, stop.done, 0.0)
+                _keep(work, tessellation, stop.done, 0.0)
             raise
-        best = [trial for trial in work.trials if trial.tessellation == one.name and trial.kind == "searched"]
-        say(f"{one.name:<12} " + (_said(best[-1]) if best else work.search_words[one.name]))
+        best = [trial for trial in work.trials if trial.tessellation == tessellation.name and trial.kind == "searched"]
+        say(f"{tessellation.name:<12} " + (_said(best[-1]) if best else work.search_words[tessellation.name]))
 
 
 def _search(work: Design, tessellation: Tessellation, until: Deadline) -> None:
@@ -437,18 +449,19 @@ def _refine_promising(work: Design, until: Deadline, say: Say) -> None:
     deadline = until.earlier(_CHECKS * work.options.seconds)
     with Pool(jobs) as pool:
         for wave in range(_WAVES):
-            least = work.winner.proven if work.winner is not None else -math.inf
-            open_ones = [one for one in work.ranked if one.scene.dimension == 2 and one.fields[1] > least]
+            proven = work.winner.proven if work.winner is not None else -math.inf
+            open_ones = [one for one in work.ranked if one.scene.dimension == 2 and one.fields[1] > proven]
             # the winner, and what may carry most
             promising = open_ones[:1] + sorted(open_ones[1:], key=lambda one: -one.upper_estimate)[: max(1, jobs) - 1]
             seconds = deadline.remaining() / (_WAVES - wave)
             if seconds < 1.0 or not promising:
                 return
-            found = pool.run(refined_bounds, [(one.scene, _REFINED * seconds) for one in promising])
-            for one, (low, high) in zip(promising, found, strict=True):
-                better = replace(one, fields=(max(low, one.fields[0]), min(high, one.fields[1])))
-                work.trials = [better if trial is one else trial for trial in work.trials]
-                say(f"{one.tessellation:<12} {one.kind}: by fields {better.fields[0]:.4g} to {better.fields[1]:.4g}")
+            bounds = pool.run(refined_bounds, [(one.scene, _REFINED * seconds) for one in promising])
+            for refined, (low, high) in zip(promising, bounds, strict=True):
+                low, high = max(low, refined.fields[0]), min(high, refined.fields[1])
+                better = replace(refined, fields=(low, high))
+                work.trials = [better if trial is refined else trial for trial in work.trials]
+                say(f"{refined.tessellation:<12} {refined.kind}: by fields {low:.4g} to {high:.4g}")
 
 
 @one_thread()

@@ -107,23 +107,30 @@ def aligned_cells(field: TriangleStresses, size: float) -> AlignedCells:
     heads = _fitted(field, gradient, area * weight, direction)
     beds = _fitted(field, gradient, area * weight, across)
     lines: list[shapely.LineString] = []
-    deviation, total = 0.0, 0.0
+    deviation, total = 0.0, 0.0  # sum of angles of head joints by weight, and of weights
     for number in range(int(part.max()) + 1):
-        own = field.triangles[part == number]
-        for values, normal in ((heads, direction[part == number]), (beds, None)):
-            ends, triangle = _level_lines(field.points, own, values, size)
-            lines += list(shapely.linestrings(ends))
-            if normal is not None and len(ends):
-                along = ends[:, 1] - ends[:, 0]
-                length = np.hypot(*along.T)
-                share = length * strength[part == number][triangle]
-                turned = np.abs(np.einsum("sd,sd->s", along, normal[triangle])) / np.maximum(length, 1e-300)
-                deviation += float(share @ np.arcsin(np.minimum(turned, 1.0)))
-                total += float(share.sum())
+        of_part = part == number
+        triangles = field.triangles[of_part]
+        head_joints, triangle = _level_lines(field.points, triangles, heads, size)
+        bed_joints, _ = _level_lines(field.points, triangles, beds, size)
+        lines += [*shapely.linestrings(head_joints), *shapely.linestrings(bed_joints)]
+        if len(head_joints):
+            angle, length = _deviations(head_joints, direction[of_part][triangle])
+            share = length * strength[of_part][triangle]
+            deviation += float(share @ angle)
+            total += float(share.sum())
     if len(lines) > arrangement.MOST:
         raise InputError("cell", f"that makes {len(lines):.3g} pieces of joints", f"at most {arrangement.MOST}")
     cells = _halved(_cells(field, lines, size), field, direction, _LARGEST * size**2)
     return AlignedCells(cells, deviation / total if total > 0.0 else 0.0)
+
+
+def _deviations(segments: Floats, direction: Floats) -> tuple[Floats, Floats]:
+    """Return the angles (s,) between segments (s, 2, 2) and the normals of directions (s, 2), and the lengths (s,)."""
+    along = segments[:, 1] - segments[:, 0]
+    length = np.hypot(*along.T)
+    sine = np.abs(np.einsum("sd,sd->s", along, direction)) / np.maximum(length, 1e-300)
+    return np.arcsin(np.minimum(sine, 1.0)), np.asarray(length)
 
 
 def _matrix(triangles: Ints, blocks: Floats, count: int) -> csr_matrix:
@@ -158,10 +165,10 @@ def _oriented(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
         for pair in ((a, b), (b, c), (c, a)):
             edges.setdefault((min(pair), max(pair)), []).append(number)
     beside: list[list[int]] = [[] for _ in triangles]
-    for both in edges.values():
-        if len(both) == 2:
-            beside[both[0]].append(both[1])
-            beside[both[1]].append(both[0])
+    for users in edges.values():
+        if len(users) == 2:
+            beside[users[0]].append(users[1])
+            beside[users[1]].append(users[0])
     part = np.full(len(triangles), -1, dtype=np.int64)
     number = 0
     for root in np.argsort(-weight, kind="stable").tolist():
@@ -169,15 +176,15 @@ def _oriented(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
             continue
         heap = [(-float(weight[root]), root, root)]
         while heap:
-            _, here, before = heapq.heappop(heap)
-            if part[here] >= 0:
+            _, triangle, before = heapq.heappop(heap)
+            if part[triangle] >= 0:
                 continue
-            part[here] = number
-            if float(direction[here] @ direction[before]) < 0.0:
-                direction[here] *= -1.0
-            for other in beside[here]:
+            part[triangle] = number
+            if float(direction[triangle] @ direction[before]) < 0.0:
+                direction[triangle] *= -1.0
+            for other in beside[triangle]:
                 if part[other] < 0:
-                    heapq.heappush(heap, (-float(weight[other]), other, here))
+                    heapq.heappush(heap, (-float(weight[other]), other, triangle))
         number += 1
     return part
 
@@ -205,14 +212,16 @@ def _level_lines(points: Floats, triangles: Ints, values: Floats, size: float) -
     points: (p, 2). triangles: (t, 3). values: (p,).
     """
     # The levels divide the range of the values in equal parts.
-    own = values[triangles]
-    low, high = float(own.min()), float(own.max())
+    at_corners = values[triangles]
+    low, high = float(at_corners.min()), float(at_corners.max())
     levels = np.linspace(low, high, max(1, round((high - low) / size)) + 1)[1:-1]
     segments, owner = [np.zeros((0, 2, 2))], [np.zeros(0, dtype=np.int64)]
     for level in levels.tolist():
         # a level through a node passes beside it
-        apart = np.where(np.abs(own - level) < 1e-9 * (high - low), 1e-9 * (high - low), own - level)
+        apart = at_corners - level
+        apart = np.where(np.abs(apart) < _GRID * (high - low), _GRID * (high - low), apart)
         cut = np.flatnonzero((apart.min(axis=1) < 0.0) & (apart.max(axis=1) > 0.0))
+        # the corner that lies alone on its side of the level: the line crosses both of its edges
         d = apart[cut]
         lone = np.where((d > 0.0).sum(axis=1) == 1, (d > 0.0).argmax(axis=1), (d < 0.0).argmax(axis=1))
         row = np.arange(len(cut))
@@ -228,13 +237,16 @@ def _level_lines(points: Floats, triangles: Ints, values: Floats, size: float) -
     return np.concatenate(segments), np.concatenate(owner)
 
 
+_GRID: Final = 1e-9  # grid of joints, relative to the body; levels keep as far from nodes, relative to their range
+
+
 def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float) -> list[shapely.Polygon]:
     """Return the polygons that joints and the outline enclose; joints straightened between crossings."""
     # Cells reach a little beyond the outline.
     body = shapely.union_all(shapely.polygons(field.points[field.triangles]))
     extent = float(np.ptp(field.points, axis=0).max())
     outline = shapely.boundary(body)
-    whole = shapely.line_merge(shapely.union_all([outline, *lines], grid_size=1e-9 * extent))
+    whole = shapely.line_merge(shapely.union_all([outline, *lines], grid_size=_GRID * extent))
     near, beside = outline.buffer(_ON * extent), outline.buffer(_BESIDE * size)
     chains = []
     for chain in shapely.get_parts(whole):
@@ -247,12 +259,13 @@ def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float
             if piece.length > _ALONG * _BESIDE * size
         ]
         # what is left of such a joint ends in a cell, and is no border of cells
-        left = shapely.difference(straight, shapely.union_all(along)) if along else straight
-        chains += [_extended(one, near, _PAST * _OUTSIDE * size) for one in shapely.get_parts(left) if not one.is_empty]
+        rest = shapely.difference(straight, shapely.union_all(along)) if along else straight
+        pieces = [piece for piece in shapely.get_parts(rest) if not piece.is_empty]
+        chains += [_extended(piece, near, _PAST * _OUTSIDE * size) for piece in pieces]
     around = shapely.boundary(body.buffer(_OUTSIDE * size, join_style="mitre"))
-    noded = shapely.union_all([around, *chains], grid_size=1e-9 * extent)
-    found = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(noded))))
-    return [one for one in found if body.contains(one.representative_point())]
+    noded = shapely.union_all([around, *chains], grid_size=_GRID * extent)
+    polygons = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(noded))))
+    return [polygon for polygon in polygons if body.contains(polygon.representative_point())]
 
 
 def _extended(line: shapely.LineString, near: shapely.Geometry, length: float) -> shapely.LineString:
@@ -274,9 +287,9 @@ def _halved(
     """
     tree = shapely.STRtree(shapely.polygons(field.points[field.triangles]))
     done: list[shapely.Polygon] = []
-    left = cells[::-1]
-    while left:
-        cell = left.pop()
+    waiting = cells[::-1]
+    while waiting:
+        cell = waiting.pop()
         if cell.area <= largest:
             done.append(cell)
             continue
@@ -297,7 +310,7 @@ def _halved(
             for part in shapely.get_parts(shapely.intersection(cell, half))
             if part.geom_type == "Polygon"
         ]
-        left += parts[::-1]
+        waiting += parts[::-1]
     return done
 
 
@@ -355,10 +368,10 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
     strengths = assembly.strengths(_ROUTE)
     for share in _TENSION:
         weak = assembly.with_strengths(replace(strengths, tension=share * strengths.tension))
-        found = [_refined(case, until) for case in weak.by_case]
+        bounds = [_refined(case, until) for case in weak.by_case]
         # the case with the least lower bound governs
-        lower = [one.lower / factor for one, factor in zip(found, assembly.required.tolist(), strict=True)]
-        stresses = found[int(np.argmin([low if np.isfinite(low) else np.inf for low in lower]))].stresses
+        lower = [one.lower / factor for one, factor in zip(bounds, assembly.required.tolist(), strict=True)]
+        stresses = bounds[int(np.argmin([low if np.isfinite(low) else np.inf for low in lower]))].stresses
         if stresses is not None:
             mesh = stresses.mesh
             return TriangleStresses(mesh.points, mesh.simplices, stresses.stress.mean(axis=1))
@@ -414,19 +427,19 @@ def tessellations(
     planar = assembly.dimension == 2
     kinds = _planar(outline, assembly, options, until) if planar else _spatial(outline, assembly, options)
     side = side_of(assembly)
-    found: list[Tessellation] = []
+    made_so_far: list[Tessellation] = []
     for name, words, make in kinds:
-        late = bool(found) and until is not None and until.passed()
+        late = bool(made_so_far) and until is not None and until.passed()
         cut = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
-        alike = [one.name for one in found if cut.scene is not None and one.scene == cut.scene]
-        found.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else cut)
-        made(found[-1])
-    if all(one.scene is None for one in found):
-        reasons = "; ".join(f"{one.name}: {one.problem}" for one in found)
+        alike = [one.name for one in made_so_far if cut.scene is not None and one.scene == cut.scene]
+        made_so_far.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else cut)
+        made(made_so_far[-1])
+    if all(one.scene is None for one in made_so_far):
+        reasons = "; ".join(f"{one.name}: {one.problem}" for one in made_so_far)
         raise InputError(
             "the outline", f"no tessellation fits ({reasons})", "a larger `block_mass`, or another outline"
         )
-    return found
+    return made_so_far
 
 
 _Make = Callable[[float], Scene]  # function that cuts an outline with cells of a relative size, 1 at first
@@ -453,6 +466,9 @@ def _made(name: str, words: str, make: _Make, options: DesignOptions, side: Floa
     return Tessellation(name, words, None, problem)
 
 
+_STRETCHER: Final = 1.6  # length of a stretcher over the side of a cell
+
+
 def _planar(
     outline: Scene, assembly: Assembly, options: DesignOptions, until: Deadline | None
 ) -> list[tuple[str, str, _Make]]:
@@ -476,7 +492,7 @@ def _planar(
 
     def stones(size: float) -> Scene:
         height = _fitting(upper[1] - lower[1], size * cell / math.sqrt(2.0))
-        return _ready(refine(outline, (1.6 * size * cell, height), kind="bond", snap=_SNAP).scene, arcs)
+        return _ready(refine(outline, (_STRETCHER * size * cell, height), kind="bond", snap=_SNAP).scene, arcs)
 
     def voussoirs(size: float) -> Scene:
         count, rings = _voussoirs(arcs, lower, upper, size * cell)
@@ -532,7 +548,7 @@ def _spatial(outline: Scene, assembly: Assembly, options: DesignOptions) -> list
 
         def cut(size: float) -> Scene:
             course = _fitting(height, size * cell / math.sqrt(2.0))
-            return _ready(refine(outline, (1.6 * size * cell, course), kind="bond", lintel=lintel).scene, [])
+            return _ready(refine(outline, (_STRETCHER * size * cell, course), kind="bond", lintel=lintel).scene, [])
 
         return cut
 
@@ -554,10 +570,10 @@ def _cell_size(assembly: Assembly, measure: float, dimension: int, options: Desi
             raise ParameterError("block_mass", "the structure has no weight", "a `density`")
         each = min(each, 0.5 * options.block_mass / mass * measure)
         if measure / each > _MOST:
-            least = 2.0 * mass / _MOST
+            least_mass = 2.0 * mass / _MOST
             kg = " kg" if assembly.units == ("m", "N") else ""
             problem = f"the structure of {mass:.4g}{kg} would be {mass / options.block_mass:.0f} blocks of that mass"
-            wish = f"at least {least:.3g}{kg}, for {_MOST} cells at the most"
+            wish = f"at least {least_mass:.3g}{kg}, for {_MOST} cells at the most"
             if dimension == 2 and options.thickness is None:
                 wish += ", or the `thickness` of the structure (1 where the outline states none)"
             raise ParameterError("block_mass", problem, wish)

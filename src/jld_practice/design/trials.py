@@ -413,18 +413,18 @@ def _laid(work: Design, until: Deadline) -> Check:
     try:
         with until.enforced():
             sideways = winner.scene.search.assemble_out_of_plane
-            found = assembly_order(assembly, assembly.labels, sideways=sideways, start=start)
+            order = assembly_order(assembly, assembly.labels, sideways=sideways, start=start)
     except DeadlinePassed:
         return Check("laying", f"order of laying: no time was left; jld assembly {work.folder}")
-    if not found.possible:
-        names = ", ".join(found.blocks.name(block) for block in found.locked)
+    if not order.possible:
+        names = ", ".join(order.blocks.name(block) for block in order.locked)
         return Check("laying", f"order of laying: none by translations, {names} lock one another", {"possible": False})
-    props = max((float(step.stage.props.sum()) for step in found.steps), default=0.0)
+    props = max((float(step.stage.props.sum()) for step in order.steps), default=0.0)
     held = (
         "no stage needs a prop"
-        if found.stands
+        if order.stands
         else f"props of {units.force_in_words(props, assembly.units[1])} at the most"
     )
-    values = {"possible": True, "steps": len(found.steps), "props": props}
+    values = {"possible": True, "steps": len(order.steps), "props": props}
     first = "" if start == "ground" else f" from the {start}"
-    return Check("laying", f"order of laying{first}: {len(found.steps)} steps, {held}", values)
+    return Check("laying", f"order of laying{first}: {len(order.steps)} steps, {held}", values)

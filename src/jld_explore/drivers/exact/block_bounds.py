@@ -190,8 +190,10 @@ class BlockBoundTightening:
     ) -> Choice | None:
         """Solve the relaxation of blocks `remaining` (k,); None if time runs out or the worker fails."""
         listed, chosen = self._listed_blocks, remaining.tolist()
-        some = PossibleBlocks(tuple(listed.members[p] for p in chosen), tuple(listed.inside[p] for p in chosen))
-        block_space = BlockSpace(self._context.space, some)
+        remaining_blocks = PossibleBlocks(
+            tuple(listed.members[p] for p in chosen), tuple(listed.inside[p] for p in chosen)
+        )
+        block_space = BlockSpace(self._context.space, remaining_blocks)
         program = np.ones(len(remaining), dtype=bool), *ends
         if self._sides <= _SIDES_HERE:
             relaxation = block_space.relaxation(self._context.analyses, seconds)
@@ -339,8 +341,8 @@ class _BlockRefutation:
             chosen = range(len(self._blocks)) if blocks is None else blocks.tolist()
             members = [self._blocks.members[p] for p in chosen]
             inside = [self._blocks.inside[p] for p in chosen]
-            left = max(0.0, self._end - time.perf_counter())
-            self._relaxations[key] = block_relaxation_of(self._context.space.assembly, members, inside, (), left)
+            seconds = max(0.0, self._end - time.perf_counter())
+            self._relaxations[key] = block_relaxation_of(self._context.space.assembly, members, inside, (), seconds)
         return self._relaxations[key]
 
 

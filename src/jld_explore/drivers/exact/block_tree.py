@@ -148,17 +148,16 @@ class BlockTree:
             self._next = node
             return TreeStep(node)
         tried, conflicts = branches
-        if all(len(one.left) == 2 for one in tried):
+        if all(len(children.left) == 2 for children in tried):
             # among faces of equal gain max() keeps the first one
-            best = max(tried, key=lambda one: self._score(node, one))
+            best = max(tried, key=lambda children: self._score(node, children))
             # The better child is solved first. If it raises the threshold, the other child is processed with that
             # higher threshold.
             self._next, other = sorted(best.left, key=lambda child: -child.choice.bound)
             self._add_open(other)
         else:
-            self._next = self._with_forced_labels(
-                branching, [one.left for one in tried if len(one.left) < 2], conflicts
-            )
+            forced = [children.left for children in tried if len(children.left) < 2]
+            self._next = self._with_forced_labels(branching, forced, conflicts)
         return TreeStep(node, tuple(conflicts))
 
     def rounded(self, node: Node) -> tuple[Ints, Bits]:
@@ -171,8 +170,8 @@ class BlockTree:
         faces = np.concatenate(
             [node.faces, self._tables.faces[inside_chosen & ~known], self._tables.faces[cut & ~known]]
         )
-        counts = int((inside_chosen & ~known).sum()), int((cut & ~known).sum())
-        return faces, np.concatenate([node.labels, np.zeros(counts[0], dtype=bool), np.ones(counts[1], dtype=bool)])
+        inner, dry = int((inside_chosen & ~known).sum()), int((cut & ~known).sum())
+        return faces, np.concatenate([node.labels, np.zeros(inner, dtype=bool), np.ones(dry, dtype=bool)])
 
     # --- deciding ---------------------------------------------------------------------------------------
 
@@ -201,7 +200,7 @@ class BlockTree:
             first, *others = self._branch_together(branching, faces)
             self._solved_ahead.update(others)
             return first[1]
-        found, conflicts = list[FaceChildren](), list[Conflict]()
+        tried, conflicts = list[FaceChildren](), list[Conflict]()
         # Without the batch solver programs are solved one by one, so further faces are skipped once a label is
         # refuted.
         for face in faces:
@@ -209,26 +208,26 @@ class BlockTree:
                 return None
             waiting = self._children(branching, [face], conflicts)
             choices = self._relaxation.bound_all([self._program(branching, child) for _, child in waiting])
-            found += self._pair_children(branching, [face], waiting, choices, conflicts)
-            if len(found[-1].left) < 2:
+            tried += self._pair_children(branching, [face], waiting, choices, conflicts)
+            if len(tried[-1].left) < 2:
                 break
-        return found, conflicts
+        return tried, conflicts
 
     def _branch_together(self, branching: Branching, faces: list[int]) -> list[tuple[int, Branches]]:
         """Solve the children of a node, and of the best open node without children, together."""
         # Two nodes give work for two threads. The children of the second node are stored until the tree takes it. Each
         # result is paired with the `id` of its node.
         parts = []
-        for one, own in [(branching, faces), *self._next_branching(branching)]:
+        for part, its_faces in [(branching, faces), *self._next_branching(branching)]:
             conflicts: list[Conflict] = []
-            parts.append((one, own, self._children(one, own, conflicts), conflicts))
-        programs = [self._program(one, child) for one, _, waiting, _ in parts for _, child in waiting]
+            parts.append((part, its_faces, self._children(part, its_faces, conflicts), conflicts))
+        programs = [self._program(part, child) for part, _, waiting, _ in parts for _, child in waiting]
         choices = iter(self._relaxation.bound_all(programs))
-        found = []
-        for one, own, waiting, conflicts in parts:
-            tried = self._pair_children(one, own, waiting, list(islice(choices, len(waiting))), conflicts)
-            found.append((id(one.node), (tried, conflicts)))
-        return found
+        branches = []
+        for part, its_faces, waiting, conflicts in parts:
+            tried = self._pair_children(part, its_faces, waiting, list(islice(choices, len(waiting))), conflicts)
+            branches.append((id(part.node), (tried, conflicts)))
+        return branches
 
     def _next_branching(self, branching: Branching) -> list[tuple[Branching, list[int]]]:
         """Return the best other open node without known children, as branching and faces to try."""
@@ -287,18 +286,18 @@ class BlockTree:
         """Decide each face that has one child left as in it; None if no labelling is left."""
         if not all(forced):
             return None
-        left = [one for (one,) in forced]
-        if len(left) == 1:
-            return left[0]
-        faces = np.concatenate([branching.node.faces, *(one.faces[-1:] for one in left)])
-        labels = np.concatenate([branching.node.labels, *(one.labels[-1:] for one in left)])
-        own = [one.proof[len(branching.node.proof) :] for one in left]
-        proof = (*branching.node.proof, *(evidence for some in own for evidence in some))
-        allowed = self._tables.propagated(np.logical_and.reduce([one.allowed for one in left]))
+        children = [one for (one,) in forced]
+        if len(children) == 1:
+            return children[0]
+        faces = np.concatenate([branching.node.faces, *(one.faces[-1:] for one in children)])
+        labels = np.concatenate([branching.node.labels, *(one.labels[-1:] for one in children)])
+        new_proofs = [one.proof[len(branching.node.proof) :] for one in children]
+        proof = (*branching.node.proof, *(evidence for some in new_proofs for evidence in some))
+        allowed = self._tables.propagated(np.logical_and.reduce([one.allowed for one in children]))
         if allowed is not None:
-            least = min(left, key=lambda one: one.choice.bound)
-            share = np.where(allowed, least.choice.share, 0.0)
-            return Node(faces, labels, allowed, replace(least.choice, share=share), proof)
+            weakest = min(children, key=lambda one: one.choice.bound)
+            share = np.where(allowed, weakest.choice.share, 0.0)
+            return Node(faces, labels, allowed, replace(weakest.choice, share=share), proof)
         conflicts.append(Conflict(faces, labels, branching.threshold, Evidence.BLOCKS, by_blocks=proof))
         return None
 

@@ -27,7 +27,7 @@ from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.context import BlockTables, PossibleBlocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import InnerPaths
-from jld_explore.drivers.exact.proof_check import refutation
+from jld_explore.drivers.exact.proof_check import Refutation, refutation
 from jld_explore.drivers.exact.proof_state import Conflict
 from jld_explore.space import feasible, to_string
 from jld_explore.space.labelling import blocks_of
@@ -74,12 +74,17 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
 
 
 def certify(
-    driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] | None, bound: float | None = None
+    driver: Exact, scene: Scene, path: Path, best: tuple[Bits, float] | None, bound: float | None = None
 ) -> None:
     bound = max((one for one in (bound, driver.bound) if one is not None), default=None)
     if bound is None:
         raise ParameterError("certificate", "the search ended without any bound", _REMEDY)
-    Certifier(scene, driver.space, bound).write(path, driver.state.conflicts, found)
+    Certifier(scene, driver.space, bound).write(path, driver.state.conflicts, best)
+
+
+_RESIDUAL: Final = 1e-10  # residual asked of the solver, whose mechanisms are rounded to whole numbers
+
+_ROUNDED_UP: Final = 1.0 + 1e-9  # factor on a ceiling: more than it is rounded
 
 
 class Certifier:
@@ -104,7 +109,7 @@ class Certifier:
         self._clauses: list[list[int]] = list(self._checker.labellings.beginning)
         self._reasons: list[Reason | None] = [None] * len(self._clauses)
         self._hints: dict[int, tuple[Bits, Bits, bool]] = {}
-        self._solver = make_solver("clarabel", tolerance=1e-10)
+        self._solver = make_solver("clarabel", tolerance=_RESIDUAL)
         rules = self._checker.labellings
         candidates = np.flatnonzero(space.candidates).tolist()
         always_dry = [face for face in candidates if rules.too_large([face]) is not None]
@@ -112,45 +117,60 @@ class Certifier:
         self._free[always_dry] = False  # the formula has unit clauses that make these faces dry
         self._units = [_Units(analysis) for analysis in self._analyses]
 
-    def write(self, path: Path, hints: Iterable[Conflict], found: tuple[Bits, float] | None) -> None:
-        """Write the certificate; ArithmeticError if two satisfiability solvers disagree."""
+    def write(self, path: Path, hints: Iterable[Conflict], best: tuple[Bits, float] | None) -> None:
+        """Write the certificate; ArithmeticError if two satisfiability solvers disagree.
+
+        best: labels (m,) of the strongest layout found, with its λ.
+        """
         hints = [hint for hint in hints if not hint.from_cube and hint.bound * self._scale <= self.bound]
+        root, ceilings = self._bound_of_all(hints)
+        if root is not None:
+            faces = [*(face + 1 for face in root.dry), *(-(face + 1) for face in root.inner)]
+            self._add(faces, root)
+        self._take_hints(hints if root is None else ())
+        proof = self._refutation()
+        needed = set(proof.needed)
+        if any(isinstance(self._reasons[place], BlockMechanism) for place in needed):
+            needed.update(ceilings)
+        reasons, lemmas = self._numbered(proof, needed)
+        claim = self._claim
+        if best is not None:
+            labels, load = best
+            claim = Claim(claim.scene, claim.bound, to_string(labels), load, claim.made_by)
+        write(path, claim, [*reasons, *lemmas])
+
+    def _bound_of_all(self, hints: list[Conflict]) -> tuple[Mechanism | BlockMechanism | None, list[int]]:
+        """Return the mechanisms that bound all labellings, None if there are none, and clauses of ceilings added."""
         root: Mechanism | BlockMechanism | None = self._mechanism(*self._always_dry())
         ceilings: list[int] = []
         if root is None and any(hint.by_possible_blocks for hint in hints):
             ceilings = [self._add([1, -1], reason) for reason in self._ceilings()]
             if any(hint.by_possible_blocks and not len(hint.faces) for hint in hints):
                 root = self._by_blocks(*self._always_dry())
-        if root is not None:  # mechanisms may bound all labellings
-            faces = [*(face + 1 for face in root.dry), *(-(face + 1) for face in root.inner)]
-            self._add(faces, root)
-        self._take_hints(hints if root is None else ())
+        return root, ceilings
+
+    def _refutation(self) -> Refutation:
+        """Add clauses until they have no model, and return a refutation all of whose hints have mechanisms."""
         while True:
             self._exhaust()
             proof = refutation(self._clauses)
             if proof is None:
                 raise ArithmeticError("two satisfiability solvers disagree")
             lacking = [place for place in proof.needed if place in self._hints]
-            good = [self._certify_hint(place) for place in lacking]
-            if all(good):
-                break
+            certified = [self._certify_hint(place) for place in lacking]
+            if all(certified):
+                return proof
+
+    def _numbered(self, proof: Refutation, needed: set[int]) -> tuple[list[Reason], list[Lemma]]:
+        """Return reasons of needed clauses and lemmas of a refutation, with the numbers of lines of a certificate."""
         beginning = len(self._checker.labellings.beginning)
-        needed = (
-            {*proof.needed, *ceilings}
-            if any(isinstance(self._reasons[k], BlockMechanism) for k in proof.needed)
-            else set(proof.needed)
-        )
         kept = sorted(place for place in needed if place >= beginning)
+        # lines are numbered from 1: clauses that the checker states itself, those that are kept, lemmas
         number = {place: place + 1 for place in range(beginning)}
         number |= {place: beginning + 1 + k for k, place in enumerate(kept)}
         number |= {len(self._clauses) + k: beginning + 1 + len(kept) + k for k in range(len(proof.lemmas))}
         reasons = [reason for place in kept if (reason := self._reasons[place]) is not None]
-        lemmas = [Lemma(literals, tuple(number[name] for name in by)) for literals, by in proof.lemmas]
-        claim = self._claim
-        if found is not None:
-            labels, load = found
-            claim = Claim(claim.scene, claim.bound, to_string(labels), load, claim.made_by)
-        write(path, claim, [*reasons, *lemmas])
+        return reasons, [Lemma(literals, tuple(number[name] for name in by)) for literals, by in proof.lemmas]
 
     # --- what is ruled out ------------------------------------------------------------------------------
 
@@ -269,10 +289,10 @@ class Certifier:
             ceiling, unit = self._checker.ceilings[case], self._analyses[case].template.scaling.load
             if ceiling is None:
                 continue
-            least = self.bound * float(self._space.assembly.required[case]) / unit
-            most = float(ceiling) / unit * (1.0 + 1e-9)
+            threshold = self.bound * float(self._space.assembly.required[case]) / unit
+            most = float(ceiling) / unit * _ROUNDED_UP
             for again in (False, True):  # by the batch solver, then more accurately
-                asked = allowed, least, most
+                asked = allowed, threshold, most
                 choice = program.choose(*asked) if again else program.bound_all([asked])[0]
                 for mechanism in choice.mechanisms:
                     reason = self._rounded_blocks(case, program, mechanism, allowed, (decided, labels), blocks)

@@ -45,11 +45,11 @@ def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
     place = np.full(len(elements), -1)
     along = (elements.centroid[free, axis] - low[axis]) / size[axis]
     place[free] = np.clip((count * along).astype(int), 0, count - 1)
-    found = []
+    windows = []
     for width in _WIDTHS:
         within = [(place >= first) & (place < first + width) for first in range(count - width + 1)]
-        found.append(np.array([inside[faces.a] | inside[faces.b] for inside in within]))
-    return tuple(found)
+        windows.append(np.array([inside[faces.a] | inside[faces.b] for inside in within]))
+    return tuple(windows)
 
 
 class WindowStatistics:
@@ -86,52 +86,52 @@ def conflict_of(
     """Find few labels, of those `decided`, that prevent a λ of a labelling (m,); None where it may reach it."""
     decided = candidates.copy() if decided is None else decided.copy()
 
-    def refuted(whole: bool = False) -> DualBound | None:
+    def refutation(whole: bool = False) -> DualBound | None:
         # A complete labelling that is not refuted needs an evaluation, so only then is the relaxation solved
         # thoroughly.
         undecided, thorough = candidates & ~decided, np.array([whole])
         return relaxation.refute_all(labels[None], undecided[None], np.array([threshold]), thorough)[0]
 
-    found = refuted(whole=True)
-    if found is None:
+    mechanism = refutation(whole=True)
+    if mechanism is None:
         return None
     tried: set[int] = set()
     failed = 0
     while True:
-        order = _order(found, decided)
+        order = _order(mechanism, decided)
         # free all faces whose total cost is below the excess of the current mechanism
-        freed = order[np.cumsum(found.cost[order]) < found.excess]
+        freed = order[np.cumsum(mechanism.cost[order]) < mechanism.excess]
         if freed.size:
             decided[freed] = False
-            weaker = refuted()
+            weaker = refutation()
             if weaker is None:
                 # the previous mechanism proves this conflict whatever the next solve gives
-                return _conflict(labels, decided, threshold, found)
-            found = weaker
+                return _conflict(labels, decided, threshold, mechanism)
+            mechanism = weaker
             continue
-        bound = min(found.bound, threshold)
+        bound = min(mechanism.bound, threshold)
         face = next((f for f in order.tolist() if f not in tried), None)
         if face is None or failed >= tries:
-            return _conflict(labels, decided, bound, found)
+            return _conflict(labels, decided, bound, mechanism)
         tried.add(face)
         decided[face] = False
-        weaker = refuted()
+        weaker = refutation()
         if weaker is None:
             decided[face] = True
             failed += 1
         else:
-            found = weaker
+            mechanism = weaker
 
 
-def _conflict(labels: Bits, decided: Bools, bound: float, found: DualBound) -> Conflict:
+def _conflict(labels: Bits, decided: Bools, bound: float, mechanism: DualBound) -> Conflict:
     faces = np.flatnonzero(decided)
-    return Conflict(faces, labels[faces], bound, mechanism=Mechanism(found.case, found.velocity))
+    return Conflict(faces, labels[faces], bound, mechanism=Mechanism(mechanism.case, mechanism.velocity))
 
 
-def _order(found: DualBound, decided: Bools) -> Ints:
+def _order(mechanism: DualBound, decided: Bools) -> Ints:
     """Return the decided faces by the rise of the bound if one becomes undecided, least first."""
     faces = np.flatnonzero(decided)
-    return np.asarray(faces[np.argsort(found.cost[faces], kind="stable")])
+    return np.asarray(faces[np.argsort(mechanism.cost[faces], kind="stable")])
 
 
 _BATCH_SIZE: Final = 8  # largest number of labellings drawn per batch
@@ -204,9 +204,9 @@ class ConflictGenerator:
         """Draw labellings (k, m) from the formula; return (0, m) where none is left."""
         formula = self.formula
         # The first batches are small: where one conflict rules out nearly all labellings, more draws are wasted.
-        wanted = min(_BATCH_SIZE, 1 + len(self._conflict_keys)) if self._batched else 1
+        draws = min(_BATCH_SIZE, 1 + len(self._conflict_keys)) if self._batched else 1
         drawn: list[Bits] = []
-        while len(drawn) < wanted:
+        while len(drawn) < draws:
             self._take_in_others()
             labels = formula.next(cube.faces, cube.labels, preferred=self._preferred())
             if labels is None:
@@ -225,55 +225,58 @@ class ConflictGenerator:
     def _minimize(self, drawn: Bits, threshold: float) -> list[MinimizedConflict]:
         """Minimise labellings (k, m) in the narrowest windows that refute them, else as a whole."""
         options, seed = self._options()
-        left, found = np.arange(len(drawn)), list[MinimizedConflict]()
-        inside = replace(options, neighbours=min(options.neighbours, _WINDOW_NEIGHBOURS))
+        open_ones, conflicts = np.arange(len(drawn)), list[MinimizedConflict]()
+        in_window = replace(options, neighbours=min(options.neighbours, _WINDOW_NEIGHBOURS))
         for width, windows in enumerate(self._windows):
-            if not left.size or not self._statistics.is_worthwhile(width):
+            if not open_ones.size or not self._statistics.is_worthwhile(width):
                 continue
-            of, outside = np.repeat(left, len(windows)), np.tile(~windows, (len(left), 1))
-            limits = np.full(len(of), threshold)
+            # every labelling in every window
+            labelling, outside = np.repeat(open_ones, len(windows)), np.tile(~windows, (len(open_ones), 1))
+            limits = np.full(len(labelling), threshold)
             minimized = self._relaxation.minimize_conflicts(
-                ConflictRequest(drawn[of], self._free, limits, outside, inside, seed)
+                ConflictRequest(drawn[labelling], self._free, limits, outside, in_window, seed)
             )
-            refuted = [replace(one, labelling=int(of[one.labelling])) for one in minimized if one.bound is not None]
-            found += refuted
-            rest = np.setdiff1d(left, [one.labelling for one in refuted])
-            self._statistics.record(width, 1.0 - len(rest) / len(left))
-            left = rest
-        if left.size:
-            request = ConflictRequest(drawn[left], self._free, np.full(len(left), threshold), how=options, seed=seed)
+            refuted = [
+                replace(one, labelling=int(labelling[one.labelling])) for one in minimized if one.bound is not None
+            ]
+            conflicts += refuted
+            unrefuted = np.setdiff1d(open_ones, [one.labelling for one in refuted])
+            self._statistics.record(width, 1.0 - len(unrefuted) / len(open_ones))
+            open_ones = unrefuted
+        if open_ones.size:
+            limits = np.full(len(open_ones), threshold)
+            request = ConflictRequest(drawn[open_ones], self._free, limits, how=options, seed=seed)
             whole = self._relaxation.minimize_conflicts(request)
-            found += [replace(one, labelling=int(left[one.labelling])) for one in whole]
-        return found
+            conflicts += [replace(one, labelling=int(open_ones[one.labelling])) for one in whole]
+        return conflicts
 
     def _add_results(
         self, drawn: Bits, threshold: float, minimized: list[MinimizedConflict], batch: ConflictBatch
     ) -> None:
         """Add conflicts and unrefuted labellings of `drawn` (k, m); minimise open ones singly."""
-        left = set(range(len(drawn)))
-        for one in minimized:
-            labels = drawn[one.labelling]
-            if one.bound is not None and one.velocity is not None:
-                faces, mechanism = np.flatnonzero(one.decided), Mechanism(one.case, one.velocity)
-                self._add_conflict(
-                    Conflict(faces, labels[faces], min(one.bound, threshold), mechanism=mechanism), batch
-                )
-                left.discard(one.labelling)
-            elif one.drawn and one.carries:
+        open_ones = set(range(len(drawn)))
+        for result in minimized:
+            labels = drawn[result.labelling]
+            if result.bound is not None and result.velocity is not None:
+                faces, mechanism = np.flatnonzero(result.decided), Mechanism(result.case, result.velocity)
+                bound = min(result.bound, threshold)
+                self._add_conflict(Conflict(faces, labels[faces], bound, mechanism=mechanism), batch)
+                open_ones.discard(result.labelling)
+            elif result.drawn and result.carries:
                 batch.unrefuted.append(labels)
-                left.discard(one.labelling)
+                open_ones.discard(result.labelling)
         # Labellings that the batch solver leaves open go to the conic solver, because otherwise each needs an
         # evaluation.
-        for number in sorted(left):
+        for number in sorted(open_ones):
             self._minimize_one(drawn[number], threshold, batch)
 
     def _minimize_one(self, labels: Bits, threshold: float, batch: ConflictBatch) -> None:
         """Minimise one labelling (m,) without the batch solver, and add the result to the batch."""
-        found = conflict_of(self._relaxation, labels, self._free, threshold)
-        if found is None:
+        conflict = conflict_of(self._relaxation, labels, self._free, threshold)
+        if conflict is None:
             batch.unrefuted.append(labels)
         else:
-            self._add_conflict(found, batch)
+            self._add_conflict(conflict, batch)
 
     def _add_conflict(self, conflict: Conflict, batch: ConflictBatch) -> None:
         key = conflict.key

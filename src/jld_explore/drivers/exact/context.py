@@ -60,22 +60,23 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
     free = assembly.elements.free
     place = np.full(len(assembly.elements), -1)
     place[free] = np.arange(len(free))
-    inner = np.flatnonzero(~to_support)
-    ends = np.column_stack([place[a[inner]], place[b[inner]]])
-    connected = _connected_sets(space, ends[may_join[inner]])
+    between_free = np.flatnonzero(~to_support)
+    ends = np.column_stack([place[a[between_free]], place[b[between_free]]])
+    connected = _connected_sets(space, ends[may_join[between_free]])
     if connected is None:
         return None
     members, inside = [], []
     for rows in np.array_split(connected, max(1, len(connected) // _ROWS)):
         checkpoint()
         first, second = rows[:, ends[:, 0]], rows[:, ends[:, 1]]
-        wrong = (first & second & ~may_join[inner]).any(axis=1) | ((first ^ second) & must_join[inner]).any(axis=1)
+        wrong = (first & second & ~may_join[between_free]).any(axis=1)
+        wrong |= ((first ^ second) & must_join[between_free]).any(axis=1)
         wrong |= space.limits.too_small(_sizes(rows, space))
         for row, links in zip(rows[~wrong], (first & second)[~wrong], strict=True):
             block = free[row].tolist()
             if not space.limits.misshapen(block):
                 members.append(tuple(block))
-                inside.append(tuple(inner[links].tolist()))
+                inside.append(tuple(between_free[links].tolist()))
     return PossibleBlocks(tuple(members), tuple(inside))
 
 
@@ -83,32 +84,32 @@ def _connected_sets(space: SearchSpace, links: Ints) -> Bools | None:
     """List the connected sets (p, f) of free elements within upper limits, by size; None above `MOST`."""
     # A set is grown by one element at a time, so that a set above a limit is not grown further.
     number = len(space.assembly.elements.free)
-    around = [0] * number
+    neighbours = [0] * number
     for e, other in links.tolist():
-        around[e] |= 1 << other
-        around[other] |= 1 << e
-    level = {1 << e: around[e] for e in range(number)}  # each set as bits, with the elements that it touches
-    found = [np.zeros((0, number), dtype=bool)]
+        neighbours[e] |= 1 << other
+        neighbours[other] |= 1 << e
+    level = {1 << e: neighbours[e] for e in range(number)}  # each set as bits, with the elements that it touches
+    by_size = [np.zeros((0, number), dtype=bool)]
     total = 0
     while level:
         rows = _rows_of(list(level), number)
-        found.append(rows[np.lexsort(~rows.T[::-1])])
+        by_size.append(rows[np.lexsort(~rows.T[::-1])])
         total += len(level)
         if total > MOST:
             return None
         grown: dict[int, int] = {}
         for block, touched in level.items():
             checkpoint()
-            left = touched & ~block
-            while left:
-                added = left & -left
-                left ^= added
+            to_add = touched & ~block
+            while to_add:
+                added = to_add & -to_add  # the lowest bit
+                to_add ^= added
                 if block | added not in grown:
-                    grown[block | added] = touched | around[added.bit_length() - 1]
+                    grown[block | added] = touched | neighbours[added.bit_length() - 1]
             if len(grown) > _GROWN * MOST:
                 return None
         level = _within_limits(grown, space)
-    return np.concatenate(found)
+    return np.concatenate(by_size)
 
 
 def _within_limits(sets: dict[int, int], space: SearchSpace) -> dict[int, int]:
@@ -166,11 +167,11 @@ class BlockTables:
         """Return (p,) the blocks left of `allowed` (p,) by propagation; None if an element has none."""
         # An element with a single block left takes that block, which excludes the blocks that overlap it.
         while True:
-            left = self._covering & allowed
-            number = left.sum(axis=1)
+            covering = self._covering & allowed
+            number = covering.sum(axis=1)
             if not number.all():
                 return None
-            taken = left[number == 1].any(axis=0)
+            taken = covering[number == 1].any(axis=0)
             times = self._covering[:, taken].sum(axis=1)
             if (times > 1).any():
                 return None

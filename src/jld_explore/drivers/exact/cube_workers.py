@@ -130,6 +130,8 @@ _TASKS_PER_CUBE: Final = 20
 
 _SCORE_DECAY: Final = 0.999  # decay of the face scores per conflict, so that recent conflicts count most
 
+_LARGEST_SCORE: Final = 1e100  # score at which all are scaled down, long before numbers overflow
+
 _WAIT_SECONDS: Final = 0.1  # longest time, s, that this process waits for workers before the next deadline check
 
 
@@ -215,9 +217,9 @@ class CubeWorkers:
             return
         for worker in self._pool.fill():
             self._reclaim_cubes(worker)
-        for most in range(_TASKS_PER_WORKER):
+        for held in range(_TASKS_PER_WORKER):
             tasks_held = Counter(one.worker.name for one in self._assigned.values())
-            for worker in [worker for worker in self._pool if tasks_held[worker.name] <= most]:
+            for worker in [worker for worker in self._pool if tasks_held[worker.name] <= held]:
                 self._split_cubes()
                 if not self._cubes:
                     return
@@ -236,8 +238,8 @@ class CubeWorkers:
     def _split_cubes(self) -> None:
         if self._formula is None:
             return
-        wanted = _CUBES_PER_WORKER * max(len(self._pool), 1) - len(self._assigned)
-        while len(self._cubes) < wanted:
+        cubes_wanted = _CUBES_PER_WORKER * max(len(self._pool), 1) - len(self._assigned)
+        while len(self._cubes) < cubes_wanted:
             # An untried cube may be closed quickly and is not split, except the whole space, which is never closed
             # quickly.
             place = next(
@@ -281,29 +283,29 @@ class CubeWorkers:
 
     def _reclaim_cubes(self, worker: Pool) -> None:
         self._worker_states.pop(worker.name, None)
-        for future, one in list(self._assigned.items()):
-            if one.worker is worker:
+        for future, assigned in list(self._assigned.items()):
+            if assigned.worker is worker:
                 del self._assigned[future]
-                self._requeue(one)
+                self._requeue(assigned)
 
-    def _requeue(self, one: _AssignedCube) -> None:
+    def _requeue(self, assigned: _AssignedCube) -> None:
         """Put a cube back at the front of the queue, unless its formula is no longer current."""
-        if one.target == self._target and self._formula is not None:
-            self._cubes.appendleft((one.cube, one.tasks_done))
+        if assigned.target == self._target and self._formula is not None:
+            self._cubes.appendleft((assigned.cube, assigned.tasks_done))
 
-    def _collect(self, future: Future[TaskResult], one: _AssignedCube) -> None:
+    def _collect(self, future: Future[TaskResult], assigned: _AssignedCube) -> None:
         """Add the results of a finished task; close, split or requeue its cube."""
-        result = self._pool.result(one.worker, future)
+        result = self._pool.result(assigned.worker, future)
         if result is LOST:  # a worker that was killed or left costs one task
-            self._requeue(one)
-            self._reclaim_cubes(one.worker)
+            self._requeue(assigned)
+            self._reclaim_cubes(assigned.worker)
             return
         if result.forgotten:  # a new process replaced the worker, so all data is sent again
-            self._requeue(one)
-            self._worker_states.pop(one.worker.name, None)
+            self._requeue(assigned)
+            self._worker_states.pop(assigned.worker.name, None)
             return
-        if one.worker.name in self._worker_states:
-            self._worker_states[one.worker.name].results += 1
+        if assigned.worker.name in self._worker_states:
+            self._worker_states[assigned.worker.name].results += 1
         self.solves += result.solves
         self.task_seconds.append(result.seconds)
         new = self._state.hand_over(result.unrefuted) + self._state.add_conflicts(result.conflicts)
@@ -313,32 +315,35 @@ class CubeWorkers:
             if self._formula is not None:
                 self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
         if result.closed:
-            self._record_closed(one, result)
-        elif one.target == self._target and self._formula is not None:
-            continued = one.cube, one.tasks_done + 1
-            if continued[1] % _TASKS_PER_CUBE == 0:
-                self._cubes.extendleft((part, 0) for part in split_cube(one.cube, self._formula, self._face_scores))
+            self._record_closed(assigned, result)
+        elif assigned.target == self._target and self._formula is not None:
+            tasks_done = assigned.tasks_done + 1
+            if tasks_done % _TASKS_PER_CUBE == 0:
+                parts = split_cube(assigned.cube, self._formula, self._face_scores)
+                self._cubes.extendleft((part, 0) for part in parts)
             else:
-                self._cubes.appendleft(continued)
+                self._cubes.appendleft((assigned.cube, tasks_done))
 
-    def _record_closed(self, one: _AssignedCube, result: TaskResult) -> None:
+    def _record_closed(self, assigned: _AssignedCube, result: TaskResult) -> None:
         """Exclude a closed cube from the formula, and state it as a conflict where that is valid."""
         # The conflict is valid without a count, and if neither a handed-over labelling nor an image of one lies in the
         # cube.
         self.closed += 1
-        faces, labels = np.array(one.cube.faces, dtype=np.int64), np.array(one.cube.labels, dtype=bool)
-        if one.target == self._target and self._formula is not None:
+        faces, labels = np.array(assigned.cube.faces, dtype=np.int64), np.array(assigned.cube.labels, dtype=bool)
+        if assigned.target == self._target and self._formula is not None:
             self._formula.set_aside(faces, labels)
         group = self._context.space.group
         handed_over = self._state.handed_over
-        if one.count is None and not any(one.cube.holds(image) for row in handed_over for image in row[group]):
-            self._state.add_conflicts([Conflict(faces, labels, one.threshold, Evidence.CUBE)])
+        if assigned.count is None and not any(
+            assigned.cube.holds(image) for row in handed_over for image in row[group]
+        ):
+            self._state.add_conflicts([Conflict(faces, labels, assigned.threshold, Evidence.CUBE)])
 
     def _score_faces(self, conflict: Conflict) -> None:
         """Increase the scores of the faces of a conflict, which decide where cubes are split."""
         self._score_increment /= _SCORE_DECAY
         self._face_scores[conflict.faces] += self._score_increment
-        if self._score_increment > 1e100:
+        if self._score_increment > _LARGEST_SCORE:
             self._face_scores /= self._score_increment
             self._score_increment = 1.0
 
@@ -373,14 +378,10 @@ class _GeneratorThread:
     def _take_in_others(self, formula: Formula) -> None:
         """Add the new conflicts and handed-over labellings of all threads to the formula."""
         delay_point("before taking in conflicts")
-        new_conflicts, handed_over = (
-            self._state.conflicts[self._conflicts_seen :],
-            self._state.handed_over_since(self._handed_over_seen),
-        )
-        self._conflicts_seen, self._handed_over_seen = (
-            self._conflicts_seen + len(new_conflicts),
-            self._handed_over_seen + len(handed_over),
-        )
+        new_conflicts = self._state.conflicts[self._conflicts_seen :]
+        handed_over = self._state.handed_over_since(self._handed_over_seen)
+        self._conflicts_seen += len(new_conflicts)
+        self._handed_over_seen += len(handed_over)
         formula.learn(new_conflicts, handed_over)
 
 

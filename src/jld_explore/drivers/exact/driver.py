@@ -266,10 +266,10 @@ class ConflictDriver(ProvingDriver):
         self._heuristics.limit = limit
         # the driver that begins needs no time after its last labelling: the study ends it
         while not len(self._waiting) and self.working and (self._heuristics.starting or not self._time_is_up):
-            found = self._next_labellings()
-            if found is None:
+            labellings = self._next_labellings()
+            if labellings is None:
                 break
-            self._waiting = found
+            self._waiting = labellings
         if self._nothing_proposed and not len(self._waiting) and not self._state.has_evaluations:
             self._waiting = self._heuristics.driver.ask(1)  # even after the deadline, so that the study has one result
         given = self._waiting[:limit]
@@ -350,12 +350,12 @@ class ConflictDriver(ProvingDriver):
         if bound == math.inf:
             return
         nothing = np.empty(0, dtype=np.int64)
-        one = Conflict(nothing, nothing.astype(bool), bound)
+        conflict = Conflict(nothing, nothing.astype(bool), bound)
         if isinstance(proof, Mechanism):
-            one = replace(one, mechanism=proof)
+            conflict = replace(conflict, mechanism=proof)
         else:
-            one = replace(one, evidence=Evidence.BLOCKS, by_blocks=proof)
-        self._state.add_conflicts([one])
+            conflict = replace(conflict, evidence=Evidence.BLOCKS, by_blocks=proof)
+        self._state.add_conflicts([conflict])
 
     def _add_conflicts(self, conflicts: Sequence[Conflict]) -> None:
         self._state.add_conflicts(conflicts)
@@ -542,15 +542,15 @@ class Exact(ConflictDriver):
                     continue
                 exhausted = self._generate(self.sources, threshold)
                 proposed = self._labellings_to_evaluate()
-                found = self.conflicts - step.conflicts
+                new_conflicts = self.conflicts - step.conflicts
                 if exhausted and not len(proposed):
                     self._lower_bound(target, threshold)
-                    schedule.note_proven(found)
+                    schedule.note_proven(new_conflicts)
                     if threshold <= self.least(target):
                         return
                     step = self._begin_step(target, schedule)
                     continue
-                if schedule.is_stuck(found, self.found[target].bound, threshold):
+                if schedule.is_stuck(new_conflicts, self.found[target].bound, threshold):
                     step = self._begin_step(target, schedule)
                 self._heuristics.due = self._annealing_schedule.labellings_due(self.relaxations)
             yield proposed
@@ -569,7 +569,7 @@ class Exact(ConflictDriver):
         low, high = self.least(None) / self._scale, self.found[None].bound / self._scale
         if tightening is None or not math.isfinite(high) or not tightening.is_due(self.relaxations, low):
             return False
-        search, left = self.block_search, self._deadline.remaining()
+        search, seconds_left = self.block_search, self._deadline.remaining()
         root = search.start_late(low, high)
         if root < high:
             self._bound_all(root, search.root_proof)
@@ -577,10 +577,10 @@ class Exact(ConflictDriver):
         if search.active:
             tightening.disable()
             return True
-        found = tightening.tighten(low, high, left, self._time_is_up_after_heartbeat)
-        self._state.add_conflicts(found.conflicts)
-        self._bound_all(found.bound, found.proof)
-        self._lower_bound(None, found.bound * self._scale)
+        tightened = tightening.tighten(low, high, seconds_left, self._time_is_up_after_heartbeat)
+        self._state.add_conflicts(tightened.conflicts)
+        self._bound_all(tightened.bound, tightened.proof)
+        self._lower_bound(None, tightened.bound * self._scale)
         return True
 
     @property
@@ -693,9 +693,9 @@ class MinimumCount(ConflictDriver):
             if not self._target_begun:
                 self._begin_step(self.sources)
             exhausted = self._generate(self.sources, self._threshold)
-            found = self._labellings_to_evaluate()
-            self._done = exhausted and not len(found)
-            yield found
+            labellings = self._labellings_to_evaluate()
+            self._done = exhausted and not len(labellings)
+            yield labellings
 
     def _checked(self) -> ProofCheck:
         """Check the claim that no labelling of better count carries the required λ."""

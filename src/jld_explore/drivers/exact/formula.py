@@ -242,8 +242,8 @@ class Formula:
             broken = ([] if self.blocks is not None else self._broken_rules(labels)) or self._assembly_locks(labels)
             if not broken:
                 return labels
-            for place, found in broken:
-                self.forbid(place, found)
+            for place, its_labels in broken:
+                self.forbid(place, its_labels)
         return None
 
     def _solve(self, assumptions: list[int]) -> bool:
@@ -253,9 +253,9 @@ class Formula:
         while True:
             self._solver.conf_budget(_CONFLICTS_PER_CHECK)
             # with expect_interrupt the solver releases the interpreter lock; None means that the budget is used up
-            found = self._solver.solve_limited(assumptions=assumptions, expect_interrupt=True)
-            if found is not None:
-                return bool(found)
+            verdict = self._solver.solve_limited(assumptions=assumptions, expect_interrupt=True)
+            if verdict is not None:
+                return bool(verdict)
             checkpoint()
 
     def _face_literals(self, faces: Iterable[int], labels: Iterable[bool]) -> list[int]:
@@ -377,9 +377,9 @@ class Formula:
             return
         for make, bound, idle in ((CardEnc.atleast, low, low <= 0), (CardEnc.atmost, high, high >= len(literals))):
             if not idle:
-                found = make(lits=literals, bound=bound, top_id=self._last_variable, encoding=EncType.totalizer)
-                self._last_variable = max(self._last_variable, found.nv)
-                self._solver.append_formula(found.clauses)
+                encoding = make(lits=literals, bound=bound, top_id=self._last_variable, encoding=EncType.totalizer)
+                self._last_variable = max(self._last_variable, encoding.nv)
+                self._solver.append_formula(encoding.clauses)
 
     def _unary_counter(self) -> UnaryCounter:
         """Return the unary counter of the count of the front, created at the first call."""
@@ -405,26 +405,26 @@ class Formula:
     def _broken_rules(self, labels: Bits) -> list[tuple[Ints, Bits]]:
         """Return for each rule of the space that a labelling (m,) breaks the labels that break it."""
         blocks = blocks_of(self.space.graph, labels)
-        graph, found = self.space.graph, []
+        graph, broken = self.space.graph, []
         if self.space.search.segmentation:
             for face in np.flatnonzero(labels & (blocks[graph.a] == blocks[graph.b])).tolist():
                 path = self._paths.path(labels, int(graph.a[face]), int(graph.b[face]))
-                found.append((np.array([face, *path]), np.array([True] + [False] * len(path))))
+                broken.append((np.array([face, *path]), np.array([True] + [False] * len(path))))
         free = self.space.assembly.elements.free
         for name in np.unique(blocks[free]).tolist():
             members = frozenset(free[blocks[free] == name].tolist())
             large = bool(self._limits.too_large(self._sized.one(members)))
             if large and not self._limits.mendable:
                 tree = self._paths.tree(labels, min(members))
-                found.append((np.array(tree, dtype=np.int64), np.zeros(len(tree), dtype=bool)))
+                broken.append((np.array(tree, dtype=np.int64), np.zeros(len(tree), dtype=bool)))
             elif self._limits.too_small(self._sized.one(members)):
                 border = np.flatnonzero((blocks[graph.a] == name) != (blocks[graph.b] == name))
-                found.append((border, np.ones(len(border), dtype=bool)))
+                broken.append((border, np.ones(len(border), dtype=bool)))
             elif large or self._limits.misshapen(members):
                 # exclude exactly this block: all faces inside it inner, all around it dry
                 touched = np.flatnonzero((blocks[graph.a] == name) | (blocks[graph.b] == name))
-                found.append((touched, labels[touched]))
-        return found
+                broken.append((touched, labels[touched]))
+        return broken
 
 
 # Number of faces compared by unit propagation before a cube is split. The faces most frequent in recent conflicts are

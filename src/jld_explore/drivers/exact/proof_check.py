@@ -100,12 +100,12 @@ def check_proof(
     conflict_check.weigh(used)
     conflict_check.refute_again(used, end)
     better = conflict_check.corrected
-    left = [better.get(one.key, one) for one in used]
-    raised = [_raised(claim, used, left) for claim in claims] if better else list(claims)
+    conflicts_left = [better.get(one.key, one) for one in used]
+    raised = [_raised(claim, used, conflicts_left) for claim in claims] if better else list(claims)
     problem = (
-        _find_contradiction(left, context.space, *evaluated)
-        or block_check.refute_again(left, end)
-        or _find_open_labelling(context.space, context.blocks, left, state, raised)
+        _find_contradiction(conflicts_left, context.space, *evaluated)
+        or block_check.refute_again(conflicts_left, end)
+        or _find_open_labelling(context.space, context.blocks, conflicts_left, state, raised)
     )
     holds = () if problem or not better else tuple(raised)
     higher = any(one.threshold > claim.threshold for one, claim in zip(raised, claims, strict=True))
@@ -132,45 +132,51 @@ class _ConflictCheck:
     def weigh(self, conflicts: Sequence[Conflict]) -> None:
         cases = sorted({one.mechanism.case for one in conflicts if one.mechanism is not None})
         for case in cases:
-            mine = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]
-            for some in _parts(mine):
-                velocities = np.array([one.mechanism.velocity for one in some if one.mechanism is not None])
-                found = self._relaxation.evaluate_mechanisms(case, velocities, *self._partial(some))
-                claimed = np.array([one.bound for one in some])
+            of_case = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]
+            for part in _parts(of_case):
+                velocities = np.array([one.mechanism.velocity for one in part if one.mechanism is not None])
+                bounds = self._relaxation.evaluate_mechanisms(case, velocities, *self._partial(part))
+                claimed = np.array([one.bound for one in part])
                 tolerance = _BOUND_TOLERANCE * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
-                for k in np.flatnonzero(~(found <= claimed + tolerance)).tolist():
-                    problem = f"a mechanism that was to keep λ at {claimed[k]:.9g} keeps it at {found[k]:.9g} (scaled)"
-                    self._correct(some[k], float(found[k]), problem)
-                self.done += len(some)
+                for k in np.flatnonzero(~(bounds <= claimed + tolerance)).tolist():
+                    problem = f"a mechanism that was to keep λ at {claimed[k]:.9g} keeps it at {bounds[k]:.9g} (scaled)"
+                    self._correct(part[k], float(bounds[k]), problem)
+                self.done += len(part)
 
     def _correct(self, conflict: Conflict, bound: float, problem: str) -> None:
         """Record that a conflict keeps λ at `bound`, or at less if a new mechanism does."""
         self.problem = self.problem or problem
         labels, undecided = self._partial([conflict])
-        found = self._relaxation.least_bound(labels[0], undecided[0])
-        if found is not None:
-            weighed = self._relaxation.evaluate_mechanisms(found.case, found.velocity[None], labels, undecided)[0]
+        mechanism = self._relaxation.least_bound(labels[0], undecided[0])
+        if mechanism is not None:
+            weighed = self._relaxation.evaluate_mechanisms(mechanism.case, mechanism.velocity[None], labels, undecided)[
+                0
+            ]
             if weighed < bound:
                 bound = max(float(weighed), conflict.bound)
-                conflict = replace(conflict, mechanism=Mechanism(found.case, found.velocity))
+                conflict = replace(conflict, mechanism=Mechanism(mechanism.case, mechanism.velocity))
         self.corrected[conflict.key] = replace(conflict, bound=bound)
 
     def refute_again(self, conflicts: Sequence[Conflict], end: float) -> None:
         """Refute conflicts without a mechanism again, in random order, until a time."""
-        lacking = [one for one in conflicts if one.mechanism is None and one.evidence is Evidence.MECHANISM]
+        lacking = [
+            refutation
+            for refutation in conflicts
+            if refutation.mechanism is None and refutation.evidence is Evidence.MECHANISM
+        ]
         order = np.random.default_rng(len(lacking)).permutation(len(lacking))
-        for some in _parts([lacking[k] for k in order.tolist()]):
+        for part in _parts([lacking[k] for k in order.tolist()]):
             if time.perf_counter() >= end:
                 break
-            claimed = np.array([one.bound for one in some])
+            claimed = np.array([refutation.bound for refutation in part])
             tolerance = tolerances.PROVEN * np.maximum(1.0, abs(np.where(np.isfinite(claimed), claimed, 0.0)))
             thresholds = np.where(np.isfinite(claimed), claimed, 0.0) + tolerance
-            found = self._relaxation.refute_all(*self._partial(some), thresholds)
-            for k, one in enumerate(found):
-                if one is None:
+            refutations = self._relaxation.refute_all(*self._partial(part), thresholds)
+            for k, refutation in enumerate(refutations):
+                if refutation is None:
                     problem = f"a conflict on record that was to keep λ at {claimed[k]:.9g} is not refuted (scaled)"
-                    self._correct(some[k], math.inf, problem)
-            self.done += len(some)
+                    self._correct(part[k], math.inf, problem)
+            self.done += len(part)
 
     def _partial(self, conflicts: Sequence[Conflict]) -> tuple[Bits, Bools]:
         """Return labels (k, m), True = dry, and undecided faces (k, m) of k conflicts."""
@@ -193,10 +199,10 @@ def _find_contradiction(conflicts: Sequence[Conflict], space: SearchSpace, label
     if not len(conflicts) or not len(labellings):
         return ""
     dry, inner = np.zeros((2, len(conflicts), len(space.fixed)), dtype=np.float32)
-    for k, one in enumerate(conflicts):
-        dry[k, one.faces[one.labels]] = 1.0
-        inner[k, one.faces[~one.labels]] = 1.0
-    bounds = np.array([one.bound for one in conflicts])
+    for k, conflict in enumerate(conflicts):
+        dry[k, conflict.faces[conflict.labels]] = 1.0
+        inner[k, conflict.faces[~conflict.labels]] = 1.0
+    bounds = np.array([conflict.bound for conflict in conflicts])
     for labels, load in zip(labellings, loads.tolist(), strict=True):
         weaker = np.flatnonzero(load > bounds + tolerances.PROVEN * np.maximum(1.0, abs(load)))
         if not weaker.size:
@@ -338,12 +344,13 @@ class _Propagation:
                 self._assign(-literal, -1)
         if conflict is None:
             conflict = self._propagate()
-        found = None if conflict is None else self._why(conflict)
+        clauses = None if conflict is None else self._why(conflict)
+        # take back what the lemma's negation has assigned
         for literal in self._trail[mark:]:
             del self._reason[literal]
         del self._trail[mark:]
         self._head = mark
-        return found
+        return clauses
 
     def _assign(self, literal: int, name: int) -> None:
         """Make a literal true, with the clause that implies it as reason (−1: assumed)."""
@@ -359,8 +366,9 @@ class _Propagation:
             watching = self._watches.get(false)
             if not watching:
                 continue
-            kept: list[int] = []
+            kept: list[int] = []  # clauses that go on watching the false literal
             for place, name in enumerate(watching):
+                # the watched literals are the first two; the false one comes second
                 clause = clauses[name]
                 if clause[0] == false:
                     clause[0], clause[1] = clause[1], clause[0]
@@ -415,14 +423,14 @@ class Incumbents:
         number = [0] * len(labellings)
         if self._count is not None:
             number = values_of(self._count, self._space.assembly, labellings, self._space.graph).tolist()
-        for labels, found, count in zip(labellings, evaluations, number, strict=True):
-            low = found.low if found.status is Status.COLLAPSE else -math.inf
-            high = found.high if found.status is Status.COLLAPSE else -math.inf
-            if found.status in (Status.UNCERTIFIED, Status.FAILED):
-                high = found.high if math.isfinite(found.high) else math.inf
-            if math.isfinite(found.zero_dilation):
+        for labels, evaluation, count in zip(labellings, evaluations, number, strict=True):
+            low = evaluation.low if evaluation.status is Status.COLLAPSE else -math.inf
+            high = evaluation.high if evaluation.status is Status.COLLAPSE else -math.inf
+            if evaluation.status in (Status.UNCERTIFIED, Status.FAILED):
+                high = evaluation.high if math.isfinite(evaluation.high) else math.inf
+            if math.isfinite(evaluation.zero_dilation):
                 # other solutions without dilation may exist; the associative λ bounds all of them
-                high = max(high, found.associative * (1.0 + tolerances.PROVEN))
+                high = max(high, evaluation.associative * (1.0 + tolerances.PROVEN))
             self._bounds[np.packbits(labels).tobytes()] = (low, high, count)
             for target in (None, count):
                 self._best[target] = max(low, self._best.get(target, -math.inf))
@@ -525,11 +533,11 @@ def counts_of(space: SearchSpace, count: Count) -> list[int]:
     """Return all values that a count may take within the limits of a space, ascending."""
     if count.terms is None:
         raise ValueError(f"{count.name} is no sum of binary terms")
-    most = count.terms(space.assembly).most(space.assembly)
+    greatest = count.terms(space.assembly).most(space.assembly)
     bounds = next((bounds for one, bounds in space.limits.on_counts if one is count), None)
     if bounds is None:
-        return list(range(most + 1))
-    return list(range(int(bounds.low or 0), (most if bounds.high is None else min(int(bounds.high), most)) + 1))
+        return list(range(greatest + 1))
+    return list(range(int(bounds.low or 0), (greatest if bounds.high is None else min(int(bounds.high), greatest)) + 1))
 
 
 # Relative distance above the best λ known at which labellings are sought. It is half of `tolerances.PROVEN`, the

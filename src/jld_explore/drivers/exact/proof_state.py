@@ -134,11 +134,11 @@ class Conflicts:
     def add(self, conflicts: Iterable[Conflict], threshold: float = -math.inf) -> int:
         """Add conflicts that refute more than is known; return how many were added."""
         with self._lock:
-            new = [one for one in conflicts if self._bounds.lowered(one, threshold)]
-            for place, one in enumerate(new):
-                self._mechanisms += one.size
+            new = [conflict for conflict in conflicts if self._bounds.lowered(conflict, threshold)]
+            for place, conflict in enumerate(new):
+                self._mechanisms += conflict.size
                 if self._mechanisms > _MOST_BYTES:
-                    new[place] = replace(one, mechanism=None, by_blocks=())
+                    new[place] = replace(conflict, mechanism=None, by_blocks=())
             self._known += new
         return len(new)
 
