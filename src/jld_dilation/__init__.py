@@ -5,15 +5,7 @@
 - `prove`: prove λ without dilation of one labelling, as `jld_core` asks for it
 - `prove_zero_dilation`: the same with parameters, and the range of λ
 
-Terms of the lower bounds, docs/method.md (4.6) to (4.9):
-
-- Φ = (F, λ, 1) are forces and load factor, w = (u, t) velocities and slides, X = Φ wᵀ their products.
-- A mode is a rate z ≥ 0 of a hinge or a slide; the slack y ≥ 0 of its yield row has y z = 0 in a solution.
-- A closed mode has z = 0, a held mode has y = 0, in all solutions of a region.
-- The cost of a mechanism is Σ_hinges z + Σ_faces C |slip|, C the friction or shear capacity of the face.
-- The slack σ is the decrease of λ per unit of cost, which gives multipliers the margin of a proof.
-- Force bounds are upper bounds on |Φ|, velocity bounds upper bounds on |w| per unit of cost.
-- m, n and q are the numbers of faces, free elements and resultants; 2e is the number of forms from loops.
+Terms of the lower bounds are those of docs/method.md (4.6) to (4.9).
 """
 
 from jld_core import Bits, LimitAnalysis, Model

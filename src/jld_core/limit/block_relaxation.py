@@ -1,9 +1,8 @@
 """Upper bounds on λ over all choices of blocks that cover an assembly, docs/method.md (6.5), (6.6).
 
-Every possible block p has forces of its own, in equilibrium under x_p times its loads and in x_p times its sets; forces
-on a face agree on both sides, and λ on all elements. Sets of wedge shape are rays (`BlockProgram`), others rows and
-cones (`ConeProgram`). For blocks of few elements the bound is much tighter than that of the face-by-face `Relaxation`,
-because each block is one body. Bounds are computed from the values that the solver returned, whatever its status.
+Sets of wedge shape are rays (`BlockProgram`), others rows and cones (`ConeProgram`). For blocks of few elements the
+bound is much tighter than that of the face-by-face `Relaxation`, because each block is one body. Bounds are computed
+from the values that the solver returned, whatever its status.
 """
 
 from __future__ import annotations

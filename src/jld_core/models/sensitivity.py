@@ -10,8 +10,7 @@ program over all optimal y and the directions z in which y may move,
 
     λ'(p+) = max −q·z   subject to   M_E z = Δr_E − ΔM_E y,   M_B z ≤ Δr_B − ΔM_B y,   y optimal
 
-with E the equations and B the rows that hold with equality in every optimal y. Programs with cones (in space, and
-where joints crush) are solved at two steps to either side, and the rates are extrapolated.
+with E the equations and B the rows that hold with equality in every optimal y.
 
 Source: Gal, Postoptimal analyses, parametric programming, and related topics (1995), chapter 2; Golshtein's theorem on
 the marginal values of convex programs.
@@ -42,7 +41,9 @@ _ROUTE: Final = Route("rates of λ with strengths", STANDARD | CRITERIA)  # face
 
 _STEP: Final = 1e-7  # step of the finite difference of program data, relative to the parameter
 
-_FAR: Final = 1e-3  # larger step at which programs with cones are solved again, relative to the parameter
+# Programs with cones (in space, and where joints crush) are solved at two steps to either side, and the rates
+# extrapolated. This is the larger step, relative to the parameter.
+_FAR: Final = 1e-3
 
 # Ratio of the smaller step to `_FAR`. A kink stays as steps shrink; curvature (crushing, friction cone) vanishes.
 _NEARER: Final = 0.1

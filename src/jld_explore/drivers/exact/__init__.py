@@ -1,16 +1,6 @@
 """Exact search: refute labellings by conflicts until none can exceed the best one known.
 
-**The idea.** A formula has one model per labelling that nothing rules out yet. The driver takes a model from it. A
-mechanism that proves this labelling too weak also refutes every labelling that agrees where the mechanism needs it:
-the *conflict*, which is added to the formula. A labelling that no mechanism refutes is *handed over* and evaluated: it
-is better, or its own bracket proves that it is not. A formula without a model proves that no labelling exceeds its λ.
-The next formula is made for a lower λ, down to the best λ known.
-
-**The invariant.** Every labelling is refuted by a conflict in the store, has an evaluation, or is still open
-(`proof_state`). Bounds rest on limit analyses with their brackets, on mechanisms whose work balance is computed here,
-and on a satisfiability solver, never on the tolerance of an optimiser.
-
-**The modules**, in the order of the data:
+docs/notes/exact.md has the idea and what always holds. The modules, in the order of the data:
 
 1. `context`: data that stay fixed; when to aim at which λ, and when annealing seeks better labellings.
 2. `driver`: `ProvingDriver` holds state, check and contradictions of every proof, by fields too (`field_exact`);
