@@ -187,9 +187,9 @@ class FaceStrengths:
     def numbers(
         self, route: Route, among: Bools, labels: Bits | None = None, name: Callable[[int], str] = str
     ) -> Strengths:
-        """Return the strengths for a route.
+        """Return the strengths for a route; InputError for a fact of interfaces `among` (m,) that it does not know.
 
-        labels: (m,); without them a fact of either label counts.
+        labels: (m,); without them a fact of either label counts. name: of an interface, for the error.
         """
         for fact, stated in self.facts().items():
             if fact in route.KNOWS:

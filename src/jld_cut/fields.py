@@ -43,19 +43,19 @@ def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Sett
 
 @contextmanager
 def bounds_beside(scene: Path, seconds: float) -> Iterator[Callable[[float], list[float | None] | None]]:
-    """Begin bounds of λ by fields in a process; yield what waits so long for the best bracket until then."""
+    """Bound λ by fields in a process; yield a function of a wait, s, that returns the last bracket, or None."""
     order = [sys.executable, "-m", "jld_cut.fields", str(scene), str(seconds)]
     process = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
 
-    def bracket(seconds: float) -> list[float | None] | None:
+    def bracket(wait: float) -> list[float | None] | None:
         try:
-            told, _ = process.communicate(timeout=max(0.1, seconds))
+            output, _ = process.communicate(timeout=max(0.1, wait))
         except subprocess.TimeoutExpired:
             process.kill()
-            told, _ = process.communicate()
-        lines = told.decode().splitlines()
+            output, _ = process.communicate()
+        lines = output.decode().splitlines()
         if not lines:
-            return [None, None] if process.returncode == 1 else None
+            return [None, None] if process.returncode == 1 else None  # it failed, or time ran out
         return json.loads(lines[-1])  # type: ignore[no-any-return]
 
     try:

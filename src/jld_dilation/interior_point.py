@@ -131,8 +131,8 @@ class NormalEquations:
 
         return solve
 
-    def _tables(self, weights: Floats, lone: Floats) -> dict[tuple[int, int], Floats]:
-        """Compute the blocks Cᵀ diag(d_l) C of each form, (forms, k, k′), for two coupled bases."""
+    def _tables(self, weights: Floats, lone_blocks: Floats) -> dict[tuple[int, int], Floats]:
+        """Compute the blocks Cᵀ diag(d_l) C of each form, (forms, k, k′); C: facts over a basis, d_l: weights."""
         space, out = self.space, {}
         for (one, other), forms in self._tree.couplings.items():
             table = np.empty((len(forms), space.bases[one].shape[1], space.bases[other].shape[1]))
@@ -141,9 +141,10 @@ class NormalEquations:
                     rows = self._of[form]
                     by = weights[rows, self._modes[form]][:, None]
                     table[n] = self._facts[one][rows].T @ (by * self._facts[other][rows])
-                else:
-                    places = space.at[form - len(self._modes)]
-                    table[n] = space.bases[one][places].T @ lone[form - len(self._modes)] @ space.bases[other][places]
+                else:  # the slide of a face alone: its block (4, 4) acts on N, V, M and 1
+                    face = form - len(self._modes)
+                    places = space.at[face]
+                    table[n] = space.bases[one][places].T @ lone_blocks[face] @ space.bases[other][places]
             out[one, other] = table
         return out
 

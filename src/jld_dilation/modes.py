@@ -387,6 +387,10 @@ class Statics:
 
 def bound_velocities(statics: Statics) -> Floats | None:
     """Bound velocities |u| and slides t of any mechanism per unit of its cost, (3n + m,)."""
+    # Cost as in docs/method.md (4.8): openings and rotations, plus capacity times slip. Openings bound every motion but
+    # the loose ones, which open nothing. A group of faces that slide alike in loose motions bounds one of them: its
+    # capacities together are at least `least`, so that slip ≤ cost (1 + spread) / least. `spread` is what openings add
+    # to the differences of slips in the group, `drift` what rounding does.
     modes, m = statics.modes, statics.modes.faces
     width = len(modes.dead)
     jumps = modes.matrix.T.reshape(m, 3, width)
@@ -398,7 +402,7 @@ def bound_velocities(statics: Statics) -> Floats | None:
     rows, shares = [openings], [np.full(2 * m, 1.0)]
     sizes, drift = statics.force_bounds, 0.0
     if not np.isfinite(sizes).all():
-        return None
+        return None  # self-stress is unbounded
     capacity = abs(modes.capacities) @ sizes
     taken = np.zeros((0, loose.shape[1]))
     # faces by the size of their slip in motions without opening, largest first
@@ -422,11 +426,11 @@ def bound_velocities(statics: Statics) -> Floats | None:
         rows.append(jumps[face, 1][None])
         shares.append(np.array([(1.0 + spread) / least]))
     if len(taken) < loose.shape[1]:
-        return None
+        return None  # some loose motion costs nothing
     stacked, per_cost = np.vstack(rows), np.concatenate(shares)
     back = np.linalg.pinv(stacked, rcond=1e-12)
     if abs(back @ stacked - np.eye(width)).sum(axis=1).max() > 1e-6:
-        return None
+        return None  # rounding has spoiled the inverse
     # The openings and rotations of all faces together cost at most one. The factor 2 covers rounding, which the test
     # below keeps small.
     velocity = 2.0 * (abs(back[:, : 2 * m]).max(axis=1) + abs(back[:, 2 * m :]) @ per_cost[2 * m :])

@@ -273,6 +273,7 @@ def low_compression_states(search: FixedPointSearch, load: float, rng: np.random
     # in turn.
     program = _at_load(search, load)
     freedoms = search.analysis.template.assembly.freedoms
+    # random prices on the normal force of each face
     program.objective[: search.count : freedoms] = rng.exponential(size=len(search.labels))
     raw = search.solver.solve(program)
     if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):

@@ -480,16 +480,17 @@ def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 
 
 def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
-    """Return (p, k) faces along which a pair's element already touches that of the corner, else −1."""
+    """Return (p, k) facets along which a pair's element already touches that of the corner, else −1."""
     contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
     found = []
     for c, other in pair.tolist():
         rings = [elements.shape[other][list(side)] for side in elements.faces[other]]
-        off = []
+        facets = []
         for face in contacts.get((int(corner[c]), other), []):
+            # the facet nearest to the plane of the interface
             away = [abs((ring - faces.origin[face]) @ faces.normal[face]).max() for ring in rings]
-            off.append(int(np.argmin(away)))
-        found.append(off)
+            facets.append(int(np.argmin(away)))
+        found.append(facets)
     return _table(found)
 
 

@@ -98,13 +98,15 @@ _PATTERNS: Final = tuple((role, _pattern(words)) for role, words in _WORDS)
 @cache
 def role_by_name(layer: str) -> str | None:
     plain = "".join(c for c in normalize("NFKD", layer.casefold()) if not combining(c))
-    if plain == "ids":
+    if plain == "ids":  # names of elements, written by jld
         return "id"
     if iso := _ISO.fullmatch(plain):
+        # presentation: element, any, none, hatch; the others are texts, dimensions, frames and the like
         return "skip" if iso[3] not in "e_-h" else _ISO_ELEMENT.get(iso[1] or iso[2])
     if re.match(r"[a-z]{1,2}-grid\b", plain):
         return "skip"
     words = re.sub(r"[\W\d_]+", " ", plain)
+    # texts at blocks, no blocks
     joined = words.replace(" ", "") if words == "block ids" else words
     return next((role for role, pattern in _PATTERNS if pattern.search(joined)), None)
 

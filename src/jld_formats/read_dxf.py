@@ -115,7 +115,7 @@ class _Reader:
         for number, entity in enumerate(space):
             self.notes.reached("entities", number, len(space))
             self._read(entity, None, 0)
-        lost = 0
+        lost = 0  # entities not read that may be part of the structure
         for (kind, layer), count in sorted(self.unread.items()):
             lost += count * (kind not in _BESIDE and self.options.role(layer) != "skip")
             what = f"{kind} entities on layer {layer}"

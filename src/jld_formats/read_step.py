@@ -164,7 +164,7 @@ def read_step(path: Path, options: ImportOptions, notes: Notes) -> Solids:
 
 
 def _unit(file: _File) -> tuple[str, float]:
-    """Return the unit of lengths of a file, and one unit of the file in it (1, or for a unit without a name metres)."""
+    """Return the unit of lengths of a file and 1, or "m" and the metres of a unit without a name."""
     sizes: dict[float, None] = {}
     for _, values in file.every("GLOBAL_UNIT_ASSIGNED_CONTEXT"):
         for number in values[0]:

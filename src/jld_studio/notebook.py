@@ -86,7 +86,7 @@ class AssemblyStructure:
                 self.materials.setdefault(part, {})[key] = float(np.median(stated))
 
     def with_materials(self, materials: Mapping[str, Any]) -> Assembly:
-        """Return the assembly with scaled strengths; raise InputError for a value that is no positive number."""
+        """Return the assembly with scaled strengths; raise InputError for a value that is no number of at least 0."""
         assembly = self._assembly
         factors = {}
         for (part, key), name in _STRENGTHS.items():

@@ -257,7 +257,7 @@ def design_command(file: str, out: str, options: ImportOptions, settings: Mappin
 def _tried(
     path: Path, content: drawn_loads.Drawing | Solids, options: ImportOptions, notes: Notes, *, feet: bool
 ) -> tuple[Imported | None, Notes, InputError | None]:
-    """Import the content of a file; return the result, what was said, and why it makes no scene."""
+    """Import the content of a file; return the result, what was said, and why it makes no scene; feet: add supports."""
     said, found = copy.deepcopy(notes), None
     try:
         with libraries.reading(path), libraries.without_collection():
@@ -265,10 +265,10 @@ def _tried(
                 found = planar_scene(content, options, said, feet=feet)
             else:
                 found = solids.spatial_scene(content, options, said, feet=feet)
-        scene_of(found, path)
+        scene_of(found, path)  # it may refuse
     except InputError as error:
         if error.parameter:
-            raise
+            raise  # a wrong option is the user's, not the file's
         return found, said, error
     return found, said, None
 

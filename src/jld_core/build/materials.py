@@ -333,8 +333,8 @@ def _axis(assembly: Assembly, entry: Member, elements: Ints, points: Floats, whe
 
 
 def _interfaces(assembly: Assembly, members: Members, rows: Ints) -> Interfaces:
-    # Both sides are the same element, so that an interface never joins or separates blocks. Area and sizes are 1, which
-    # makes a stress of the same number a force.
+    # Interfaces of members. Both sides are the first free element of a member, so that an interface never joins or
+    # separates blocks. Area and sizes are 1, which makes a stress of the same number a force.
     d, support = assembly.dimension, assembly.elements.support
     own = np.array([members.elements[k][np.argmin(support[members.elements[k]])] for k in rows], dtype=np.int64)
     axis, one = members.axis[rows], np.ones(len(rows))

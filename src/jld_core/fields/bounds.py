@@ -213,15 +213,15 @@ class FieldSetting:
     def of(
         cls, assembly: Assembly, patch: float | None = None, labels: Bits | None = None, cut: tuple[int, ...] = ()
     ) -> FieldSetting:
-        """Compute material, units, coarsest mesh and loads.
+        """Compute material, units, coarsest mesh and loads; patch: length that a point force is spread on.
 
-        In space for dry `labels` (m,) and cells to `cut` in layers.
+        labels: (m,) True = dry, cut: cells in layers, of space alone.
         """
         material = material_of(assembly)
         if assembly.dimension == 2:
             coarse, loads = loaded_mesh(assembly, patch)
             ends = [end for segment in loads.tractions if isinstance(segment, Segment) for end in segment.ends]
-            coarse = fanned(coarse, ends)
+            coarse = fanned(coarse, ends)  # where a traction ends, three triangles meet (9.5)
         else:
             from jld_core.fields.solids import loaded_solids  # planar scenes do not load it
 

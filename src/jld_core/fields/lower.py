@@ -59,8 +59,8 @@ class LowerBound:
         self._shape = len(problem.mesh), self._dimension + 1, COMPONENTS[self._dimension]
         self._size = int(np.prod(self._shape))
         self._margins = _MARGINS[self._dimension]
-        self._programs: dict[float, tuple[ConeProgram, Ints]] = {}
-        self._factors: dict[bytes, tuple[sp.csr_array, object]] = {}
+        self._programs: dict[float, tuple[ConeProgram, Ints]] = {}  # by margin
+        self._factors: dict[bytes, tuple[sp.csr_array, object]] = {}  # by the sides whose stresses are continuous
         self.status = ""
 
     def bound(self, labels: Bits) -> StressField | None:
@@ -232,13 +232,13 @@ class LowerBound:
                 rows.add([(columns, np.einsum("ki,kij->kj", along, normal_map(normal)))], 0.0, len(sides))
         return rows.matrix(width)
 
-    def _project(self, stress: Floats, factor: float, labels: Bits) -> tuple[Floats, float]:
+    def _project(self, stress: Floats, load_factor: float, labels: Bits) -> tuple[Floats, float]:
         """Return the nearest stresses (size,) in equilibrium under λ, and a bound on their error."""
         # The error is at most twice the last correction plus the largest residual. A residual beyond rounding means
         # that the equations contradict each other.
         matrix, solver = self._equalities(labels)
         whole, rhs = self.equilibrium
-        rhs = rhs - factor * whole[:, [-1]].toarray().ravel()
+        rhs = rhs - load_factor * whole[:, [-1]].toarray().ravel()
         rhs = np.concatenate([rhs, np.zeros(matrix.shape[0] - len(rhs))])
         previous, size = np.inf, np.inf
         for _ in range(_STEPS):

@@ -69,7 +69,10 @@ _GRID: Final = 1e-3  # grid of regions, as a share of what contacts may be off
 
 
 def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Floats, ...]], normals: Floats) -> Fit:
-    """Measure the misfit of a stated plane contact (k, 3) and the facets of a solid; outward: (3,)."""
+    """Measure the misfit of a stated plane contact (k, 3) and the facets of a solid.
+
+    loops: rings of each facet, the outer one first; normals: (f, 3).
+    """
     axes, origin = across(outward), polygon[0]
     stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
     size = float(np.ptp(polygon, axis=0).max())
@@ -84,6 +87,7 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
         if not shared.area > tolerances.FACE**2 * stated.area:
             continue
         points = origin + shapely.get_coordinates(shared) @ axes
+        # heights of the facet over the contact, > 0 where the contact lies in the element
         heights = (rings[0].mean(axis=0) - points) @ normal / (outward @ normal)
         if abs(heights).max() <= _OFF * size:
             facets.append((heights, shapely.buffer(region, tolerances.FACE * size, join_style="mitre"), shared))

@@ -356,7 +356,7 @@ class Prover:
     def _state(self, forces: Floats, load: float, labels: Bits, passes: int, held: bool = False) -> State:
         """Project forces (q·m,) at a given λ onto equilibrium, and measure their slack.
 
-        labels: (m,) True = dry.
+        held: keep λ even where resultants are dropped. passes: corrections of the projection.
         """
         template = self.template
         projector, mask = self._projectors.with_load(labels)

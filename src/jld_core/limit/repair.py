@@ -178,7 +178,8 @@ class Repair:
         return found
 
     def _settled(self, raw: RawSolution, labels: Bits) -> State | Motion | None:
-        """Return what a solver's answer proves of λ = 0, as `proof_at_zero` does."""
+        """Return a state that proves λ = 0 admissible, or a motion that proves it is not; None without proof."""
+        # cheap repairs first
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         state = self.prover.state(point, labels, passes=3, held=True)
         if state.admissible:

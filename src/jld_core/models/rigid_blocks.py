@@ -1,9 +1,6 @@
 """Solve blocks whose inner faces need not yield as rigid bodies (docs/method.md (7.2)).
 
-The rigid λ is an upper bound: all inner jumps of its mechanism are zero. It is exact if every block has admissible
-inner
-forces under the boundary forces found. A failed check proves nothing, because boundary forces are not unique: blocks
-that fail are taken apart into their elements, and everything is solved and checked again.
+A failed check proves nothing: blocks that fail are taken apart into their elements, and everything is solved again.
 """
 
 from __future__ import annotations

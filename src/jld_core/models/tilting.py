@@ -44,11 +44,11 @@ def directions(assembly: Assembly) -> dict[str, Floats]:
 def tilt_bracket(assembly: Assembly, labels: Bits, model: Model, towards: Floats, low: float, high: float) -> Bracket:
     """Return bounds on the angle to which a structure under one load case tilts, degrees.
 
-    It stands without live load, and up to a load factor between low and high, infinite where it is locked.
+    It must stand without live load. low, high: bounds on λ at 0°, infinite where locked. towards: (d,) way of the tilt.
     """
     analysis = limit_analysis(assembly, model, reference=labels, single_labelling=True)
-    cones = assembly.members.bond is None and not analysis.template.yield_set.strength(labels).any()
-    if cones and not math.isinf(low):
+    is_cone = assembly.members.bond is None and not analysis.template.yield_set.strength(labels).any()
+    if is_cone and not math.isinf(low):
         return _degrees(low), _degrees(high)
     if model.friction != "associative" or model.effective_area:
         return math.nan, math.nan  # the states are not convex
@@ -60,6 +60,7 @@ def tilt_bracket(assembly: Assembly, labels: Bits, model: Model, towards: Floats
         if step < _SMALL:
             break
         status, low, _ = _at(assembly, labels, model, towards, angle)
+        # locked: it stands a quarter turn further
         step = math.pi / 2.0 if status is Status.LOCKED else math.atan(max(low, 0.0)) if math.isfinite(low) else 0.0
     falls = (angle + more for more in _ABOVE if _at(assembly, labels, model, towards, angle + more)[2])
     return math.degrees(angle), math.degrees(next(falls, math.nan))

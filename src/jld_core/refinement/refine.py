@@ -699,10 +699,11 @@ def cells_of(assembly: Assembly, cell: float) -> CrackCells:
     if assembly.scene is None:
         raise InputError("cracks", "cells are cut from a scene, and this assembly has none", "the scene itself")
     whole = (build_robust if assembly.has_low_values else build_assembly)(assembly.scene)
-    for place, one in ((None, whole), *enumerate(whole.by_case)):
-        if len(one.cases) == len(assembly.cases) and _same(one, assembly):
-            found = crack_cells(assembly.scene, assembly, cell)
-            return found if place is None or found.fine is assembly else replace(found, fine=found.fine.by_case[place])
+    # the assembly is that of the scene, or of one of its load cases
+    for case, candidate in ((None, whole), *enumerate(whole.by_case)):
+        if len(candidate.cases) == len(assembly.cases) and _same(candidate, assembly):
+            cells = crack_cells(assembly.scene, assembly, cell)
+            return cells if case is None or cells.fine is assembly else replace(cells, fine=cells.fine.by_case[case])
     raise InputError(
         "cracks",
         "cells are cut from a scene, and this assembly was changed since it was built of it",

@@ -1,13 +1,8 @@
-"""Linear systems of the interior-point method, solved by a Schur complement, docs/method.md (8.5).
+"""Linear systems of the interior-point method, solved by a Schur complement (8.5).
 
-With W the scaling of the cones, E the equations and G the yield rows, each step solves
-
-    [ 0  Eᵀ  Gᵀ ] [x]   [p]
-    [ E  0   0  ] [u] = [q]
-    [ G  0  −W² ] [v]   [r]
-
-H = GᵀW⁻²G has one small matrix block per face. Columns that border the matrix blocks are eliminated last. Source:
-Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
+W is the scaling of the cones, E the equations, G the yield rows, docs/method.md (8.4). H = GᵀW⁻²G has one small matrix
+block per face. Columns that border the matrix blocks are eliminated last. Source: Wright, Primal-Dual Interior-Point
+Methods (SIAM 1997), ch. 11.
 """
 
 from __future__ import annotations
@@ -104,12 +99,13 @@ class SchurSystem:
             of_equations_count.append(np.full(m * k, family.equations.shape[1]))
             done += m * k
 
-        def laid(columns: list[Ints], entries: list[Ints], width: int) -> sp.csr_array:
+        def pattern(columns: list[Ints], entries: list[Ints], width: int) -> sp.csr_array:
             start = np.concatenate([[0], np.cumsum(np.concatenate(entries))])
             return sp.csr_array((np.zeros(start[-1]), np.concatenate(columns), start), shape=(count, width))
 
-        self._inverse = laid(of_face, of_face_count, count)
-        self._half = laid(of_equations, of_equations_count, size)
+        # of all faces: R⁻¹ (columns, columns) and R⁻ᵀEᵀ (columns, equations), where RᵀR is the Hessian of a face
+        self._inverse = pattern(of_face, of_face_count, count)
+        self._half = pattern(of_equations, of_equations_count, size)
 
     def load(self, program: ConicProgram) -> None:
         """Take over the numbers of a program; raise SolverError if a column without yield rows has entries."""

@@ -568,13 +568,20 @@ def _is_scene(file: File) -> bool:
 
 
 def _united(scene: Scene, notes: Notes) -> Scene:
-    """Unite the free elements of a planar scene to outlines, and drop keys about its cells."""
+    """Unite the free elements of a planar scene of one material to outlines without holes; return others unchanged."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
+    # entries of `document`, changed in place
     owners = [document["loads"], *document["loads"].get("cases", [])]
     entries = [entry.model_dump(mode="json", exclude_defaults=True) for entry in build_geometry(scene).entries]
     free = [entry for entry in entries if not entry.get("support")]
-    alike = not any(key in entry for entry in free for key in ("density", "weight", "volume", "centroid"))
-    if scene.dimension == 3 or len(free) == 1 or scene.interfaces is not None or not alike or scene.materials.faces:
+    is_uniform = not any(key in entry for entry in free for key in ("density", "weight", "volume", "centroid"))
+    if (
+        scene.dimension == 3
+        or len(free) == 1
+        or scene.interfaces is not None
+        or not is_uniform
+        or scene.materials.faces
+    ):
         return scene
     _refuse_named_elements(scene, owners)
     elements = build_assembly(scene).elements

@@ -612,14 +612,14 @@ def _bare(scene: Scene) -> Scene:
 
 
 def _ready(scene: Scene, arcs: list[refinement_voussoirs.Arc], *, blocks: bool = False) -> Scene:
-    """Complete a planar scene by the key "move"; without `blocks` remove labels and block names."""
+    """Add the key "move" to a planar scene, and to any its limit on mass; without `blocks` remove labels and blocks."""
     kept = scene if blocks else _bare(scene)
     document = kept.model_dump(mode="json", exclude_defaults=True)
     limit = document.get("search", {}).get("block_mass")
     if scene.dimension == 2 and "move" not in document:
         centres = np.array([arc.centre for arc in arcs]).reshape(-1, 2)
-        apart = [c for k, c in enumerate(centres) if all(np.hypot(*(c - d)) > 1e-6 for d in centres[:k])]
-        along = [{"circle": centre.tolist()} for centre in apart]
+        different = [c for k, c in enumerate(centres) if all(np.hypot(*(c - d)) > 1e-6 for d in centres[:k])]
+        along = [{"circle": centre.tolist()} for centre in different]
         document["move"] = {"inner": "follow", "straight": False, "along": along}
     if limit is not None and "move" in document:
         document["move"].setdefault("block_mass", limit)

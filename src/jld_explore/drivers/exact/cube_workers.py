@@ -2,8 +2,7 @@
 
 Each worker receives a cube for a short time and returns conflicts, which hold for the whole space and go to all others,
 and labellings that no mechanism refutes. A cube without any labelling left is **closed**, by a satisfiability solver. A
-cube that lasts is split by the most promising face once there are too few for all workers. A worker that dies loses
-only its current task.
+cube that lasts is split by the most promising face once there are too few for all workers.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def check_proof(
 ) -> ProofCheck:
     """Check the claims of a finished proof by deriving them again from its conflicts.
 
-    evaluated: (k, m) the strongest labellings, and scaled λ (k,) that each is proven to carry.
+    evaluated: (k, m) the strongest labellings, and scaled λ (k,) that each is proven to carry. problem: found before.
     """
     # Mechanisms over faces that are in memory are all evaluated again. Other conflicts are refuted again in random
     # order, for a limited time. The result names the first problem found; nothing is raised for a proof that fails.
@@ -99,7 +99,7 @@ def check_proof(
     end = start + max(_REFUTATION_SECONDS, _REFUTATION_SHARE * seconds)
     conflict_check.weigh(used)
     conflict_check.refute_again(used, end)
-    better = conflict_check.corrected
+    better = conflict_check.corrected  # one that no claim rests on is no problem
     conflicts_left = [better.get(one.key, one) for one in used]
     raised = [_raised(claim, used, conflicts_left) for claim in claims] if better else list(claims)
     problem = (
@@ -335,6 +335,7 @@ class _Propagation:
         conflict: int | None = None
         for literal in literals:
             if literal in self._reason:
+                # true by a clause, which is false under the lemma's negation; assumed: the lemma holds both signs
                 conflict = self._reason[literal]
                 if conflict < 0:
                     conflict = None
