@@ -43,7 +43,6 @@ class Key:
     along: Floats  # (3,) way on which `into` slid over `on`
 
     def told(self) -> str:
-        """Say whose key goes into which part."""
         return f"{self.kind} of part {self.on} into {self.into}"
 
 
@@ -56,6 +55,10 @@ class Slide:
     plane: Floats  # (4,) normal from `below` to `above`, offset
     region: Any  # in the frame of the plane
     along: Floats  # (3,) area × slip
+
+    def ends(self, up: bool) -> tuple[int, int]:
+        """Return the part with the key, then the other; up: it is on `below`."""
+        return (self.below, self.above) if up else (self.above, self.below)
 
 
 def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
@@ -146,7 +149,7 @@ def _keyed_cells(
     cells: list[Any], block: Ints, slide: Slide, kind: str, up: bool, size: float
 ) -> tuple[list[Any], Ints, list[Floats]] | None:
     """Give what lies within a key from one part to the other; None where the joint has no room for it."""
-    on, into = (slide.below, slide.above) if up else (slide.above, slide.below)
+    on, into = slide.ends(up)
     tool, planes = _tool(slide, kind, up, [c for c, name in zip(cells, block, strict=True) if name == into], size)
     made: list[Any] = []
     names: list[int] = []
@@ -194,7 +197,7 @@ def variants(family: Family, block: Ints, found: list[Slide], setting: Setting, 
             made = _keyed_cells(cells, names, slide, kind, up, family.cutting.size)
             if made is None:
                 continue
-            on, into = (slide.below, slide.above) if up else (slide.above, slide.below)
+            on, into = slide.ends(up)
             middle = np.array(slide.region.centroid.coords[0]) @ basis(slide.plane[:3])
             at, sign = middle + slide.plane[3] * slide.plane[:3], 1.0 if up else -1.0
             keys.append(Key(kind, number[on], number[into], at, sign * slide.along))

@@ -1,8 +1,8 @@
 """Certificate of a lower bound without dilation (4.8), checked in integer arithmetic.
 
 Every double precision number in the identity is a binary fraction, so its remainder R follows without rounding.
-Rounding
-errors in the identities of loops are charged together with R. Multipliers are first corrected so that R becomes small.
+Rounding errors in the identities of loops are charged together with R. Multipliers are first corrected so that R
+becomes small.
 """
 
 from __future__ import annotations

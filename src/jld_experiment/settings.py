@@ -89,8 +89,7 @@ class Settings:
         Points of a curve per slowest period.
     damping_scheme : str
         "local": a share of the unbalanced force acts against the velocity (Cundall 1987). "combined": half of it
-        against
-        the change of that force, which damps steady movement less. "viscous": a drag on momentum.
+        against the change of that force, which damps steady movement less. "viscous": a drag on momentum.
     damping : float
         That share, or the share of critical damping.
     step : float

@@ -27,7 +27,7 @@ STORED: Final = frozenset(
 )
 """Scene keys that a file of an earlier export may hold and that are read back."""
 
-# Parts of a yield surface that say the same in the plane and in space, Hoek–Brown at one point
+# Parts of a yield surface that say the same in the plane and in space; Hoek–Brown, if it is at one point
 _ALIKE: Final = ("friction", "bending", "hoek_brown", "reference_strength")
 
 # Keys of an interface that are written anew; all others are values that override the materials
@@ -68,7 +68,7 @@ def facts_of(layout: Layout, *, cells: bool) -> dict[str, Any]:
         facts["materials"]["gravity"] = [gx, 0.0, gy]
     for label in ("dry", "inner") if lift else ():
         for key, value in (document["materials"].get(label, {}).get("surface") or {}).items():
-            if key not in _ALIKE or (key == "hoek_brown" and len(value.get("points", _ALIKE)) > 1):
+            if key not in _ALIKE or (key == "hoek_brown" and len(value.get("points", ())) != 1):
                 where = f"materials.{label}.surface.{key}"
                 raise InputError(where, "it speaks of the plane, and the file is spatial", '"friction" and "bending"')
     names = _names(layout, cells)

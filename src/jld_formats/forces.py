@@ -51,11 +51,9 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
     """Parse a text that states a force: one number with or without a unit, or one for each component.
 
     A name with ``=`` or ``:`` may stand before a number; ``Fx``, ``Fy`` and ``Fz`` name components. A comma inside a
-    number
-    is a decimal comma. Numbers are separated by a semicolon, or by a comma with a blank or a sign behind it. unit: of
-    the result, and of numbers without one. distributed: accept one load per length or area, as ``10 kN/m``. InputError
-    for
-    other words, unknown units, a comma that may separate thousands, and too few or too many components.
+    number is a decimal comma. Numbers are separated by a semicolon, or by a comma with a blank or a sign behind it.
+    unit: of the result, and of numbers without one. distributed: accept one load per length or area, as ``10 kN/m``.
+    InputError for other words, unknown units, a comma that may separate thousands, and too few or too many components.
 
     Examples
     --------

@@ -84,7 +84,7 @@ def read(path: Path) -> tuple[BoxClaim, list[Node]]:
             raise InputError(str(path), "the keys of its first line are not those of a certificate", _EXPECTED)
         return _claim(head), [_node(line) for line in lines]
 
-    return certificate.read_lines(path, KEY.removeprefix("jld "), _EXPECTED, VERSION, parse)
+    return certificate.read_lines(path, KEY, _EXPECTED, VERSION, parse)
 
 
 def _claim(head: dict[str, Any]) -> BoxClaim:

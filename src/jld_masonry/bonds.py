@@ -200,8 +200,7 @@ class Lintel:
     """How openings are spanned: by one long stone, or a flat arch of `stones` wedges between two skewbacks.
 
     bearing: least length beyond either jamb. None: half a stretcher, or less where the wall beside the jamb is shorter,
-    but
-    at least a quarter of a stretcher.
+    but at least a quarter of a stretcher.
     """
 
     stones: int = 1

@@ -33,8 +33,7 @@ def check_design(
     """Check a layout with partial factors: utilisation, reactions, joints near their limit.
 
     Utilisation is required factor over λ at design values; at most 1 is verified. Permanent loads are tried as
-    favourable
-    and as unfavourable. The exit code is 4 if neither result is proven.
+    favourable and as unfavourable. The exit code is 4 if neither result is proven.
     """
     from jld_practice.design_check import design_check, in_words, to_json
 

@@ -1,8 +1,7 @@
 """Angles of layouts on a tilting table, and the proof that none tilts further.
 
 A search of the scene whose gravity is turned by the furthest angle, under live load along the tangent, proves that
-every
-layout falls. Where one stands it tilts further, and is tried next.
+every layout falls. Where one stands it tilts further, and is tried next.
 """
 
 from __future__ import annotations

@@ -697,7 +697,6 @@ class LimitAnalysis:
         return made[key]
 
     def _new_batch(self) -> BatchSolver:
-        """Return a new batch solver."""
         plain = self.repair.expansion() if self.single_labelling else None
         opening = self.repair.opening() if plain is None else plain
         return BatchSolver(

@@ -584,10 +584,8 @@ class ConeProgram(AllBlocksProgram):
     """Program min −λ of the block relaxation for any yield set; TypeError if cones have different sizes.
 
     Columns: x of each block; resultants and extra variables of each side, then of each joint; λ of each block times x;
-    λ.
-    Rows: cover of every element, equal shares of λ, equal forces on shared faces, equilibrium of each part, linear
-    rows,
-    cones. Attributes are those of `BlockProgram`.
+    λ. Rows: cover of every element, equal shares of λ, equal forces on shared faces, equilibrium of each part, linear
+    rows, cones. Attributes are those of `BlockProgram`.
     """
 
     def __init__(self, template: Template, parts: BlockParts) -> None:

@@ -89,8 +89,7 @@ class Structure:
     """Sparsity of M (compressed columns) and cones that all programs of one template share.
 
     Rows: `equalities` with s = 0, `linear` ones with s ≥ 0, second-order cones of sizes `cones`. places: (equalities,
-    d)
-    of the element of each equation, a hint for the elimination order.
+    d) of the element of each equation, a hint for the elimination order.
     """
 
     indices: Ints

@@ -379,7 +379,6 @@ class Portfolio(Anneal):
         climb.changes = []
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        self.prepare()
         names = keys(labellings)
         source = np.where([name in self._of_population for name in names], 1, 2)
         super().tell(labellings, evaluations)

@@ -109,12 +109,13 @@ Content = TypeVar("Content")
 
 
 def read_lines(
-    path: Path, kind: str, expected: str, known: int, parse: Callable[[dict[str, Any], list[Any]], Content]
+    path: Path, key: str, expected: str, known: int, parse: Callable[[dict[str, Any], list[Any]], Content]
 ) -> Content:
-    """Return what `parse` makes of the first line of a file, without its version under "jld KIND", and of the others.
+    """Return what `parse` makes of the first line of a file, without its version under `key`, and of the others.
 
     InputError: a file that is none, or not whole, as `parse` says by ValueError; of another version; or changed.
     """
+    kind = key.removeprefix("jld ")
     try:
         text = path.read_bytes()
     except (OSError, ValueError) as error:
@@ -124,7 +125,7 @@ def read_lines(
             json.loads(line, object_pairs_hook=json_object, parse_constant=no_number) for line in text.splitlines()
         ]
         head, last = lines[0], lines[-1]
-        version, digest = head.pop(f"jld {kind}"), last.pop("sha256")
+        version, digest = head.pop(key), last.pop("sha256")
         if last or len(lines) < 2:
             raise ValueError
         current = type(version) is int and version == known
@@ -150,7 +151,7 @@ def read(path: Path) -> tuple[Claim, list[Reason]]:
         reasons = list(_reasons(lines))
         return _claim(head, str(path)), reasons
 
-    return read_lines(path, _KEY.removeprefix("jld "), _EXPECTED, VERSION, parse)
+    return read_lines(path, _KEY, _EXPECTED, VERSION, parse)
 
 
 def _claim(head: dict[str, Any], path: str) -> Claim:
