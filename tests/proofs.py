@@ -585,8 +585,12 @@ def load_factor_in_space(document: dict[str, Any], concave: bool = False, kern: 
         balance = balance + np.hstack(acts["corner"]) @ cp.reshape(parts, (parts.size,), order="C")
     constraints.append(balance == 0)
     problem = cp.Problem(cp.Maximize(load), constraints)
-    problem.solve(solver="CLARABEL", tol_gap_abs=1e-10, tol_gap_rel=1e-10, tol_feas=1e-10)
-    assert problem.status == "optimal", problem.status
+    # Whether the last digit is reached depends on the kernel of the processor. "inaccurate" is what stops short of it,
+    # but not of a hundredth of what is compared.
+    names = ("gap_abs", "gap_rel", "feas")
+    reached = {f"tol_{name}": 1e-10 for name in names} | {f"reduced_tol_{name}": 1e-8 for name in names}
+    problem.solve(solver="CLARABEL", **reached)
+    assert problem.status in ("optimal", "optimal_inaccurate"), problem.status
     return float(load.value)
 
 
