@@ -31,9 +31,10 @@ from jld_explore.report import csv_of
 from jld_formats import step_of_solids
 from jld_views import figures, page_of_study
 
-_FIELDS: Final = 8.0  # time from which bounds by fields have a chance, s
+_FIELDS: Final = 3.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
 _NAMED: Final = 3  # keys that the verdict names
+_DRAWING: Final = 7.0  # time that pictures and pages need after them, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
@@ -201,19 +202,21 @@ def cut(
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
     if options.keys:
         chosen = _keyed(chosen, wish, scale, options.clearance, clock)
+    if chosen.laying is None:  # the search for others had the time of this one
+        chosen = replace(chosen, laying=chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED))))
     summary = _summary(chosen, families, solid, options)
-    _write(chosen, summary, out, options, clock)
+    scene = clock.run("bounds by fields", DRAWN, lambda: _by_fields(chosen, wish.setting, out), _FIELDS + _DRAWING)
+    with bounds_beside(scene, clock.left(DRAWN) - _DRAWING) if scene else nullcontext() as bracket:
+        _write(chosen, summary, out, options, clock)
+        none = "time ended" if "bounds by fields" in clock.left_out else "the parts are no union of a few convex pieces"
+        summary["by_fields"], why = bracket(clock.left(DRAWN) - _DRAWING) if bracket else (None, none)
+    summary["meets"] = carries(summary)
+    summary["verdict"] = verdict(summary)
     say(summary["verdict"])
-    scene = clock.run("bounds by fields", FILED, lambda: _by_fields(chosen, wish.setting, out), _FIELDS)
-    with bounds_beside(scene, clock.left(DRAWN)) if scene else nullcontext() as bracket:
-        _draw(chosen, summary, out, scale, clock)
-        summary["by_fields"] = bracket(clock.left(DRAWN)) if bracket else None
+    if why:
+        say(f"λ is by cells; by fields it is not known: {why}")
+    _draw(chosen, summary, out, scale, clock)
     summary["left_out"] = clock.left_out
-    say(
-        _told_of_fields(
-            summary["by_fields"], scene is not None or "bounds by fields" in clock.left_out, chosen.bracket[0]
-        )
-    )
     if clock.left_out:
         say(f"time left out: {', '.join(clock.left_out)}")
     summary["seconds"] = time.time() - clock.start
@@ -377,7 +380,6 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "layouts": sum(one.solved for one in found.of.values()),
         "uncut": list(chosen.uncut[:2]),
         "require": options.require,
-        "meets": chosen.low >= options.require * (1 - 1e-6),
         "fits": not chosen.too_large,
         "too_large": chosen.too_large,
         "coarse_truth": chosen.fine.coarse,
@@ -438,18 +440,12 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
 
 def verdict(summary: dict[str, Any]) -> str:
     many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
-    low = summary["bracket"][0]
-    if summary["locked"]:
-        carry = "carry any multiple of your load by dry joints and inner strength (only crushing would limit it)"
-    elif low is None:
-        carry = "have no proven load factor"
-    else:
-        carry = f"carry at least {low:.3g} times your load"
+    carry, low = _carried(summary), summary["bracket"][0]
     keys = summary.get("keys") or []
     if keys:
         more = f" and {len(keys) - _NAMED} more" if len(keys) > _NAMED else ""
         named = ", ".join(key["told"] for key in keys[:_NAMED]) + more
-        carry += f" with keys where parts slid ({named}; {summary['load_factor_without_keys']:.3g} without)"
+        carry += f"; with keys where parts slid ({named}; {summary['load_factor_without_keys']:.3g} without)"
     start, end = summary["uncut"]
     whole = "any multiple" if start is not None and end is None else "unknown" if start is None else f"{start:.3g}"
     told = f"{many} {carry}; uncut {whole}"
@@ -513,7 +509,6 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
         files.write_text(out / "parts.step", step_of_solids(chosen.fine.document["name"], "m", size, solids))
 
     clock.run("parts.step", FILED, step_file)
-    summary["verdict"] = verdict(summary)
     files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")
 
 
@@ -557,17 +552,34 @@ def _shown(value: Any) -> str:
     return "–" if value is None or value != value else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-def _told_of_fields(bracket: list[float | None] | None, begun: bool, low: float | None) -> str:
-    """Return in words which of both models of cracks was reached."""
-    if bracket is None:
-        why = "time ended before the first mesh" if begun else "the parts are no union of a few convex pieces"
-        return f"λ is by cells; by fields it is not known: {why}"
-    ends = [(word, end) for word, end in zip(("at least", "at most"), bracket, strict=True) if end is not None]
-    if not ends:
-        return "λ is by cells; fields on these pieces bound nothing"
-    told = f"λ by fields, with cracks anywhere in the parts: {' and '.join(f'{word} {end:.4g}' for word, end in ends)}"
-    high = bracket[1]
-    return told + "; that by cells is more, as their faces are few" * (high is not None and (low or np.inf) > high)
+def _low(summary: dict[str, Any]) -> float:
+    low = summary["bracket"][0]
+    return np.inf if summary["locked"] else -np.inf if low is None else float(low)
+
+
+def _carried(summary: dict[str, Any]) -> str:
+    """Return in words what parts carry by the model that knows more, and which one it is."""
+    low, (least, most) = _low(summary), summary.get("by_fields") or (None, None)
+    anywhere, between = "with cracks anywhere in them", "with cracks between cells"
+    if summary["locked"]:
+        carry, of_cells = f"any multiple of your load {between} (only crushing would limit it)", f"any {between}"
+    elif low == -np.inf:
+        return "have no proven load factor"
+    else:
+        carry, of_cells = f"at least {low:.3g} times your load {between}", f"{low:.3g} {between}"
+    if most is not None and most < low:
+        start = "" if least is None else f"at least {least:.3g} and "
+        return f"carry {start}at most {most:.3g} times your load {anywhere} ({of_cells}, where few faces can crack)"
+    if least is not None:
+        return f"carry at least {least:.3g} times your load {anywhere} ({of_cells})"
+    return f"carry {carry}" + ("" if most is None else f", and at most {most:.3g} {anywhere}")
+
+
+def carries(summary: dict[str, Any]) -> bool:
+    """Tell whether parts carry what was required: by fields where these decide, else by cells."""
+    asked, (least, most) = summary["require"] * (1 - 1e-6), summary["by_fields"] or (None, None)
+    low = _low(summary)
+    return bool((low >= asked or (least is not None and least >= asked)) and (most is None or most >= asked))
 
 
 def _by_fields(chosen: Chosen, setting: Setting, out: Path) -> Path | None:

@@ -19,6 +19,8 @@ from jld_cut.cells import SPLIT, Cutting, convex_parts, joints_of
 from jld_cut.meshes import surface_of
 from jld_cut.scene import Setting, scene_of
 
+Ends = list[float | None]  # bounds of λ, None where there is none
+
 _PIECES: Final = 120  # most convex pieces of all parts
 _TURN: Final = np.radians(0.1)  # turn of a concave edge that is split
 _FIRST: Final = 10.0  # gap that the first mesh always reaches
@@ -42,21 +44,24 @@ def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Sett
 
 
 @contextmanager
-def bounds_beside(scene: Path, seconds: float) -> Iterator[Callable[[float], list[float | None] | None]]:
-    """Bound λ by fields in a process; yield a function of a wait, s, that returns the last bracket, or None."""
+def bounds_beside(scene: Path, seconds: float) -> Iterator[Callable[[float], tuple[Ends | None, str]]]:
+    """Bound λ by fields in a process; yield a function of a wait, s, that returns the last bracket, or None and why."""
     order = [sys.executable, "-m", "jld_cut.fields", str(scene), str(seconds)]
-    process = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
-    def bracket(wait: float) -> list[float | None] | None:
+    def bracket(wait: float) -> tuple[Ends | None, str]:
         try:
-            output, _ = process.communicate(timeout=max(0.1, wait))
+            output, faults = process.communicate(timeout=max(0.1, wait))
         except subprocess.TimeoutExpired:
             process.kill()
-            output, _ = process.communicate()
+            output, faults = process.communicate()
         lines = output.decode().splitlines()
-        if not lines:
-            return [None, None] if process.returncode == 1 else None  # it failed, or time ran out
-        return json.loads(lines[-1])  # type: ignore[no-any-return]
+        ends = json.loads(lines[-1]) if lines else None
+        if ends and any(end is not None for end in ends):
+            return ends, ""
+        if process.returncode > 0:
+            return None, faults.decode().strip().rpartition("\n")[2]
+        return None, "fields on these pieces bound nothing" if lines else "time ended before the first mesh"
 
     try:
         yield bracket
@@ -83,4 +88,7 @@ def _told(scene: Path, seconds: float) -> None:
 
 
 if __name__ == "__main__":
-    _told(Path(sys.argv[1]), float(sys.argv[2]))
+    try:
+        _told(Path(sys.argv[1]), float(sys.argv[2]))
+    except InputError as error:
+        sys.exit(str(error))

@@ -133,6 +133,9 @@ def facet_of(corners: Floats, size: float) -> Facet:
     return Facet(corners[kept], normals[kept] / length[kept, None])
 
 
+SLIVER: Final = 1e-6  # least share of a load that a cell bears
+
+
 def shares(load: Load, facets: list[Facet]) -> list[tuple[int, Floats, Floats]]:
     """Return cell, force (3,) and place (3,) of each part of a load; ParameterError where it meets no face."""
     direction = load.vector / np.linalg.norm(load.vector)
@@ -148,7 +151,10 @@ def shares(load: Load, facets: list[Facet]) -> list[tuple[int, Floats, Floats]]:
             total += whole
     if not found:
         raise ParameterError("load", "no face of the solid lies in its region and faces it", "a region on the surface")
-    return [(k, load.vector * (whole / total), middle) for k, whole, middle in found if whole > 1e-9 * total]
+    # corners in single precision leave slivers of a face on the pieces beside it
+    kept = [one for one in found if one[1] > SLIVER * total]
+    total = sum(whole for _, whole, _ in kept)
+    return [(k, load.vector * (whole / total), middle) for k, whole, middle in kept]
 
 
 _DEPTH: Final = 0.05  # of supports, by size

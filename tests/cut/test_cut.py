@@ -22,7 +22,7 @@ from jld_core import InputError, ParameterError, build_assembly, checkpoint, par
 from jld_cut import Options, cut
 from jld_cut.cells import BENT, Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union
 from jld_cut.clock import Clock
-from jld_cut.cut import verdict
+from jld_cut.cut import carries, verdict
 from jld_cut.families import axis_of, compressed
 from jld_cut.fields import scene_of_parts
 from jld_cut.keys import are_sound, keyed, slides, variants
@@ -230,6 +230,10 @@ def test_loads_are_alike_for_all_cuts() -> None:
     assert wholes[1] == pytest.approx(wholes[0], abs=1e-9)
     assert wholes[2] == pytest.approx(wholes[0], abs=1e-9)
     assert wholes[0][:3] == pytest.approx([0, 0, -6])
+    # a sliver, as corners in single precision leave them, bears no force that would have no face
+    thin = [box(1, 1, 1), box(1, 3e-8, 1, (0, 1.0, 0))]
+    ((of, force, _),) = shares(parse_load("0,0,-6", 1.0), [outside(one, one, [], 1.0) for one in thin])
+    assert (of, force.tolist()) == (0, [0, 0, -6])
 
 
 def _ascii(space: str, end: str, upper: bool) -> bytes:
@@ -513,12 +517,40 @@ TOLD |= {"too_large": [], "can_be_laid": True, "coarse_truth": "", "faulty_files
             "part 5",
         ),
         ({"coarse_truth": "no face"}, ["λ of the cells of the search"], "fit the box"),
+        (
+            {"by_fields": [1.7, 1.9]},
+            ["at least 1.7 and at most 1.9 times your load"],
+            "at least 2",
+        ),
+        ({"by_fields": [None, 1.9]}, ["carry at most 1.9 times", "(2 with cracks between cells, "], "at least"),
+        ({"by_fields": [1.7, 2.5]}, ["at least 1.7 times your load with cracks anywhere"], "at least 2"),
+        (
+            {"by_fields": [None, 2.5]},
+            ["at least 2 times your load with cracks between cells, and at most 2.5"],
+            "few faces",
+        ),
+        ({"by_fields": [None, 9.0], "bracket": [5.0, None], "locked": True}, ["carry at most 9"], "carry any"),
     ],
 )
 def test_the_verdict_says_what_limits_and_what_is_proven(change: Any, said: list[str], unsaid: str) -> None:
     words = verdict(TOLD | change)
     assert all(one in words for one in said)
     assert unsaid not in words
+
+
+@pytest.mark.parametrize(
+    ("low", "fields", "meets"),
+    [
+        (2.0, None, True),
+        (0.5, None, False),
+        (2.0, [None, 0.9], False),  # refuted by the model that knows more
+        (2.0, [0.5, 1.5], True),
+        (0.5, [1.2, 1.5], True),
+        (None, [None, 3.0], False),
+    ],
+)
+def test_fields_decide_whether_parts_carry(low: float | None, fields: Any, meets: bool) -> None:
+    assert carries(TOLD | {"bracket": [low, None], "by_fields": fields}) is meets
 
 
 def test_a_part_within_another_is_named() -> None:
