@@ -41,18 +41,18 @@ DRY_WALLS: Final[dict[str, Callable[[int], Scene]]] = {
     "dry, planar": planar_running_bond,
 }
 SIZES: Final = {
-    "planar": (10, 32, 100, 178, 317),
-    "spatial": (5, 10, 16, 22, 47),
+    "planar": (10, 32, 100, 178, 200, 224, 245, 283),
+    "spatial": (5, 10, 16, 20, 24),
     **dict.fromkeys(DRY_WALLS, (10, 20, 40, 60, 100)),
 }
-"""Cells along an edge, up to 100 489 and 103 823 cells; courses of dry walls, up to 10 100 blocks."""
+"""Cells along an edge, up to 80 089 and 13 824 cells; courses of dry walls, up to 10 100 blocks."""
 
 PHASES: Final = ("scene", "contacts", "symmetry", "space", "driver", "λ")
 
-SECONDS: Final = 300
+SECONDS: Final = 600
 """Processor time of one size."""
 
-BYTES: Final = 12 << 30
+BYTES: Final = 16 << 30
 """Address space of one size."""
 
 
@@ -157,7 +157,7 @@ def exponent(series: list[Found], phase: str) -> str:
 
 
 def growth() -> None:
-    """How reading and searching grow: phase by phase, planar, spatial and dry walls, to 10⁵ cells.
+    """How reading and searching grow: phase by phase, planar, spatial and dry walls, to 80 000 cells.
 
     Each size is a process of its own with its own limit of processor time and of memory; what it had not reached by
     then is a dash. Scene: the file read and validated. Contacts: from it to the assembly. Symmetry: the isometries
