@@ -200,7 +200,7 @@ class BatchSolver:
         self._start = self._starting(template, sampled)
 
     def _random_labellings(self, count: int) -> Bits:
-        """Return labellings (count, faces) whose shares of dry faces are in the range of `dry_shares`."""
+        """Return labellings (count, faces) with shares of dry faces in `dry_shares`."""
         dice = np.random.default_rng(0)
         low, high = dry_shares(2 if self._q == 3 else 3, self.faces)
         return np.asarray(dice.random((count, self.faces)) < low + (high - low) * dice.random((count, 1)))
@@ -219,7 +219,7 @@ class BatchSolver:
         return self._between_samples() if self._sampled else self._start
 
     def _between_samples(self) -> _Start:
-        """Return a starting point towards the mean solution of random labellings, the present one if none has any."""
+        """Return the start near the mean solution of samples, the present one without any."""
         found = self.solve(self._random_labellings(self._sampled), vectors=True)
         good = found.verdict == PROVEN
         self.settled_fraction = float((found.verdict != OPEN).mean())
@@ -308,7 +308,7 @@ class BatchSolver:
         return other.solve(np.repeat(number[:, None], self.faces, axis=1), thresholds=thresholds, vectors=vectors)
 
     def reversed(self, *, sampled: bool = False) -> BatchSolver:
-        """Return a solver under the opposite live load; sampled: with a start as this one's, else a slow one."""
+        """Return a solver under the opposite live load; sampled: begun at samples, else slower."""
         other = copy(self)
         other._live = -self._live
         nothing = np.zeros((self.faces, self._q))

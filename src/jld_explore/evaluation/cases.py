@@ -514,7 +514,7 @@ class _Case:
             self._known |= dict(zip(keys[low : low + _SLICE].tolist(), found[rows].tolist(), strict=True))
 
     def _solved(self, batch: BatchSolver, labellings: Bits, threads: int | None) -> BatchResults:
-        """Bound λ of labellings (k, m) until above 0, many of them in several threads."""
+        """Bound λ of labellings (k, m) until above 0, many in several threads."""
 
         def solved(rows: Bits) -> BatchResults:
             return batch.solve(rows, thresholds=np.zeros(len(rows)))

@@ -241,13 +241,13 @@ class Workers:
         return [partial(self._result, pool.submit(_timed_batch, task, self._then)) for task in tasks]
 
     def _result(self, task: Future[tuple[tuple[int, list[Evaluation]], float]]) -> tuple[int, list[Evaluation]]:
-        """Wait for a task and record its time; return batch number and evaluations."""
+        """Wait for a task and record its time."""
         found, seconds = task.result()
         self._seconds_of_tasks += seconds
         return found
 
     def abandon(self) -> None:
-        """Stop all runs and terminate the local processes, which start again on demand."""
+        """Stop all runs and local processes, which start again on demand."""
         for run in self.running:
             run.stop()
         self.running, self._held = [], []
