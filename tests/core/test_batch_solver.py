@@ -144,6 +144,20 @@ def answers(kernel: batch_solver.BatchSolver, asked: np.ndarray) -> list[np.ndar
     return [found.low, found.high, found.verdict, found.iterations, found.forces, found.velocity]
 
 
+@pytest.mark.parametrize("name", ["wall", "overhang", "no shear strength", "running bond"])
+def test_either_start_bounds_the_opposite_load(kernel: str, name: str) -> None:
+    """Of λ under the opposite load both starts prove brackets that share a number, and never verdicts that differ."""
+    analysis = analysis_of(name)
+    made = lanes_of(analysis, kernel)
+    asked = labellings(analysis.assembly, 40, seed=5)
+    slow, near = (made.reversed(sampled=sampled).solve(asked) for sampled in (False, True))
+    both = (slow.verdict != batch_solver.OPEN) & (near.verdict != batch_solver.OPEN)
+    assert both.any()
+    np.testing.assert_array_equal(slow.verdict[both], near.verdict[both])
+    assert (near.low <= slow.high + 1e-9).all()
+    assert (slow.low <= near.high + 1e-9).all()
+
+
 @pytest.mark.parametrize("name", ["wall", "beam", "no shear strength", "weak arch", "running bond", "hulls"])
 def test_an_answer_sees_neither_lane_nor_company(kernel: str, name: str) -> None:
     analysis = analysis_of(name)

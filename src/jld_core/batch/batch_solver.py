@@ -200,7 +200,7 @@ class BatchSolver:
         self._start = self._starting(template, sampled)
 
     def _random_labellings(self, count: int) -> Bits:
-        """Return labellings (count, faces) whose shares of dry faces are in the range of `dry_shares`."""
+        """Return labellings (count, faces) with shares of dry faces in `dry_shares`."""
         dice = np.random.default_rng(0)
         low, high = dry_shares(2 if self._q == 3 else 3, self.faces)
         return np.asarray(dice.random((count, self.faces)) < low + (high - low) * dice.random((count, 1)))
@@ -209,23 +209,25 @@ class BatchSolver:
         """Return the starting point of the iterations; store `_start` and `settled_fraction`."""
         # The point lies between the least-norm forces in equilibrium and the mean solution of `sampled` random
         # labellings.
-        matrix = template.matrix
+        matrix = self._matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
+        finite = bool(np.isfinite(least).all())
+        self._sampled = sampled if finite else 0
+        self._least = np.ascontiguousarray(least) if finite else np.zeros((self.faces, self._q))
         nothing = np.zeros(self.size)
-        self._start = _Start(np.ascontiguousarray(least), np.zeros((self.faces, self._q)), nothing, 0.0, _ROOM_BLIND)
-        if not np.isfinite(least).all():
-            self._start = replace(self._start, forces=np.zeros((self.faces, self._q)))
-            return self._start
-        if not sampled:
-            return self._start
-        found = self.solve(self._random_labellings(sampled), vectors=True)
+        self._start = _Start(self._least, np.zeros((self.faces, self._q)), nothing, 0.0, _ROOM_BLIND)
+        return self._between_samples() if self._sampled else self._start
+
+    def _between_samples(self) -> _Start:
+        """Return the start near the mean solution of samples, the present one without any."""
+        found = self.solve(self._random_labellings(self._sampled), vectors=True)
         good = found.verdict == PROVEN
         self.settled_fraction = float((found.verdict != OPEN).mean())
         if not good.any() or found.forces is None or found.velocity is None:
             return self._start
-        forces = (1.0 - _SHARE) * least + _SHARE * found.forces[good].mean(axis=0)
+        forces = (1.0 - _SHARE) * self._least + _SHARE * found.forces[good].mean(axis=0)
         speed = found.velocity[good].mean(axis=0)
-        jumps = np.ascontiguousarray((matrix.T @ speed).reshape(self.faces, self._q))
+        jumps = np.ascontiguousarray((self._matrix.T @ speed).reshape(self.faces, self._q))
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
@@ -305,12 +307,14 @@ class BatchSolver:
         number = np.arange(len(dead), dtype=np.uint8)  # the compiled solver looks rows and loads up by label
         return other.solve(np.repeat(number[:, None], self.faces, axis=1), thresholds=thresholds, vectors=vectors)
 
-    def reversed(self) -> BatchSolver:
-        """Return a solver under the opposite live load, for a few labellings: its start is slow."""
+    def reversed(self, *, sampled: bool = False) -> BatchSolver:
+        """Return a solver under the opposite live load; sampled: begun at samples, else slower."""
         other = copy(self)
         other._live = -self._live
         nothing = np.zeros((self.faces, self._q))
         other._start = replace(self._start, jumps=nothing, speed=np.zeros(self.size), load=0.0)
+        if sampled and self._sampled:
+            other._start = other._between_samples()
         return other
 
     def minimize_conflicts(self, asked: ConflictRequest) -> MinimizationResults:

@@ -455,6 +455,12 @@ class _Case:
         """True once so much was asked that the batch solver, which takes long to make, is worth it."""
         return len(self._bad) + len(self._cost) >= _FEW or bool(self._dry.any())
 
+    @cached_property
+    def _reverse(self) -> BatchSolver:
+        if (batch := self._analysis.batch) is None:
+            raise RuntimeError("without a batch solver there is none under the opposite load")
+        return batch.reversed(sampled=True)
+
     def foresee(self, labellings: Bits, carries: Bools, seconds: float) -> None:
         """Decide labellings (k, m) that nothing settles yet by the batch solver alone; carries: as in `of`."""
         if not self._every and self._many:
@@ -490,26 +496,25 @@ class _Case:
         """Settle open labellings (k, m) by λ in both directions; `found` and `carries` (k,) are changed."""
         # states of λ ≥ 0 and of λ ≤ 0 prove that λ = 0 between them is admissible
         batch, until = self._analysis.batch, time.perf_counter() + seconds
-        if batch is None:
-            return
-        reverse = batch.reversed()
         rest = np.flatnonzero(np.isnan(found))
         keys = np.array([row.tobytes() for row in np.packbits(labellings[rest], axis=1)], dtype=object)
         found[rest] = [self._known.get(key, math.nan) for key in keys]
         keys, rest = (part[np.isnan(found[rest])] for part in (keys, rest))
+        if batch is None or not len(rest):
+            return
         for low in range(0, len(rest), _SLICE):
             rows = rest[low : low + _SLICE]
             if time.perf_counter() > until:
                 return
             unknown = rows[~carries[rows]]
             carries[unknown] = self._solved(batch, labellings[unknown], threads).low >= 0.0
-            answer = self._solved(reverse, labellings[rows], threads)
+            answer = self._solved(self._reverse, labellings[rows], threads)
             found[rows[carries[rows] & (answer.low >= 0.0)]] = 1.0
             found[rows[answer.verdict == FALLS]] = 0.0
             self._known |= dict(zip(keys[low : low + _SLICE].tolist(), found[rows].tolist(), strict=True))
 
     def _solved(self, batch: BatchSolver, labellings: Bits, threads: int | None) -> BatchResults:
-        """Bound λ of labellings (k, m) until above 0, many of them in several threads."""
+        """Bound λ of labellings (k, m) until above 0, many in several threads."""
 
         def solved(rows: Bits) -> BatchResults:
             return batch.solve(rows, thresholds=np.zeros(len(rows)))

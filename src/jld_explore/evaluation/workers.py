@@ -122,6 +122,10 @@ _MOST_PER_TASK: Final = 64  # largest number of labellings per task
 # Largest number of faces over all labellings of a task for the batch solver, which takes about a second
 _MOST_FACES_PER_TASK: Final = 200_000
 
+# Smallest such number where a run is split: 2 ms of the batch solver, less than handing out a task and waiting for the
+# interpreter gain
+_LEAST_FACES_PER_TASK: Final = 2000
+
 # Labellings of a task for the batch solver come in such numbers: others leave SIMD lanes idle
 _LANES: Final = 8
 
@@ -237,13 +241,13 @@ class Workers:
         return [partial(self._result, pool.submit(_timed_batch, task, self._then)) for task in tasks]
 
     def _result(self, task: Future[tuple[tuple[int, list[Evaluation]], float]]) -> tuple[int, list[Evaluation]]:
-        """Wait for a task and record its time; return batch number and evaluations."""
+        """Wait for a task and record its time."""
         found, seconds = task.result()
         self._seconds_of_tasks += seconds
         return found
 
     def abandon(self) -> None:
-        """Stop all runs and terminate the local processes, which start again on demand."""
+        """Stop all runs and local processes, which start again on demand."""
         for run in self.running:
             run.stop()
         self.running, self._held = [], []
@@ -275,7 +279,8 @@ class Run:
         if workers.batch:
             # Use as few tasks as threads for this run, so that threads seldom wait.
             most = max(_MOST_PER_TASK, _MOST_FACES_PER_TASK // workers.faces)
-            size = min(most, _LANES * -(-len(labellings) // (_LANES * workers.threads_of_run)))
+            threads = min(workers.threads_of_run, max(1, len(labellings) * workers.faces // _LEAST_FACES_PER_TASK))
+            size = min(most, _LANES * -(-len(labellings) // (_LANES * threads)))
         # The labelling to be evaluated in any case is a separate task, independent of the deadline.
         starts = (
             [0, *range(1, len(labellings), size)] if self._first_required else list(range(0, len(labellings), size))
