@@ -433,6 +433,19 @@ def test_all_layouts_prove_what_the_exact_driver_proves(tmp_path: Path) -> None:
             assert len({round(float(whole[0]), 9) for whole in wholes}) == 1
 
 
+@pytest.mark.parametrize(("solid", "fit", "parts"), [(box(1, 1, 1), 2.0, 1), (box(2, 1, 1), 1.2, 2)])
+def test_a_box_that_holds_many_cells_has_a_layout(solid: Any, fit: float, parts: int) -> None:
+    """Where too many sets of cells fit to be listed, cells are joined, and nothing is proven."""
+    wish = Options((fit,) * 3, DOWN, cells=27, families=("grid",)).wish()
+    family = family_of("grid", "cube", body_of(solid, wish), wish)
+    assert family is not None
+    end = time.time() + 60
+    found = search(family.document, family.boxes(), family.around, wish.limits, [], Asked(1.0, 3, end, end))
+    assert found.joined
+    assert min(n for n, one in found.of.items() if len(one.low)) == parts
+    assert not found.proven(parts)
+
+
 @pytest.mark.parametrize("number", [3, 12])
 def test_a_number_is_engraved_in_a_closed_part(number: int) -> None:
     whole = box(0.3, 0.4, 0.5)
