@@ -81,7 +81,6 @@ class Boxes:
         return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), moments)
 
     def grouped(self, groups: list[int]) -> Boxes:
-        """Return the boxes of groups of cells."""
         cells = [[e for e in range(len(self.low)) if one >> e & 1] for one in groups]
         low = np.array([self.low[own].min(axis=0) for own in cells])
         high = np.array([self.high[own].max(axis=0) for own in cells])
@@ -122,7 +121,7 @@ def connected_sets(boxes: Boxes, around: list[int], limits: Limits, together: li
 
 
 def _joined(boxes: Boxes, around: list[int], limits: Limits) -> list[int]:
-    """Return groups of cells that fit, the smallest neighbours joined first; none for few cells."""
+    # the smallest neighbours first; none for few cells
     groups = [1 << e for e in range(len(around))]
     if len(groups) <= GROUPS:
         return []
@@ -144,7 +143,6 @@ def _joined(boxes: Boxes, around: list[int], limits: Limits) -> list[int]:
 
 
 def _around(groups: list[int], around: list[int]) -> list[int]:
-    """Return the set of groups that each group of cells touches."""
     cells = [[e for e in range(len(around)) if one >> e & 1] for one in groups]
     reach = [int(np.bitwise_or.reduce(np.array([around[e] for e in own], dtype=object))) for own in cells]
     return [sum(1 << k for k, two in enumerate(groups) if k != j and one & two) for j, one in enumerate(reach)]

@@ -234,7 +234,7 @@ class BoxStructure:
         self._require_all_loads(build_assembly(scene))
 
     def _require_all_loads(self, assembly: Assembly) -> None:
-        """Raise InputError for a scene with loads that are none of the above, such as fill."""
+        # such as fill
         for (*known, _), case in zip(self.cases, assembly.by_case, strict=True):
             for loads, stated in zip(known, (case.dead, case.live), strict=True):
                 found = np.zeros_like(stated)
