@@ -148,7 +148,7 @@ class Scene:
             held = [prices[k] for k in block if k in prices]
             for i, load in enumerate(loads):
                 left[i] += min(0, load * self.power(live, moves) - spent - sum(load * s - v for v, s in held))
-        return left[0] >= 0 and left[1] >= 0
+        return left[0] >= 0 and (left[1] > 0 or ceilings[case] <= bound)
     def rule(self, kind, given):  # its clause, None where the scene does not ask for it
         if not given or any(not 0 <= k < len(self.w if kind == "small" else self.faces) for k in given):
             return None

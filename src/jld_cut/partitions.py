@@ -34,6 +34,8 @@ from jld_cut.meshes import kind_of
 # sets of cells are whole numbers with one bit for each cell
 
 SETS: Final = 60_000  # connected sets above which they are not listed
+GROUPS: Final = 14  # groups to which cells are joined then
+_LISTED: Final = 0.4  # share of the time for listing them
 LAYOUTS: Final = 20_000  # layouts of one number of parts above which they are not all solved
 _EACH: Final = 1.0  # processor time of a layout that the batch solver does not settle, s
 _FURTHER: Final = 600  # the same of more parts than the fewest
@@ -78,6 +80,12 @@ class Boxes:
         seen = [np.einsum("kij,cj->cki", turned, corners) for corners in points]
         return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), moments)
 
+    def grouped(self, groups: list[int]) -> Boxes:
+        cells = [[e for e in range(len(self.low)) if one >> e & 1] for one in groups]
+        low = np.array([self.low[own].min(axis=0) for own in cells])
+        high = np.array([self.high[own].max(axis=0) for own in cells])
+        return Boxes(low, high, np.array([self.moments[own].sum(axis=0) for own in cells]))
+
     def fit(self, low: Floats, high: Floats, limits: Limits) -> Any:
         """Return whether boxes (s, k, 3) of sets fit the limits in some frame, (s,)."""
         sides = np.sort(high - low, axis=-1)
@@ -110,6 +118,42 @@ def connected_sets(boxes: Boxes, around: list[int], limits: Limits, together: li
         low, high = np.minimum(low[parent], boxes.low[added]), np.maximum(high[parent], boxes.high[added])
         volume = volume[parent] + boxes.volume[added]
     return [one for one in found if all(one & whole in (0, whole) for whole in together)]
+
+
+def _joined(boxes: Boxes, around: list[int], limits: Limits) -> list[int]:
+    # the smallest neighbours first; none for few cells
+    groups = [1 << e for e in range(len(around))]
+    if len(groups) <= GROUPS:
+        return []
+    while len(groups) > GROUPS:
+        known = boxes.grouped(groups)
+        near = _around(groups, around)
+        pairs = [(a, b) for a, one in enumerate(near) for b in range(a) if one >> b & 1]
+        first, second = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        low, high = np.minimum(known.low[first], known.low[second]), np.maximum(known.high[first], known.high[second])
+        volume = known.volume[first] + known.volume[second]
+        fits = boxes.fit(low, high, limits) & (volume <= limits.volume * (1 + 1e-9))
+        if not fits.any():
+            break
+        # of pairs alike the most compact one
+        size = np.where(fits, np.round(volume / boxes.volume.sum(), 6) + 1e-9 * (high - low)[:, 0].sum(axis=-1), np.inf)
+        a, b = pairs[int(np.argmin(size))]
+        groups[b] |= groups.pop(a)
+    return groups
+
+
+def _around(groups: list[int], around: list[int]) -> list[int]:
+    cells = [[e for e in range(len(around)) if one >> e & 1] for one in groups]
+    reach = [int(np.bitwise_or.reduce(np.array([around[e] for e in own], dtype=object))) for own in cells]
+    return [sum(1 << k for k, two in enumerate(groups) if k != j and one & two) for j, one in enumerate(reach)]
+
+
+def _sets_of_groups(
+    groups: list[int], boxes: Boxes, around: list[int], limits: Limits, together: list[int], until: float
+) -> list[int]:
+    found = connected_sets(boxes.grouped(groups), _around(groups, around), limits, [], until)
+    sets = [sum(one for k, one in enumerate(groups) if name >> k & 1) for name in found]
+    return [one for one in sets if all(one & whole in (0, whole) for whole in together)]
 
 
 def covers(sets: list[int], count: int, parts: int) -> Iterator[list[int]]:
@@ -167,10 +211,12 @@ class Found:
     of: dict[int, Layouts] = field(default_factory=dict)
     sets: int = 0
     problem: str = ""
+    joined: bool = False  # cells were joined, since too many sets of them fit
 
     def proven(self, parts: int) -> bool:
         """Return whether all layouts of at most so many parts were solved, with proven bounds."""
-        return all(n in self.of and self.of[n].complete and not self.of[n].open for n in range(1, parts + 1))
+        known = all(n in self.of and self.of[n].complete and not self.of[n].open for n in range(1, parts + 1))
+        return known and not self.joined
 
     def bound(self, parts: int) -> float:
         """Return what no layout of at most so many parts exceeds; infinite where that is not known."""
@@ -237,7 +283,10 @@ def search(
     """Solve all layouts of the fewest parts that fit and carry, and of some more while time lasts."""
     require, count = asked.require * (1 - 1e-6), len(around)
     found, fewest = Found(), count + 1
-    sets = connected_sets(boxes, around, limits, together, asked.last)
+    start = time.time()
+    sets = connected_sets(boxes, around, limits, together, start + _LISTED * (asked.last - start))
+    if not sets and time.time() < asked.last and (groups := _joined(boxes, around, limits)):
+        found.joined, sets = True, _sets_of_groups(groups, boxes, around, limits, together, asked.last)
     found.sets = len(sets)
     if not sets:
         found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"

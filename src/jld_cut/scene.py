@@ -212,6 +212,7 @@ class Ground:
 
     plane: Floats
     corners: Floats
+    region: Any  # in the frame of the plane
 
 
 def grounds_of(setting: Setting, solid: Any) -> list[Ground]:
@@ -228,7 +229,12 @@ def grounds_of(setting: Setting, solid: Any) -> list[Ground]:
         np.round(planes / [1e-6, 1e-6, 1e-6, 1e-6 * size]), axis=0, return_index=True, return_inverse=True
     )
     place = place.reshape(-1)
-    return [Ground(planes[at], held.corners[place == k].reshape(-1, 3)) for k, at in enumerate(first.tolist())]
+    grounds = []
+    for k, at in enumerate(first.tolist()):
+        own = held.corners[place == k]
+        region = shapely.union_all(shapely.polygons(own @ basis(planes[at, :3]).T))
+        grounds.append(Ground(planes[at], own.reshape(-1, 3), region))
+    return grounds
 
 
 def _prism(ground: Ground, depth: float) -> dict[str, Any]:
@@ -261,8 +267,9 @@ def scene_of(
         support = f"ground{k + 1}"
         elements.append({"id": support, "support": True, **_prism(ground, _DEPTH * size)})
         for title, cell in zip(names, cells, strict=True):
-            region = sides_of(cell, ground.plane, size)[1]
-            for part in getattr(region, "geoms", [region]):
+            # other faces may lie in the same plane
+            region = shapely.intersection(sides_of(cell, ground.plane, size)[1], ground.region, grid_size=1e-10 * size)
+            for part in shapely.get_parts(region).tolist():
                 if part.is_empty or part.geom_type != "Polygon" or part.area < JOINT * size**2:
                     continue
                 interfaces += [

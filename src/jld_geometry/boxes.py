@@ -185,6 +185,7 @@ _STRUCTURE_ROUTE: Final = Route("certificates of boxes", frozenset({"friction"})
 Vector = tuple[Fraction, Fraction]  # exact vector or point in the plane
 
 _MOST: Final = 4  # largest number of parameters
+_SAME: Final = 1e-9  # relative difference of numbers up to which two scenes are the same
 
 
 @dataclass(frozen=True)
@@ -230,6 +231,22 @@ class BoxStructure:
         for case in stated:
             dead = self._loads([*loads["dead"], *case["dead"]], sizes, density)
             self.cases.append((dead, self._loads(case["live"], sizes, {}), Fraction(case["required"])))
+        self._require_all_loads(build_assembly(scene))
+
+    def _require_all_loads(self, assembly: Assembly) -> None:
+        # such as fill
+        for (*known, _), case in zip(self.cases, assembly.by_case, strict=True):
+            for loads, stated in zip(known, (case.dead, case.live), strict=True):
+                found = np.zeros_like(stated)
+                for k, force in loads.per_area.items():
+                    found[k, :2] += [float(one * _twice_area(self.outlines[k]) / 2) for one in force]
+                for k, (x, y), at, moment in loads.points:
+                    centre = _centroid(self.outlines[k])
+                    turn = (at[0] - centre[0]) * y - (at[1] - centre[1]) * x + moment
+                    found[k] += [float(x), float(y), float(turn)]
+                least = _SAME * max(1.0, assembly.size) * abs(stated).max(initial=0.0)
+                if not np.allclose(found, stated, rtol=_SAME, atol=least):
+                    raise InputError("loads", "some, such as fill, are not checked", "forces and moments on elements")
 
     def _displacements(self, claim: BoxClaim) -> dict[Pair, list[Vector]]:
         corners = {point for loop in self.outlines for point in loop}
@@ -423,9 +440,6 @@ def verify_box(path: Path, scene: Scene | None = None) -> VerifiedBox:
     except InputError as error:
         raise error.within(str(path)) from None
     return VerifiedBox(claim, held, boxes, path.stat().st_size, time.perf_counter() - start)
-
-
-_SAME: Final = 1e-9  # relative difference of numbers up to which two scenes are the same
 
 
 def _require_same(scene: Scene, held: Scene, path: str) -> None:

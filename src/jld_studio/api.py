@@ -210,15 +210,15 @@ class Api:
     def export(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Return a state as a file of another program: {"name", "content": base64}."""
         kind = asked.get("format")
-        if kind not in FORMATS:
+        if not isinstance(kind, str) or kind not in FORMATS:
             raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
         desk = self._desk(asked)
         setup, labels = desk.setup(_changes(asked)), desk.labels(asked.get("labelling"))
         stem = plain_name(setup.scene.name) if asked.get("name") is None else _checked(asked.get("name"))
-        result = setup.solver.solve(labels) if exchange_formats.formats()[str(kind)].analysed else None
-        name = f"{stem}{FORMATS[str(kind)]}"
+        result = setup.solver.solve(labels) if exchange_formats.formats()[kind].analysed else None
+        name = f"{stem}{FORMATS[kind]}"
         with tempfile.TemporaryDirectory() as folder:
-            path = export(Layout(setup.scene, setup.assembly, labels, result), str(kind), Path(folder) / name)
+            path = export(Layout(setup.scene, setup.assembly, labels, result), kind, Path(folder) / name)
             content = base64.b64encode(path.read_bytes()).decode("ascii")
         return {"name": name, "content": content}
 

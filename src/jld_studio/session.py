@@ -560,9 +560,9 @@ class SceneStore:
         if name is None or name == self.first_name:
             return self._first
         with self._turn:
-            if name in self._sessions:
-                self._sessions.move_to_end(str(name))
-                return self._sessions[str(name)]
+            if isinstance(name, str) and name in self._sessions:
+                self._sessions.move_to_end(name)
+                return self._sessions[name]
             return self._remember(str(name), StudioSession(self._scene(name)))
 
     def has(self, name: object) -> bool:

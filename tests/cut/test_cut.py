@@ -39,7 +39,7 @@ from jld_cut.meshes import (
 )
 from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
-from jld_cut.scene import Matter, outside, parse_load, scene_of, shares
+from jld_cut.scene import Matter, Region, Setting, outside, parse_load, scene_of, shares
 from jld_cut.search import Family, Truth, body_of, family_of
 from jld_explore import ExploreSettings, explore
 
@@ -236,6 +236,21 @@ def test_loads_are_alike_for_all_cuts() -> None:
     assert (of, force.tolist()) == (0, [0, 0, -6])
 
 
+@pytest.mark.parametrize(("patches", "area"), [([0], 0.04), ([0, 2], 0.08), ([0, 1, 2], 0.12)])
+def test_only_faces_in_the_boxes_are_held(patches: list[int], area: float) -> None:
+    """Of three legs on one level only those in boxes stand on a support, the middle one between two others too."""
+    legs = [box(0.2, 0.2, 1.01, (0.6 * k, 0, 0)) for k in range(3)]
+    solid = box(1.4, 0.2, 0.2, (0, 0, 1.0)) + legs[0] + legs[1] + legs[2]
+    regions = [Region(np.array([0.6 * k - 0.1, -0.1, -0.1, 0.6 * k + 0.3, 0.3, 0.1])) for k in patches]
+    cutting = Cutting(solid)
+    cutting.through(np.array([0.0, 0.0, 1.0]), 0.5)
+    joints = joints_of(cutting.cells, cutting.planes, cutting.size)
+    setting = Setting(Matter(), [parse_load("body:1,0,0", 1.0)], regions)
+    assembly = build_assembly(parse_scene(scene_of("legs", cutting, joints, setting, BENT, cutting.planes)))
+    held = assembly.elements.support[assembly.interfaces.a] | assembly.elements.support[assembly.interfaces.b]
+    assert assembly.interfaces.area[held].sum() == pytest.approx(area, rel=1e-6)
+
+
 def _ascii(space: str, end: str, upper: bool) -> bytes:
     lines = ["solid a"]
     for face in mesh_of(box(1, 1, 2)).triangles:
@@ -420,6 +435,19 @@ def test_all_layouts_prove_what_the_exact_driver_proves(tmp_path: Path) -> None:
         for block in one.blocks:
             wholes = [sum(family.boxes().moments[block == name]) for name in set(block.tolist())]
             assert len({round(float(whole[0]), 9) for whole in wholes}) == 1
+
+
+@pytest.mark.parametrize(("solid", "fit", "parts"), [(box(1, 1, 1), 2.0, 1), (box(2, 1, 1), 1.2, 2)])
+def test_a_box_that_holds_many_cells_has_a_layout(solid: Any, fit: float, parts: int) -> None:
+    """Where too many sets of cells fit to be listed, cells are joined, and nothing is proven."""
+    wish = Options((fit,) * 3, DOWN, cells=27, families=("grid",)).wish()
+    family = family_of("grid", "cube", body_of(solid, wish), wish)
+    assert family is not None
+    end = time.time() + 60
+    found = search(family.document, family.boxes(), family.around, wish.limits, [], Asked(1.0, 3, end, end))
+    assert found.joined
+    assert min(n for n, one in found.of.items() if len(one.low)) == parts
+    assert not found.proven(parts)
 
 
 @pytest.mark.parametrize("number", [3, 12])

@@ -598,8 +598,16 @@ def _mechanism(lines: list[dict[str, Any]]) -> dict[str, Any]:
     return next(line for line in lines if line.get("dry") or line.get("inner"))
 
 
+def _blocks_at_rest(lines: list[dict[str, Any]]) -> None:
+    """Claim a lower bound by a ceiling and blocks that do not move, which bound nothing between the two."""
+    rest = {"dry": [], "inner": [], "case": 0, "digits": 0, "walls": {}, "prices": {}, "blocks": []}
+    lines[0].update(bound=lines[0]["bound"] * 0.5, load_factor=None, labelling=None)
+    lines[1:] = [_mechanism(lines) | {"dry": [], "inner": []}, rest]
+
+
 CHANGES: dict[str, Callable[[list[dict[str, Any]]], object]] = {
     "bound": lambda lines: lines[0].update(bound=lines[0]["bound"] * 0.9999, load_factor=None, labelling=None),
+    "blocks at rest": _blocks_at_rest,
     "infinite bound": lambda lines: lines[0].update(bound=float("inf")),
     "load_factor": lambda lines: lines[0].update(load_factor=lines[0]["bound"] * 1.01),
     "version": lambda lines: lines[0].update({"jld certificate": 2}),

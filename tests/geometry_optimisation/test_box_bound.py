@@ -20,7 +20,7 @@ from command import Command
 from jld_core import InputError, build_assembly, parse_scene
 from jld_geometry import BoxStructure, box_claim, check_boxes, check_proof, prove_box, verify_box, write_box_certificate
 from jld_geometry.box_bound import _Search
-from jld_geometry.boxes import Leaf, Split, is_at_least_zero, read
+from jld_geometry.boxes import BoxClaim, Leaf, Split, is_at_least_zero, read
 
 PATHS = [{"at": [s * x, HEIGHT], "direction": [s, 0]} for x in (1.2, 0.2) for s in (1, -1)]
 """Paths of the tops of springings, then of the key's joints."""
@@ -310,6 +310,25 @@ def test_a_claim_with_another_number_is_refused(done: Any, change: Callable[[Any
     changed = change(claim)
     with pytest.raises(InputError, match="node"):
         check_boxes(parse_scene(changed.scene), changed, nodes)
+
+
+def test_a_claim_whose_scene_has_fill_is_refused() -> None:
+    """A block that tips at λ = 1, under soil whose weight makes it slide at 2.7: the proof knows no soil."""
+    elements = [
+        {"id": "ground", "polygon": [[-1, -1], [1, -1], [1, 0], [0, 0], [-1, 0]], "support": True},
+        {"id": "block", "polygon": [[0, 0], [1, 0], [1, 1], [0, 1]]},
+    ]
+    scene: Document = {
+        "elements": elements,
+        "interfaces": [{"elements": ["ground", "block"], "polygon": [[0, 0], [1, 0]]}],
+        "materials": {"density": 1000, "gravity": 10, "dry": {"friction_coefficient": 0.9}},
+        "loads": {"live": [{"body": [1, 0]}]},
+    }
+    claim, tree = BoxClaim(scene, 1.01, ((0.0, 0.01),), ((((1.0, 1.0), (0.0, 0.0)),),)), [Leaf(0, 0, {1: (0, 1, -1)})]
+    assert check_boxes(parse_scene(scene), claim, tree) == 1
+    soil = {"level": 2.0, "density": 2000, "friction_angle": 30, "passive": 0, "active": 0, "passive_cohesion": 0}
+    with pytest.raises(InputError, match="fill"):
+        check_boxes(parse_scene(scene | {"fill": soil}), claim, tree)
 
 
 def tight(scene: Any, claim: Any, nodes: list[Any]) -> int:
