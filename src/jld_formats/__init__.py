@@ -9,6 +9,7 @@
 - `Report`: sentences of a reader
 - `Solids`: content of a spatial file
 - `cells`: cells of a planar drawing
+- `dem_solver`: jld as a solver of compas_dem
 - `drawn_loads`: loads from a drawing
 - `export`: write a layout to a file
 - `facts`: scene data that a format cannot represent
@@ -31,7 +32,7 @@ from typing import TYPE_CHECKING
 from jld_core import export_lazily
 
 if TYPE_CHECKING:
-    from jld_formats import cells, drawn_loads, facts, forces, formats, libraries, options, paths, solids
+    from jld_formats import cells, dem_solver, drawn_loads, facts, forces, formats, libraries, options, paths, solids
     from jld_formats.drawing import planar_scene
     from jld_formats.formats import FORMATS, Format, export
     from jld_formats.libraries import import_file
@@ -50,6 +51,7 @@ __all__ = [
     "Report",
     "Solids",
     "cells",
+    "dem_solver",
     "drawn_loads",
     "export",
     "facts",
@@ -76,5 +78,16 @@ export_lazily(
         "solids": ["Part", "Solids"],
         "write_solids": ["step_of_solids"],
     },
-    submodules=["cells", "drawn_loads", "facts", "forces", "formats", "libraries", "options", "paths", "solids"],
+    submodules=[
+        "cells",
+        "dem_solver",
+        "drawn_loads",
+        "facts",
+        "forces",
+        "formats",
+        "libraries",
+        "options",
+        "paths",
+        "solids",
+    ],
 )

@@ -1,7 +1,7 @@
-"""jld as a solver of compas_dem (0.6): its problems by limit analysis, results as its own solvers return them.
+"""jld as a solver of compas_dem (0.6), results as of its own solvers.
 
-`problem.set_solver(jld_solver())` and `problem.solve()`, or `dem_solve(problem, model)`. The boundary conditions act
-with the load factor λ, a group whose name begins with "dead" with the factor 1; gravity acts on every block.
+`problem.set_solver(jld_solver())` and `problem.solve()`, or `dem_solve(problem, model)`. Boundary conditions act
+with the factor λ, a group whose name begins with "dead" with the factor 1; gravity acts on every block.
 """
 
 from __future__ import annotations

@@ -15,8 +15,7 @@ from cases import ROUTE
 from command import SCENES, call
 from jld_core import InputError, Layout, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.limit import displacement
-from jld_formats import export, import_file
-from jld_formats.dem_solver import dem_solve, jld_solver, solve_document
+from jld_formats import dem_solver, export, import_file
 
 PROBLEM = Path(__file__).parent / "data" / "compas_dem_problem.json"
 """Written by compas_dem 0.6: three blocks on one another, loads of every kind, and a support that sinks."""
@@ -299,7 +298,7 @@ def test_a_stored_problem_is_solved_as_its_import_is(tmp_path: Path) -> None:
     document = stored()
     path = tmp_path / "a.json"
     path.write_text(json.dumps(document))
-    results = solve_document(document)
+    results = dem_solver.solve_document(document)
     metadata = results["data"]["metadata"]
     again = solve(build_assembly(parse_scene(import_file(path).document)))
     assert metadata["status"] == "collapse"
@@ -329,18 +328,20 @@ def test_groups_act_together() -> None:
         group["body_forces"], group["surface_loads"] = [], []
         problem["boundary_conditions"] = [problem["boundary_conditions"][0]]
 
-    values = [solve_document(stored(change))["data"]["metadata"]["load_factor"] for change in (halved, whole)]
+    values = [
+        dem_solver.solve_document(stored(change))["data"]["metadata"]["load_factor"] for change in (halved, whole)
+    ]
     assert values[0] == pytest.approx(values[1], rel=1e-8)
 
 
 def test_prescribed_movements_and_missing_packages_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="limit analysis knows no prescribed movement"):
-        solve_document(json.loads(PROBLEM.read_text()))
+        dem_solver.solve_document(json.loads(PROBLEM.read_text()))
     with pytest.raises(InputError, match="friction"):
-        jld_solver(friction="sticky")
+        dem_solver.jld_solver(friction="sticky")
     monkeypatch.setitem(__import__("sys").modules, "compas_dem.problem", None)
     with pytest.raises(InputError, match=r"compas_dem is not installed; expected pip install 'jld\[compas\]'"):
-        jld_solver()
+        dem_solver.jld_solver()
 
 
 TEMPLATES = {
@@ -374,12 +375,12 @@ def test_templates_are_solved_by_their_own_classes(name: str) -> None:
     group.add_global_body_force(9.81, 0.0, 0.0)
     problem.add_boundary_condition(group)
     problem.set_contact_model("MohrCoulomb", mu=0.6)
-    problem.set_solver(jld_solver())
+    problem.set_solver(dem_solver.jld_solver())
     results = problem.solve()
     assert type(results).__name__ == "Results"
     assert results.metadata["status"] == "collapse"
     assert problem._solver.name == "JLD"
-    direct = dem_solve(problem, model)
+    direct = dem_solver.dem_solve(problem, model)
     assert direct.metadata["load_factor"] == pytest.approx(results.metadata["load_factor"], rel=1e-9)
     text = compas.json_dumps(results)
     back = json.loads(compas.json_dumps(compas.json_loads(text)))

@@ -21,7 +21,6 @@ from jld_core import blocks_of as assembly_blocks
 from jld_explore import ExploreSettings, SearchSpace, explore, read_folder, search_space
 from jld_explore.report import words
 from jld_explore.space import cut, feasible, from_string, labelling, reasons_against
-from jld_explore.space.limits import block_sizes
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
 CELL = 1400 * 9.81 * 0.1**3
@@ -380,14 +379,15 @@ def test_canonical_is_the_smallest_image(faces: int, seed: int) -> None:
     assert np.array_equal(orbits, sizes[kept])
 
 
-def test_sizes_count_free_elements_only() -> None:
-    assembly = grid_assembly(["ab", "cd", "##"])
-    labels = np.zeros((1, len(assembly.interfaces)), dtype=bool)
-    sizes = block_sizes(assembly, labelling.blocks_of(labelling.connectivity(assembly), labels))
-    weight = 1400 * 9.81 * 0.1**3
-    assert sizes["block_cells"][0].tolist() == [4, 0, 0, 0, 0, 0]
-    assert sizes["block_weight"][0, 0] == pytest.approx(4 * weight)
-    assert sizes["block_extent"][0, 0] == pytest.approx(0.2)
+@pytest.mark.parametrize(("limit", "size"), [("block_cells", 4), ("block_weight", 4 * CELL), ("block_extent", 0.2)])
+def test_sizes_count_free_elements_only(limit: str, size: float) -> None:
+    """One block of four cells and the supports below them."""
+    rows, less = ["ab", "cd", "##"], 3 if limit == "block_cells" else 0.99 * size
+    for bounds, expected in (([None, less], False), ([None, size], True), ([size, None], True)):
+        space = space_of(rows, candidates="all+supports", **{limit: bounds})
+        assert feasible(space, np.zeros((1, len(space.fixed)), dtype=bool)).tolist() == [expected]
+    with pytest.raises(InputError, match=f"has {size:g} .* at most"):
+        space_of(rows, candidates="all+supports", **{limit: [size + 1, None]})
 
 
 # Cells that may be left out: which layouts there are, and that each is the structure drawn without them.

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from jld_core import Scene, SolveOptions, build_assembly, parse_scene
-from jld_core.deadline import Deadline
+from jld_core import Deadline, Scene, SolveOptions, build_assembly, parse_scene
 from jld_explore import explore, search_space
 from jld_explore.drivers import proof_beside
 
