@@ -513,7 +513,7 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
 
 
 def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float, clock: Clock) -> None:
-    """Write the pages and pictures that time leaves, and the page of the search, whose slider pulls the parts apart."""
+    """Write the pages and pictures that time leaves, and the page of the search."""
     parts, told, steps = chosen.parts, summary["verdict"], steps_of(chosen.parts)
     keys = ("parts", "load_factor", "load_factor_of_cells", "family", "proven")
     front = (
@@ -558,7 +558,7 @@ def _low(summary: dict[str, Any]) -> float:
 
 
 def _carried(summary: dict[str, Any]) -> str:
-    """Return in words what parts carry by the model that knows more, and which one it is."""
+    """Return what parts carry in words, by the model that knows more."""
     low, (least, most) = _low(summary), summary.get("by_fields") or (None, None)
     anywhere, between = "with cracks anywhere in them", "with cracks between cells"
     if summary["locked"]:
@@ -576,14 +576,14 @@ def _carried(summary: dict[str, Any]) -> str:
 
 
 def carries(summary: dict[str, Any]) -> bool:
-    """Tell whether parts carry what was required: by fields where these decide, else by cells."""
+    """Tell whether parts carry what was required, by fields where these decide."""
     asked, (least, most) = summary["require"] * (1 - 1e-6), summary["by_fields"] or (None, None)
     low = _low(summary)
     return bool((low >= asked or (least is not None and least >= asked)) and (most is None or most >= asked))
 
 
 def _by_fields(chosen: Chosen, setting: Setting, out: Path) -> Path | None:
-    """Write the scene of the parts as convex pieces; None for parts that these do not make up."""
+    """Write the scene of parts as convex pieces; None for others."""
     bodies = [part.exact for part in chosen.parts]
     try:
         scene = scene_of_parts(chosen.fine.document["name"], chosen.family.cutting, bodies, setting)

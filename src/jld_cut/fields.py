@@ -45,7 +45,7 @@ def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Sett
 
 @contextmanager
 def bounds_beside(scene: Path, seconds: float) -> Iterator[Callable[[float], tuple[Ends | None, str]]]:
-    """Bound λ by fields in a process; yield a function of a wait, s, that returns the last bracket, or None and why."""
+    """Bound λ by fields in a process; yield a function of a wait, s: the last bracket, or None and why."""
     order = [sys.executable, "-m", "jld_cut.fields", str(scene), str(seconds)]
     process = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 

@@ -814,3 +814,12 @@ def test_a_pin_beside_a_lower_limit_on_blocks(tmp_path: Path) -> None:
     path = tmp_path / "proof.jld"
     done = explore(parse_scene(document), driver="exact", certificate=path, pictures=False)
     assert verify(path).claim.bound >= done.summary.best
+
+
+def test_that_no_layout_stands_has_a_certificate(tmp_path: Path) -> None:
+    """A motion that the dead load alone drives refutes every λ ≥ 0."""
+    document = grid_document(["aaa", "a..", "#.."], tension=1e3, shear=1e3)
+    path = tmp_path / "proof.jld"
+    done = explore(parse_scene(document), driver="exact", certificate=path, pictures=False)
+    assert done.summary.best is None
+    assert 0.0 <= verify(path).claim.bound < 1e-6
