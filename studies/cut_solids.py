@@ -196,7 +196,7 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
         | {"of_cells": found["load_factor_of_cells"], "grid": grid, "grid_proven": any(one["proven"] for one in same)}
         | {"grid_parts": min((one["parts"] for one in grids if one["parts"] is not None), default=None)}
         | {f"by_fields_{end}": (found["by_fields"] or (None, None))[k] for k, end in enumerate(("lo", "hi"))}
-        | {"by_grid": None if grid is None or low is None or found["locked"] else low / grid}
+        | {"by_grid": None if grid is None or low is None else np.inf if found["locked"] else low / grid}
         | {"without_keys": found["load_factor_without_keys"], "keys": "; ".join(key["told"] for key in found["keys"])}
         | {"left_out": "; ".join(found["left_out"])}
         # planes along the axes that need more parts: λ of the strongest with their fewest, on the cells of the search

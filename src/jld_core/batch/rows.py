@@ -248,8 +248,9 @@ _SIZES: Final = (4, 8, EDGES)  # numbers of hull edges for which the batch solve
 _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0, -1.0] + [0.0] * 4])
 
 # Number of scalar products of one factorisation above which the batch solver is not used.
-# 6³ cubes take 8 million, 7³ 22, where it takes a sixth of the time of others, 8³ 60, where it takes as long.
-MOST: Final = 30_000_000
+# 6³ cubes take 8 million, 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million. A wall of 420 bricks, 18 million,
+# takes more than 8 s a layout, though 7³ cubes, 22 million, take a sixth of the time of others.
+MOST: Final = 15_000_000
 
 _SMALL: Final = 300  # number of faces up to which every structure stays below `MOST`, so that none is counted
 
