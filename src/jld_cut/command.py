@@ -54,8 +54,8 @@ def cut_(
 ) -> None:
     """Cut a closed solid to numbered parts that fit a box, go together, and carry a load.
 
-    The fewest parts with the required load factor are sought by several ways to cut; λ of the best is that of
-    convex cells whose inner faces may crack.
+    The fewest parts with the required load factor are sought in several ways; λ of the best is by convex cells
+    that crack between them, by fields where known.
     """
     try:
         x, y, z = (float(word) for word in fit.split(","))

@@ -208,8 +208,9 @@ def cut(
     scene = clock.run("bounds by fields", DRAWN, lambda: _by_fields(chosen, wish.setting, out), _FIELDS + _DRAWING)
     with bounds_beside(scene, clock.left(DRAWN) - _DRAWING) if scene else nullcontext() as bracket:
         _write(chosen, summary, out, options, clock)
-        none = "time ended" if "bounds by fields" in clock.left_out else "the parts are no union of a few convex pieces"
-        summary["by_fields"], why = bracket(clock.left(DRAWN) - _DRAWING) if bracket else (None, none)
+        late = "bounds by fields" in clock.left_out
+        unbegun = "time ended" if late else "the parts are no union of a few convex pieces"
+        summary["by_fields"], why = bracket(clock.left(DRAWN) - _DRAWING) if bracket else (None, unbegun)
     summary["meets"] = carries(summary)
     summary["verdict"] = verdict(summary)
     say(summary["verdict"])
@@ -552,14 +553,9 @@ def _shown(value: Any) -> str:
     return "–" if value is None or value != value else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-def _low(summary: dict[str, Any]) -> float:
-    low = summary["bracket"][0]
-    return np.inf if summary["locked"] else -np.inf if low is None else float(low)
-
-
 def _carried(summary: dict[str, Any]) -> str:
     """Return what parts carry in words, by the model that knows more."""
-    low, (least, most) = _low(summary), summary.get("by_fields") or (None, None)
+    low, (least, most) = low_of((*summary["bracket"], summary["locked"])), summary.get("by_fields") or (None, None)
     anywhere, between = "with cracks anywhere in them", "with cracks between cells"
     if summary["locked"]:
         carry, of_cells = f"any multiple of your load {between} (only crushing would limit it)", f"any {between}"
@@ -578,7 +574,7 @@ def _carried(summary: dict[str, Any]) -> str:
 def carries(summary: dict[str, Any]) -> bool:
     """Tell whether parts carry what was required, by fields where these decide."""
     asked, (least, most) = summary["require"] * (1 - 1e-6), summary["by_fields"] or (None, None)
-    low = _low(summary)
+    low = low_of((*summary["bracket"], summary["locked"]))
     return bool((low >= asked or (least is not None and least >= asked)) and (most is None or most >= asked))
 
 

@@ -330,8 +330,9 @@ def _certify(driver: Exact, scene: Scene, path: Path, done: Exploration) -> None
     """Write the certificate of a proof, with the best labelling found."""
     best, load = done.summary.best_labelling, done.summary.best
     found = None if best is None or load is None else (with_members(done.assembly, from_string(best)), load)
-    # where no layout stands, what refutes each one refutes every λ ≥ 0
-    bound = done.summary.bound if found is not None or done.summary.bound is None else max(done.summary.bound, 0.0)
+    bound = done.summary.bound
+    if found is None and bound is not None:  # where no layout stands, what refutes each one refutes every λ ≥ 0
+        bound = max(bound, 0.0)
     certify(driver, scene, path, found, bound)
 
 

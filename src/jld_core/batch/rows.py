@@ -249,7 +249,7 @@ _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0,
 
 # Number of scalar products of one factorisation above which the batch solver is not used.
 # 6³ cubes take 8 million, 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million. A wall of 420 bricks, 18 million,
-# takes more than 8 s a layout, though 7³ cubes, 22 million, take a sixth of the time of others.
+# takes more than 100 s for 12 layouts with set-up, though 7³ cubes, 22 million, take a sixth of the time of others.
 MOST: Final = 15_000_000
 
 _SMALL: Final = 300  # number of faces up to which every structure stays below `MOST`, so that none is counted

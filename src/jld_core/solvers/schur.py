@@ -472,7 +472,7 @@ class SchurSolver(Solver):
     name = "schur"
 
     def __init__(
-        self, tolerance: float | None = None, gap: float = 1e-8, most: int = 300, until: Deadline | None = None
+        self, tolerance: float | None = None, gap: float = 1e-8, most: int = 100, until: Deadline | None = None
     ) -> None:
         self._tolerance, self._gap, self._most, self._until = tolerance, gap, most, until or Deadline()
         self._structure: Structure | None = None
