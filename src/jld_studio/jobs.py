@@ -38,6 +38,9 @@ ORDERS: Final = "order.json"
 MOST: Final = 4
 """Largest number of searches that may run at a time."""
 
+# Time for a stopped search to write its tables and its page, s; 1 s on an idle core, 10 s where six share two cores
+_LAST_PAGE: Final = 60.0
+
 # Entries of summary.json that a page shows
 _SUMMARY: Final = ("best", "bound", "gap", "proven", "unbounded", "stop_reason", "evaluated")
 
@@ -195,13 +198,13 @@ class Jobs:
 
     def close(self) -> None:
         """Stop all running searches; wait for their processes and read their remaining output."""
-        # A process that is still running after 10 s is killed.
+        # A process that is still running after `_LAST_PAGE` is killed.
         for job in self.listed():
             self.stop(job.name)
         for job in self.listed():
             if job.process is not None:
                 try:
-                    job.process.wait(timeout=10.0)
+                    job.process.wait(timeout=_LAST_PAGE)
                 except subprocess.TimeoutExpired:
                     job.process.kill()
                     job.process.wait()
