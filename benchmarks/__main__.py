@@ -15,7 +15,7 @@ import time
 from contextlib import redirect_stdout, suppress
 from typing import Any, Final
 
-BENCHMARKS: Final = (
+BENCHMARKS: Final = (  # modules of this package in the order in which they run
     "corpus",
     "zero_dilation",
     "exact",
@@ -31,7 +31,6 @@ BENCHMARKS: Final = (
     "designs",
     "reliability",
 )
-"""Modules of this package in the order in which they run."""
 
 
 COMPILED: Final = ("jld_solve", "jld_minimize", "jld_solve_blocks", "jld_solve_cones")

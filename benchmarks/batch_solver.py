@@ -36,8 +36,7 @@ from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_samples import Stone
 
 HARD_MANY: Final = 512
-FEW: Final = 6
-"""Of what is left, solved to say what it is."""
+FEW: Final = 6  # of what is left, solved to say what it is
 
 
 @dataclass(frozen=True)
@@ -235,8 +234,7 @@ def hard_labellings() -> None:
 
 
 TURNS: Final = 3
-TURN: Final = 1024
-"""Labellings of a turn of the batch solver."""
+TURN: Final = 1024  # labellings of a turn of the batch solver
 
 
 @dataclass(frozen=True)

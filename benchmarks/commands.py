@@ -73,14 +73,13 @@ def of_faces(faces: int) -> Callable[[], Scene]:
     return lambda: grid(GRIDS[faces], search={"block_cells": [2, 6]})
 
 
-SHARES: Final[dict[str, Command]] = {
+SHARES: Final[dict[str, Command]] = {  # commands by name
     "`jld solve`, beam-arch": Command(ENUMERATED["flagship"]),
     "all 6 382 layouts of the beam-arch": Command(ENUMERATED["flagship"], "enumeration"),
     "exact, 4 × 4 cells in blocks of two": Command(lambda: cells(4, 4, 2), "exact"),
     **{f"random, 78 faces, {n} layouts": Command(lambda: cells(7, 6, 6), "random", n) for n in (6000, 10000, 60000)},
     "random, 1 128 faces, 256 layouts": Command(lambda: wall(24), "random", 256),
 }
-"""Commands by name."""
 
 
 def spent(name: str) -> dict[str, float]:
@@ -121,7 +120,7 @@ def shares() -> None:
     write("shares", "\n\n".join([*parts, load_of_machine()]))
 
 
-JOBS: Final[dict[str, tuple[Command, float]]] = {
+JOBS: Final[dict[str, tuple[Command, float]]] = {  # searches by name, and what the second job is to be worth
     "enumeration, 88 faces": (Command(of_faces(88), "enumeration", 60_000), 1.7),
     "random, 88 faces": (Command(of_faces(88), "random", 80_000), 1.7),
     "random, 946 faces": (Command(lambda: wall(22), "random", 1_000), 1.7),
@@ -131,7 +130,6 @@ JOBS: Final[dict[str, tuple[Command, float]]] = {
     "portfolio, 278 faces": (Command(of_faces(278), "portfolio", 4_000), 1.5),
     "portfolio, 946 faces": (Command(lambda: wall(22), "portfolio", 800), 1.5),
 }
-"""Searches by name, and what the second job is to be worth."""
 
 TURNS: Final = 2
 FILE: Final = RESULTS / "jobs.csv"
@@ -197,14 +195,10 @@ def jobs() -> None:
     write("jobs", "\n\n".join(parts))
 
 
-SIDES: Final = (10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 32, 36, 40)
-"""Cells along a side of a wall."""
-EDGES: Final = (3, 4, 5, 6, 7, 8, 9, 10)
-"""Cubes along an edge of a stack."""
-REPEATED: Final = 2.0
-"""Processor seconds up to which a size is measured again."""
-MOST: Final = 1.6
-"""Largest ratio of the time of a size to that of the next larger one."""
+SIDES: Final = (10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 32, 36, 40)  # cells along a side of a wall
+EDGES: Final = (3, 4, 5, 6, 7, 8, 9, 10)  # cubes along an edge of a stack
+REPEATED: Final = 2.0  # processor seconds up to which a size is measured again
+MOST: Final = 1.6  # largest ratio of the time of a size to that of the next larger one
 
 
 def explored(scene: Scene) -> None:

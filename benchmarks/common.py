@@ -113,7 +113,6 @@ def write(name: str, text: str, also: Sequence[str] = ()) -> None:
 
 
 ROUTE = Route("a benchmark")
-
 CLARABEL_DEFAULT: Final = {"tol_gap_abs": 1e-8, "tol_gap_rel": 1e-8, "tol_feas": 1e-8}
 
 

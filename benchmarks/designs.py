@@ -32,19 +32,16 @@ from jld_practice.printing import content_of
 STONE: Final = "--friction 0.6 --density 2000 --tension 3e5 --shear 5e5"
 """Options of the stone, the same for all outlines."""
 
-COMMANDS: Final = {
+COMMANDS: Final = {  # outline and options of each example
     "wall": f'wall.svg --load "10 kN" --places 0.25 --push 0.05 --block-mass 56 --thickness 0.3 {STONE} --seconds 480',
     "bridge": f'bridge.csv --load "40 kN" --places 0.25,0.5 --block-mass 2500 --thickness 1 {STONE} --seconds 240',
     "jack_arch": f'jack_arch.csv --load "20 kN" --places 0.25,0.5 --block-mass 60 --thickness .3 {STONE} --seconds 120',
     "vault": f'vault.obj --load "5 kN" --places 0.25 --block-mass 600 {STONE} --seconds 240',
 }
-"""Outline and options of each example."""
 
 RUNS: Final = ROOT / "out" / "examples"
 IMAGES: Final = ROOT / "docs" / "images"
-
-_SIZE: Final = (7.2, 4.8)
-"""Size of a frame of the recording, inches; at 100 dots per inch."""
+_SIZE: Final = (7.2, 4.8)  # size of a frame of the recording, inches; at 100 dots per inch
 
 
 def run(name: str) -> None:
@@ -179,15 +176,9 @@ def examples() -> None:
 
 
 Document = dict[str, Any]
-
-CIRCLE: Final = [{"circle": [0.0, 0.0]}]
-"""Joints that slide on the circles of an arch about the origin."""
-
-SECONDS: Final = 60.0
-"""Time limit of one search, s."""
-
-TRIED: Final = 8
-"""Number of steps of which times are taken."""
+CIRCLE: Final = [{"circle": [0.0, 0.0]}]  # joints that slide on the circles of an arch about the origin
+SECONDS: Final = 60.0  # time limit of one search, s
+TRIED: Final = 8  # number of steps of which times are taken
 
 
 def arch(voussoirs: int, thickness: float, friction: float, load: str, **move: Any) -> Document:

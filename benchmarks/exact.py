@@ -27,7 +27,7 @@ from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.choice import bound_of_all
 from jld_explore.drivers.enumeration import Enumeration
 
-WALLS: Final = (
+WALLS: Final = (  # cells across and up, cells in a block, σt = τ in Pa, time asked for
     (4, 6, 2, 2e4, "3 s"),
     (4, 6, 3, 2e4, "3 s"),
     (5, 7, 2, 2e4, "6 s"),
@@ -39,20 +39,13 @@ WALLS: Final = (
     (4, 6, 3, 5e3, "10 s"),
     (5, 7, 3, 5e3, "3 s"),
 )
-"""Cells across and up, cells in a block, σt = τ in Pa, time asked for."""
 
-LARGE: Final = ((10, 12, 2, 2e4, "30 s"), (8, 10, 3, 2e4, "240 s, to 5 %"))
-"""The same of walls that get `LONG` seconds."""
-
+LARGE: Final = ((10, 12, 2, 2e4, "30 s"), (8, 10, 3, 2e4, "240 s, to 5 %"))  # the same of walls that get `LONG` seconds
 SECONDS: Final = 120.0
-LONG: Final = 600.0
-"""Seconds for the scenes that are no walls of the list, unless another number is given."""
-
-_RATE: Final = 1000.0
-"""Labellings a second that enumeration is taken to evaluate."""
-
+LONG: Final = 600.0  # seconds for the scenes that are no walls of the list, unless another number is given
+_RATE: Final = 1000.0  # labellings a second that enumeration is taken to evaluate
 _COUNTED: Final = 300_000
-FRONTS: Final = (
+FRONTS: Final = (  # scenes whose whole front is proven
     "4 × 6, s = 2, 20 kPa",
     "4 × 6, s = 3, 20 kPa",
     "5 × 7, s = 2, 20 kPa",
@@ -60,9 +53,8 @@ FRONTS: Final = (
     "6 × 8, s = 2, 20 kPa",
     "beam on bearings (flagship), blocks of 2–6",
 )
-"""Scenes whose whole front is proven."""
 
-TWO: Final = {
+TWO: Final = {  # scenes that two jobs prove, and seconds by the clock for each
     "6 × 8, s = 3, 20 kPa": 60.0,
     "6 × 8, s = 3, 20 kPa, two cases": 60.0,
     "5 × 7, s = 3, 5 kPa": 60.0,
@@ -71,7 +63,6 @@ TWO: Final = {
     "8 × 10, s = 3, 20 kPa": 240.0,
     "flat arch, 67 faces, σc = 5 MPa, blocks of 2–6": 600.0,
 }
-"""Scenes that two jobs prove, and seconds by the clock for each."""
 
 NOTE: Final = (
     "At most {:g} s for a wall, {:g} s for a large one and the others, of one processor. Conflicts: partial "

@@ -26,22 +26,17 @@ from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
 from jld_explore.space import from_string
 
-BLOCKWORK: Final[dict[str, Any]] = {
+BLOCKWORK: Final[dict[str, Any]] = {  # cells of walls
     "cell": (0.4, 0.2),
     "thickness": 0.2,
     "density": 2000,
     "dry": {"friction_coefficient": 0.75},
 }
-"""Cells of walls."""
 
-BEST: Final = "iiidididddddiididdidiiid"
-"""Labels of the flagship's layout that is strongest by its own faces."""
-WARM: Final = 100
-"""Layouts bounded before times are taken."""
-TIMED: Final = 100
-"""Layouts whose times are taken."""
-TOGETHER: Final = 16
-"""Layouts that are bounded together, as by an evaluator."""
+BEST: Final = "iiidididddddiididdidiiid"  # labels of the flagship's layout that is strongest by its own faces
+WARM: Final = 100  # layouts bounded before times are taken
+TIMED: Final = 100  # layouts whose times are taken
+TOGETHER: Final = 16  # layouts that are bounded together, as by an evaluator
 
 
 def masonry(strong: float = 20e3) -> Assembly:
@@ -163,8 +158,7 @@ def speed() -> None:
         write("crack_fields", f"# Speed of bounds by fields\n\n{about(speed.__doc__)}\n\n{text}")
 
 
-SPACE_GAP: Final = 0.15
-"""Relative width at which refinement ends."""
+SPACE_GAP: Final = 0.15  # relative width at which refinement ends
 
 
 @dataclass(frozen=True)

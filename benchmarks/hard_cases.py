@@ -25,7 +25,6 @@ from jld_core.arrays import Bits
 from jld_core.strengths import Route
 
 ROUTE: Final = Route("a benchmark")
-
 Entry = dict[str, Any]
 PUSH: Final[list[Entry]] = [{"body": [1, 0]}]
 
@@ -217,8 +216,7 @@ def alternating(assembly: Assembly) -> Bits:
 
 UNITS: Final = {"µN, mm": (1e3, 1e6), "N, mm": (1e3, 1.0), "kN, m": (1.0, 1e-3), "MN, km": (1e-3, 1e-6)}
 """Length and force of one m and one N."""
-LARGE: Final = 0.0465844456
-"""λ of the wall of 1 640 bricks out of plane; found by two independent prototypes."""
+LARGE: Final = 0.0465844456  # λ of the wall of 1 640 bricks out of plane; found by two independent prototypes
 
 
 def hard_cases() -> Iterator[HardCase]:

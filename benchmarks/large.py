@@ -40,20 +40,15 @@ DRY_WALLS: Final[dict[str, Callable[[int], Scene]]] = {
     "dry, in plane": lambda courses: running_bond(courses, direction=(1.0, 0.0, 0.0)),
     "dry, planar": planar_running_bond,
 }
-SIZES: Final = {
+SIZES: Final = {  # cells along an edge, up to 80 089 and 13 824 cells; courses of dry walls, up to 10 100 blocks
     "planar": (10, 32, 100, 178, 200, 224, 245, 283),
     "spatial": (5, 10, 16, 20, 24),
     **dict.fromkeys(DRY_WALLS, (10, 20, 40, 60, 100)),
 }
-"""Cells along an edge, up to 80 089 and 13 824 cells; courses of dry walls, up to 10 100 blocks."""
 
 PHASES: Final = ("scene", "contacts", "symmetry", "space", "driver", "λ")
-
-SECONDS: Final = 600
-"""Processor time of one size."""
-
-BYTES: Final = 16 << 30
-"""Address space of one size."""
+SECONDS: Final = 600  # processor time of one size
+BYTES: Final = 16 << 30  # address space of one size
 
 
 def document(kind: str, edge: int) -> dict[str, Any]:
@@ -187,9 +182,7 @@ def _one(file: str, seconds: str, most: str) -> None:
         print(json.dumps(phase), flush=True)
 
 
-ANSWER_EDGE: Final = 55
-"""Cells along an edge of the wall."""
-
+ANSWER_EDGE: Final = 55  # cells along an edge of the wall
 Content = dict[str, Any]
 
 
@@ -266,14 +259,13 @@ def weighed(content: Content) -> None:
     content["loads"] = {"live": [{"body": [0, 1]}]}
 
 
-KINDS: Final[dict[str, Callable[[Content], None]]] = {
+KINDS: Final[dict[str, Callable[[Content], None]]] = {  # changes of the scene by name
     function.__name__: function
     for function in (
         *(crushing, two_cases, locked, unstable, frictionless),
         *(lifted, lifted_aslant, hung_lifted, hung_pressed, hung_weightless, surrounded, weighed),
     )
 }
-"""Changes of the scene by name."""
 
 EXPECTED: Final = {"locked": "locked", "surrounded": "locked", "unstable": "unstable"}
 """Status of each kind where it is not collapse."""

@@ -157,9 +157,7 @@ PROBLEMS: Final[dict[str, Callable[[], Scene]]] = {
 """Name → scene of each problem."""
 
 
-Answer = tuple[float, float, bool]
-"""λ (NaN: none), seconds, and whether it is said to be optimal."""
-
+Answer = tuple[float, float, bool]  # λ (NaN: none), seconds, and whether it is said to be optimal
 NONE: Answer = (math.nan, 0.0, False)
 
 

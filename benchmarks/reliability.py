@@ -34,11 +34,8 @@ from jld_practice.reliability import (
 )
 from jld_practice.reliability.monte_carlo import Reliability
 
-SAMPLES: Final = 100_000
-"""Samples of every row."""
-
-WEIGHT: Final = 2000.0 * 9.81
-"""Weight of the sliding block, N."""
+SAMPLES: Final = 100_000  # samples of every row
+WEIGHT: Final = 2000.0 * 9.81  # weight of the sliding block, N
 
 
 def vary(mean: Any, cov: float, kind: str = "lognormal", **more: Any) -> dict[str, Any]:
@@ -135,9 +132,7 @@ def write_table() -> None:
     write("reliability", "\n\n".join(["# Reliability", about(__doc__), table(head, rows), text]))
 
 
-SAMPLES_OF_SYSTEM: Final = 20_000
-"""Samples of every system."""
-
+SAMPLES_OF_SYSTEM: Final = 20_000  # samples of every system
 SYSTEMS: Final = {"own variables": 80, "common variables": 60, "blocks that slide or overturn": 60}
 """Number of systems of each kind."""
 

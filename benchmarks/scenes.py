@@ -15,17 +15,15 @@ from jld_explore import search_space
 from jld_explore.space.search_space import SearchSpace
 
 LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
-GRIDS: Final = {
+GRIDS: Final = {  # rows of cells by the number of faces they make
     33: ["a" * 6] * 3 + ["######"],
     88: ["a" * 6] * 8 + ["######"],
     278: ["a" * 15] * 10 + ["#......#......#"],
     2025: ["a" * 41] * 25 + ["#" * 41],
 }
-"""Rows of cells by the number of faces they make."""
 
 STRENGTH: Final = {"tensile_strength": 2e6, "shear_strength": 2e5}
-ANGLE: Final[dict[str, float]] = {"friction_angle": 30}
-"""Inner and dry faces of the paper's stone."""
+ANGLE: Final[dict[str, float]] = {"friction_angle": 30}  # inner and dry faces of the paper's stone
 
 
 def bonded(rows: list[str], length: int = 2) -> list[str]:
@@ -210,12 +208,11 @@ ENUMERATED: Final[dict[str, Callable[[], Scene]]] = {
 }
 """Scenes that searches are measured on, small enough to enumerate: 6 382, 42 764 and 115 958 classes."""
 
-LARGE: Final[dict[str, Callable[[], Scene]]] = {
+LARGE: Final[dict[str, Callable[[], Scene]]] = {  # scenes beyond that
     "planar 88 faces": searched(["a" * 8] * 6 + ["###..###"], [2, 6], middle(3, 4)),
     "planar 278 faces": searched(["a" * 15] * 10 + ["#......#......#"], [2, 6], middle(3, 4, 10, 11)),
     "spatial 3x3x3": lambda: cubes(search={"block_cells": [2, 6]}),
 }
-"""Scenes beyond that."""
 
 
 def built(scene: Scene) -> tuple[Assembly, SearchSpace]:

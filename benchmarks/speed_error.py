@@ -160,14 +160,10 @@ SOLVERS: Final[tuple[Way, ...]] = (
 )
 
 
-LIMIT: Final = 60
-"""Processor seconds that a route gets on one scene."""
-REPEATED: Final = 1.0
-"""Processor seconds up to which a run is repeated, for a mean; the clock may tick in hundredths."""
-PATIENCE: Final = 1800
-"""Seconds on the wall clock after which a route is taken to hang; other work may share the cores."""
-NOISE: Final = 1.15
-"""Ratio of two times from which one is called faster."""
+LIMIT: Final = 60  # processor seconds that a route gets on one scene
+REPEATED: Final = 1.0  # processor seconds up to which a run is repeated, for a mean; the clock may tick in hundredths
+PATIENCE: Final = 1800  # seconds on the wall clock after which a route is taken to hang; other work may share the cores
+NOISE: Final = 1.15  # ratio of two times from which one is called faster
 
 
 @dataclass(frozen=True)
@@ -302,7 +298,7 @@ def rows_of(found: list[Measured], reference: Reference) -> list[list[str]]:
     return rows
 
 
-MARKS: Final = {
+MARKS: Final = {  # marker, colour and size by family; bracketed families are filled and warm
     "jld, default": ("*", "#b2182b", 190),
     "jld, Clarabel": ("o", "#d6604d", 55),
     "jld, other solver": ("D", "#e08214", 45),
@@ -310,7 +306,6 @@ MARKS: Final = {
     "Clarabel, bare": ("X", "#4d4d4d", 60),
     "CVXPY": ("P", "#2166ac", 60),
 }
-"""Marker, colour and size by family; bracketed families are filled and warm."""
 
 
 def draw(results: dict[str, tuple[list[Measured], Reference]]) -> Figure:

@@ -29,7 +29,7 @@ from jld_core.arrays import Bits
 from jld_explore import search_space
 from jld_explore.drivers.searcher import Random
 
-WALLS = {
+WALLS = {  # walls, and times as many seconds as are given for their floors
     "ferris_tinloi_1": 1.0,
     "ferris_tinloi_2": 3.0,
     "ferris_tinloi_3": 1.0,
@@ -37,11 +37,8 @@ WALLS = {
     "ferris_tinloi_5": 1.0,
     "ferris_tinloi_6": 0.0,
 }
-"""Walls, and times as many seconds as are given for their floors."""
 
-OPENED = ((0, 1), (1, 1), (0, 2))
-"""Courses below and above an opening of three, in a wall of three bricks."""
-
+OPENED = ((0, 1), (1, 1), (0, 2))  # courses below and above an opening of three, in a wall of three bricks
 WANTED = {"2 × 5": 0.6112957, "2 × 6": 0.5450550, "2 × 7": 0.4897959, "2 × 8": 0.4439197, "flat arch": 1305.8653}
 HEAD = (
     "# How low collapse without dilation goes",
@@ -56,8 +53,7 @@ HEAD = (
 LABELLINGS = 200
 """Random labellings of the beam-arch that collapse, on which the search is held against the gravity start alone."""
 
-DRAWN = 1000
-"""Random labellings drawn for that; many are unstable."""
+DRAWN = 1000  # random labellings drawn for that; many are unstable
 
 
 def scenes(most: float) -> Iterator[tuple[str, Scene, float]]:

@@ -21,7 +21,7 @@ class Claim(NamedTuple):
     words: str
 
 
-CLAIMS: Final = {
+CLAIMS: Final = {  # every claim by the name of its function ``case_…`` or ``run_…``
     "certificates": Claim(
         "searches", 300, "jld verify accepts true claims only and refuses every other file in one line"
     ),
@@ -72,7 +72,6 @@ CLAIMS: Final = {
         "derivatives of λ by vertices agree with fourth-order differences to 1e-7 in the plane, 1e-6 in space",
     ),
 }
-"""Every claim by the name of its function ``case_…`` or ``run_…``."""
 
 
 @dataclass

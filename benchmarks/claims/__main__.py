@@ -15,9 +15,7 @@ from benchmarks.claims import CLAIMS, Tally, run
 from benchmarks.common import RESULTS, table, write
 from jld_core import __version__
 
-VERSION: Final = __version__.rpartition(".")[0]
-"""Version under development, which the rows of the table name."""
-
+VERSION: Final = __version__.rpartition(".")[0]  # version under development, which the rows of the table name
 CSV: Final = RESULTS / "claims.csv"
 FIELDS: Final = ("family", "version", "claim", "first_seed", "cases", "disagreements", "seconds", "notes")
 

@@ -49,7 +49,6 @@ from jld_core.strengths import Route
 from jld_explore import search_space
 
 ROUTE_CONVERGED = Route("a benchmark")
-
 GROUPS: Final = ("space", "plane", "effective areas")
 CLOSE: Final = 1e-7
 """Relative difference that the second statement in scene units may show: rounding of sums of a few hundred terms."""
@@ -440,16 +439,13 @@ def _crushing(lack: float, turned: float, limit: float) -> float:
     return normal * lack - normal * normal * turned / limit
 
 
-ALIKE: Final = 1e-9
-"""Largest relative difference of λ in other units."""
-UNITS: Final = {
+ALIKE: Final = 1e-9  # largest relative difference of λ in other units
+UNITS: Final = {  # units of length and force: numbers per metre and per newton
     "kN and mm": (1e3, 1e-3),
     "MN and m": (1.0, 1e-6),
     "pounds and inches": (1.0 / 0.0254, 1.0 / 4.4482216152605),
 }
-"""Units of length and force: numbers per metre and per newton."""
-FAR: Final = 500.0
-"""Distance by which a scene is moved, m: its size is about half a metre."""
+FAR: Final = 500.0  # distance by which a scene is moved, m: its size is about half a metre
 
 
 def case_units(seed: int, tally: Tally, names: tuple[str, ...] = ()) -> str:
@@ -575,10 +571,8 @@ def _difference(
     return f"{name}: {one!r} became {two!r} ({apart:.1e}, {first.solve_log})" if wrong else ""
 
 
-NARROW: Final = 1e-6
-"""Relative width of a bracket that counts as narrow."""
-MOST: Final = {2: 260, 3: 110}
-"""Largest number of cells of a case by dimension, so that a case takes a second."""
+NARROW: Final = 1e-6  # relative width of a bracket that counts as narrow
+MOST: Final = {2: 260, 3: 110}  # largest number of cells of a case by dimension, so that a case takes a second
 
 
 def case_refined(seed: int, tally: Tally) -> str:
@@ -650,20 +644,14 @@ def _drawn(kind: str, rng: np.random.Generator) -> tuple[Scene, dict[str, Any]]:
 
 
 ROUTE_DIGITS: Final = Route("a benchmark")
-
 KERNELS: Final = ("Haswell", "ZEN", "SKYLAKEX", "SANDYBRIDGE")
 DISTURBANCES: Final = 10
-SIZE: Final = 1e-15
-"""Relative size of a disturbance."""
-APART: Final = 1e-10
-"""Relative distance up to which brackets meet: what a disturbance changes in λ itself."""
-SHARE: Final = 0.002
-"""Greatest difference of the shares settled."""
+SIZE: Final = 1e-15  # relative size of a disturbance
+APART: Final = 1e-10  # relative distance up to which brackets meet: what a disturbance changes in λ itself
+SHARE: Final = 0.002  # greatest difference of the shares settled
 _LARGE: Final = ("1000 blocks", "µN, mm")
 _CELLS: Final = 60
-
-Answer = tuple[str, float, float]
-"""Status, and both ends of the bracket."""
+Answer = tuple[str, float, float]  # status, and both ends of the bracket
 
 
 def run_digits(claim: str, first_seed: int, cases: int, seconds: float) -> Tally:
@@ -815,12 +803,8 @@ def _work_digits(places: dict[str, int], seconds: float) -> None:
         print(json.dumps(answers_of(int(seed), place)), flush=True)
 
 
-_LAYOUTS: Final = 3
-"""Random layouts of one scene."""
-
-DIGITS: Final = 1e-9
-"""Largest relative difference of both bounds by faces and by cells."""
-
+_LAYOUTS: Final = 3  # random layouts of one scene
+DIGITS: Final = 1e-9  # largest relative difference of both bounds by faces and by cells
 FIELD_DIGITS: Final = 1e-6
 """Largest difference of both bounds by fields, relative to the upper one, which solvers know less accurately."""
 

@@ -19,8 +19,7 @@ from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import CoarseBounds, FieldBounds, FieldSetting
 
-SAME: Final = 1e-6
-"""Relative difference of bounds that two statements of one scene may show."""
+SAME: Final = 1e-6  # relative difference of bounds that two statements of one scene may show
 ADAPTED: Final = 2e-4
 """Relative amount by which a bound may fall back on an adaptive mesh, where opening a field may cost 1e-4 of it."""
 _TRIANGLES: Final = 400
@@ -128,9 +127,7 @@ def _against_rigid(assembly: Assembly, found: FieldBounds) -> str:
 
 
 Array = np.ndarray[Any, Any]
-Pull = Callable[[Array, Array], Array]
-"""Force per area (d,) at a point (d,) of a free face with an outward normal (d,)."""
-
+Pull = Callable[[Array, Array], Array]  # force per area (d,) at a point (d,) of a free face with an outward normal (d,)
 _PSD: Final = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 """Entries of a symmetric 3 × 3 matrix in the order of the solver, which counts those off the diagonal √2 times."""
 
@@ -488,13 +485,9 @@ def _jump(
     program.least.add(closing)
 
 
-_IN_SPACE: Final = (9, 18, 27)
-"""Seeds modulo 28 whose scenes are in space: 60 of 560."""
-_SLACK: Final = 1e-5
-"""Relative amount by which bounds may cross: the own ones are the solver's."""
-_MOST: Final = {2: 200, 3: 60}
-"""Most triangles or tetrahedra of the meshes of the program."""
-
+_IN_SPACE: Final = (9, 18, 27)  # seeds modulo 28 whose scenes are in space: 60 of 560
+_SLACK: Final = 1e-5  # relative amount by which bounds may cross: the own ones are the solver's
+_MOST: Final = {2: 200, 3: 60}  # most triangles or tetrahedra of the meshes of the program
 _Load = tuple[dict[str, Any], Pull | None, Callable[[Array], bool], Array]
 """Load entry of a scene; its traction, where it acts, and its force per weight."""
 

@@ -263,8 +263,7 @@ def outline(labels: Ints, label: int) -> list[Cell] | None:
     return loops[0] if len(loops) == 1 and len(set(loops[0])) == len(loops[0]) else None
 
 
-EXACT: Final = 1e-9
-"""Relative difference of lengths, areas and moments that counts as a disagreement."""
+EXACT: Final = 1e-9  # relative difference of lengths, areas and moments that counts as a disagreement
 _SOLVED: Final = 20  # one case in so many is solved, in both positions
 _PLANAR: Final = 4  # one case in so many is planar
 _DIRECTIONS: Final = 24  # in which hulls and kerns are compared
@@ -630,10 +629,8 @@ def _couples(built: Assembly) -> list[tuple[int, int]]:
     return list(zip(built.interfaces.a.tolist(), built.interfaces.b.tolist(), strict=True))
 
 
-CUT: Final = 1e-9
-"""Area, relative to the square of the unit of the grid, that a sweep may share with what rests."""
-_FAR: Final = 30.0
-"""Length of a sweep, in units of the grid."""
+CUT: Final = 1e-9  # area, relative to the square of the unit of the grid, that a sweep may share with what rests
+_FAR: Final = 30.0  # length of a sweep, in units of the grid
 
 
 def case_laying(seed: int, tally: Tally) -> str:
@@ -674,11 +671,8 @@ def _shared(shape: shapely.Polygon, still: list[shapely.Polygon], way: np.ndarra
 
 
 ROUTE = Route("a benchmark")
-
-PLANAR: Final = 1e-7
-"""Largest relative difference in the plane."""
-SPATIAL: Final = 1e-6
-"""Largest relative difference in space."""
+PLANAR: Final = 1e-7  # largest relative difference in the plane
+SPATIAL: Final = 1e-6  # largest relative difference in space
 Document = dict[str, Any]
 
 

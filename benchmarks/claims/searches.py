@@ -39,9 +39,7 @@ from jld_explore.space import count_named, feasible, values_of
 from jld_explore.space.search_space import SearchSpace
 from jld_explore.verification import verify
 
-MOST: Final = 11
-"""Faces that may change, at the most: 2 048 labellings."""
-
+MOST: Final = 11  # faces that may change, at the most: 2 048 labellings
 _FEW: Final = 6
 """Faces below which a scene is drawn again, the oftener the fewer: one or two leave little to be wrong about."""
 
@@ -185,8 +183,7 @@ def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> dict[s
     return found
 
 
-_CLOSE: Final = 2e-6
-"""How near proven and true have to be: twice what counts as proven."""
+_CLOSE: Final = 2e-6  # how near proven and true have to be: twice what counts as proven
 
 
 def every(space: SearchSpace) -> Iterator[tuple[np.ndarray[Any, Any], Evaluation]]:
@@ -357,29 +354,16 @@ def _fronts(space: SearchSpace, values: list[tuple[Any, Evaluation]], rows: list
     return ""
 
 
-MOST_CLASSES: Final = 1000
-"""Classes up to which a space is enumerated."""
-
-SECONDS_PROOFS: Final = 1.5
-"""Time for one proof, s; a proof that takes longer claims nothing."""
-
-TOGETHER: Final = 64
-"""Layouts evaluated together: between two such portions the time is looked at."""
-
+MOST_CLASSES: Final = 1000  # classes up to which a space is enumerated
+SECONDS_PROOFS: Final = 1.5  # time for one proof, s; a proof that takes longer claims nothing
+TOGETHER: Final = 64  # layouts evaluated together: between two such portions the time is looked at
 LATE: Final = 4.0
 """Multiple of its time after which a search that lists all layouts is given up; it then claims nothing."""
 
-EVERY: Final = 10
-"""One scene in this number is proven by real processes as well."""
-
-PROCESS_SECONDS: Final = 40.0
-"""Time for a proof by real processes, s; most of it passes before they have started."""
-
-PROCESSES: Final = 3
-"""Number of real worker processes."""
-
-CLOSE_PROOFS: Final = 3e-6
-"""Relative difference of λ that is allowed: three times what counts as proven."""
+EVERY: Final = 10  # one scene in this number is proven by real processes as well
+PROCESS_SECONDS: Final = 40.0  # time for a proof by real processes, s; most of it passes before they have started
+PROCESSES: Final = 3  # number of real worker processes
+CLOSE_PROOFS: Final = 3e-6  # relative difference of λ that is allowed: three times what counts as proven
 
 
 @dataclass
@@ -716,18 +700,15 @@ def _delays(seed: int) -> Iterator[None]:
         yield
 
 
-CLOSE_MEMBERS: Final = 1e-6
-"""Largest relative difference of both optima."""
-ABOVE: Final = 1e-5
-"""Largest relative distance of the bound of a certificate above the optimum."""
+CLOSE_MEMBERS: Final = 1e-6  # largest relative difference of both optima
+ABOVE: Final = 1e-5  # largest relative distance of the bound of a certificate above the optimum
 _INSIDE: Final = [["c0r0", "c1r0"], ["c0r0", "c0r1"], ["c1r0", "c1r1"], ["c0r1", "c1r1"]]
-SEARCHES: Final[list[dict[str, Any]]] = [
+SEARCHES: Final[list[dict[str, Any]]] = [  # searches that scenes take in turn; certificates know the first one
     {"block_cells": [1, 2]},
     {"block_cells": [1, 2], "candidates": "all+supports"},
     {"block_cells": [1, 2], "segmentation": False, "candidates": _INSIDE},
     {"block_cells": [1, 3], "front": {"count": "blocks", "sense": "min"}, "require": {"load_factor": 0.4}},
 ]
-"""Searches that scenes take in turn; certificates know the first one."""
 Document = dict[str, Any]
 
 
@@ -963,15 +944,9 @@ def _other_value(value: Any, rng: random.Random) -> Any:
 DRIVERS: Final = ("", "enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
 """Drivers by name, "" for the one that is chosen where none is named."""
 
-SECONDS_TIME_LIMITS: Final = (2.0, 3.0, 4.0)
-"""Time limits, s."""
-
-HANGS: Final = 90.0
-"""Seconds after which a search is killed."""
-
-TURNS: Final = 3
-"""How often a search that ends late is run at the most."""
-
+SECONDS_TIME_LIMITS: Final = (2.0, 3.0, 4.0)  # time limits, s
+HANGS: Final = 90.0  # seconds after which a search is killed
+TURNS: Final = 3  # how often a search that ends late is run at the most
 STEPS: Final = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
 """Bounds of the classes in which the seconds past the limit S are counted."""
 

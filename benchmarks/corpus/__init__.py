@@ -298,7 +298,7 @@ def punch(gap: float = 0.09) -> Interval:
     return found.lower, found.upper
 
 
-QUANTITIES: Final[dict[str, Callable[..., Interval]]] = {
+QUANTITIES: Final[dict[str, Callable[..., Interval]]] = {  # functions by the name that sources use
     one.__name__: one
     for one in (
         block_on_slope,
@@ -323,13 +323,10 @@ QUANTITIES: Final[dict[str, Callable[..., Interval]]] = {
         twisted_prism,
     )
 }
-"""Functions by the name that sources use."""
 
 
 SOURCES: Final = HERE / "sources"
-TIERS: Final = ("closed form", "independent program", "experiment", "ours")
-"""Kinds of evidence, the strongest first."""
-
+TIERS: Final = ("closed form", "independent program", "experiment", "ours")  # kinds of evidence, the strongest first
 RELATIONS: Final = ("equal", "inside", "above", "below", "falls")
 """How a published value compares with ours: equal, inside our proven interval, above or below λ, or a collapse."""
 
