@@ -88,7 +88,6 @@ def spent() -> None:
 
 
 def main() -> None:
-    """Run the benchmarks named on the command line, or all."""
     wanted = sys.argv[1:] or BENCHMARKS
     del sys.argv[1:]  # names of benchmarks are no options of theirs
     for name in wanted:

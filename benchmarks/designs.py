@@ -63,11 +63,9 @@ def run(name: str) -> None:
 
 
 def row_of(name: str) -> list[str]:
-    """Return the row of the table of one finished run."""
     facts: dict[str, Any] = json.loads((RUNS / name / "summary.json").read_text(encoding="utf-8"))
 
     def span(bounds: list[float | None] | None) -> str:
-        """Return bounds by fields as text."""
         low, high = bounds or [None, None]
         if low is None:
             return "–" if high is None else "does not stand" if high < 0.0 else f"at most {high:.4g}"
@@ -83,7 +81,6 @@ def row_of(name: str) -> list[str]:
 
 
 def frame(figure: Figure) -> Image.Image:
-    """Return a figure as a picture of the size of a frame, on white."""
     stream = io.BytesIO()
     figure.savefig(stream, dpi=100, facecolor="white")
     return fitted(Image.open(stream))
@@ -110,7 +107,6 @@ def fitted(picture: Image.Image) -> Image.Image:
 
 
 def drawing_frame(file: Path) -> Image.Image:
-    """Return a frame of the outline as it is read."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     ax = figure.subplots()
     for one in read_outline(file, DesignOptions(thickness=0.3, friction=0.6)).scene.elements or ():
@@ -293,7 +289,6 @@ def searches() -> list[tuple[str, Document, int, str]]:
 
 
 def search(document: Document, starts: int) -> tuple[MovedJoints, float]:
-    """Return the result of one search and its processor time, s."""
     scene = parse_scene(document)
     assembly = build_assembly(scene)
     start = time.process_time()
@@ -302,7 +297,6 @@ def search(document: Document, starts: int) -> tuple[MovedJoints, float]:
 
 
 def proofs() -> list[list[str]]:
-    """Return the rows of the table of proofs."""
     rows = []
     boxes = {1: ([-0.15], [0.3]), 2: ([-0.15, -0.05], [0.3, 0.25]), 3: ([-0.1, -0.05, -0.05], [0.3, 0.2, 0.1])}
     for count, (low, high) in boxes.items():

@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from scipy.spatial import Voronoi
 
 from benchmarks.common import RESULTS, about, load_of_machine, table, write
-from benchmarks.scenes import ANGLE, box, built, cubes, grid, middle, strength, vault
+from benchmarks.scenes import ANGLE, built, cubes, grid, middle, strength, vault
 from jld_core import Scene, parse_scene
 from jld_core.arrays import Bits
 from jld_core.limit.options import Status
 from jld_explore.drivers import make_driver, operators
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.space.search_space import SearchSpace
+from jld_samples import box
 
 WEAK: Final = strength(2e4)
 SINGLE: Final = ("anneal", "genetic", "genetic:best", "hillclimb", "random", "optuna")
@@ -39,7 +40,6 @@ BATCH: Final = 32  # layouts that pymoo and nevergrad ask for at a time
 
 
 def opened(across: int, up: int, *holes: tuple[int, int, int, int]) -> list[str]:
-    """Rows of a wall with holes, each from column to column and row to row."""
     rows = [["a"] * across for _ in range(up)]
     for left, right, top, low in holes:
         for row in rows[top:low]:
@@ -307,7 +307,6 @@ def draw(rows: pd.DataFrame) -> None:
 
 
 def main() -> None:
-    """Add runs, if any are asked for, and draw what is known."""
     path = RESULTS / "drivers.csv"
     if len(sys.argv) > 2:
         methods = sys.argv[3].split(",") if len(sys.argv) > 3 else METHODS

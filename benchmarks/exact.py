@@ -86,14 +86,12 @@ def arch() -> Scene:
 
 
 def winds() -> Scene:
-    """The wall of 6 × 8 cells in blocks of up to three, pushed from either side, nine tenths as hard from the right."""
     document = wall(6, 8, 3, 2e4).model_dump(mode="json", exclude_defaults=True)
     left, right = ({"name": name, "live": [{"body": [push, 0]}]} for name, push in (("left", 1), ("right", -0.9)))
     return parse_scene(document | {"loads": {"cases": [left, right]}})
 
 
 def in_space() -> dict[str, Scene]:
-    """Spatial scenes by name."""
     document = corner(5, math.radians(225.0), None).model_dump(mode="json", exclude_defaults=True)
     limit = {"block_cells": [1, 4]}
     return {
@@ -141,7 +139,6 @@ def proofs(most: float, long: float) -> list[list[str]]:
 
 
 def proof(name: str, most: float, long: float) -> list[str]:
-    """The row of one scene."""
     scene, seconds, asked = scenes()[name]
     size = _size(scene)
     facts = summary_of(scene, driver="exact", seconds=min(seconds, most if seconds == SECONDS else long))
@@ -165,7 +162,6 @@ def proof(name: str, most: float, long: float) -> list[str]:
 
 
 def by_two() -> list[list[str]]:
-    """Rows of the table of two jobs, by the clock."""
     rows = []
     for name, most in TWO.items():
         scene, _, asked = scenes()[name]
@@ -180,7 +176,6 @@ def by_two() -> list[list[str]]:
 
 
 def fronts() -> list[list[str]]:
-    """Rows of the table of whole fronts."""
     rows = []
     for name in FRONTS:
         facts = summary_of(scenes()[name][0], driver="exact", options={"aim": "front"}, seconds=SECONDS)

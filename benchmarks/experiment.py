@@ -30,12 +30,10 @@ def pushed(specimen: Specimen, scale: float, periods: float) -> Push:
 
 
 def plateau(found: Push) -> float:
-    """Mean λ over the last quarter of the way."""
     return float(found.load_factor[found.distance > 0.75 * found.distance[-1]].mean())
 
 
 def walls() -> str:
-    """Plateaus at several rates."""
     rows = []
     for number, (lowest, expected, length, short) in WALLS.items():
         assembly = scene(f"ferris_tinloi_{number}")
@@ -97,7 +95,6 @@ def layouts() -> str:
 
 
 def arch() -> str:
-    """The flat arch, brittle and plastic."""
     assembly = build_assembly(leonardo_flat_arch())
     rows = []
     for inner, dilation, expected in (
@@ -114,7 +111,6 @@ def arch() -> str:
 
 
 def speed() -> str:
-    """Nanoseconds per sub-contact and step."""
     rows = []
     for name, moving in (("flat_beam_arch", False), ("ferris_tinloi_2", False), ("flat_beam_arch", True)):
         assembly = scene(name)
@@ -133,7 +129,6 @@ def speed() -> str:
 
 
 def main() -> None:
-    """Run all parts and write benchmarks/results/experiment.md."""
     parts = [
         "# The virtual experiment against λ",
         walls(),

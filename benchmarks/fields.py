@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.common import about, random_segmentations, run_parts, table, write
-from benchmarks.scenes import ENUMERATED, bonded, box, grid, strength
+from benchmarks.scenes import ENUMERATED, bonded, grid, strength
 from jld_core import Assembly, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
@@ -25,6 +25,7 @@ from jld_core.scene.cracks import FieldCracks
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
 from jld_explore.space import from_string
+from jld_samples import box
 
 BLOCKWORK: Final[dict[str, Any]] = {  # cells of walls
     "cell": (0.4, 0.2),
@@ -71,7 +72,6 @@ def admissible() -> Bits:
 
 
 def of_wall(wall: Assembly) -> Bits:
-    """Layouts of the wall, drawn at random."""
     return random_segmentations(wall, WARM + TIMED, seed=3)
 
 
@@ -117,13 +117,11 @@ def bound_alone(name: str, assembly: Assembly, labellings: Bits, goal: float) ->
 
 
 def _row(name: str, assembly: Assembly, each: float, goal: float) -> list[str]:
-    """One row of many layouts: milliseconds for each, and the aim in seconds."""
     triangles = len(FieldSetting.of(assembly).coarse)
     return [name, "–", "–", f"{triangles} in 1 mesh", f"**{each:.1f} ms**", f"{1e3 * goal:g} ms"]
 
 
 def timed_rows() -> dict[str, Callable[[], list[str]]]:
-    """What is measured, by name."""
     assembly, best, uncut = beam_arch()
     wall = masonry()
     return {
@@ -173,7 +171,6 @@ class Case:
 
 
 def assembled(elements: list[dict[str, Any]], live: list[Any], inner: dict[str, float], label: str) -> Assembly:
-    """An assembly of elements of 2000 kg/m³."""
     document = {
         "elements": elements,
         "materials": {"density": 2000.0, "dry": {"friction_coefficient": 0.6}, "inner": inner},
@@ -235,7 +232,6 @@ CASES: Final = (
 
 @one_thread()
 def bounds_of(assembly: Assembly, most: int) -> tuple[FieldBounds, float]:
-    """Bounds of the labelling of a scene, and the processor time that they took."""
     start = time.process_time()
     found = bounds_by_fields(assembly, gap=SPACE_GAP, most=most)
     return found, time.process_time() - start

@@ -19,10 +19,11 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.common import about, stated, table, write
-from benchmarks.scenes import box, brick_boxes, grid, strength
+from benchmarks.scenes import brick_wall, grid, stones, strength
 from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits
 from jld_core.strengths import Route
+from jld_samples import box
 
 ROUTE: Final = Route("a benchmark")
 Entry = dict[str, Any]
@@ -53,7 +54,6 @@ class HardCase:
 
 
 def block(name: str, x0: float, y0: float, x1: float, y1: float, **keys: Any) -> Entry:
-    """A planar rectangle."""
     return {"id": name, "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], **keys}
 
 
@@ -64,13 +64,7 @@ def ground(x0: float = -1.0, x1: float = 5.0, name: str = "ground") -> Entry:
 
 def structure(elements: list[Entry], friction: float = 0.5, live: list[Entry] | None = None, **keys: Any) -> Assembly:
     """Dry blocks, pushed sideways by their weight unless said otherwise. keys: further ones of the document."""
-    document = {
-        "elements": elements,
-        "materials": {"dry": {"friction_coefficient": friction}},
-        "loads": {"live": live or PUSH},
-        **keys,
-    }
-    return build_assembly(parse_scene(document))
+    return build_assembly(parse_scene(stones(elements, live or PUSH, friction) | keys))
 
 
 def cells(rows: list[str], strong: float = 2e4, length: float = 1.0, force: float = 1.0) -> Assembly:
@@ -81,7 +75,6 @@ def cells(rows: list[str], strong: float = 2e4, length: float = 1.0, force: floa
 
 
 def column(count: int) -> Assembly:
-    """Unit blocks on top of one another: λ = 1/count."""
     return structure([*(block(f"b{k}", 0, k, 1, k + 1, weight=1.0) for k in range(count)), ground()])
 
 
@@ -117,16 +110,14 @@ def mixed_strengths(seed: int) -> Assembly:
 def mixed_weights(seed: int) -> Assembly:
     """A wall of twelve blocks whose weights are drawn over six decades."""
     weights = 10.0 ** np.random.default_rng(seed).uniform(-3, 3, 12)
-    wall = [
-        block(f"b{i}{j}", i + 0.5 * (j % 2), j, i + 1 + 0.5 * (j % 2), j + 1, weight=float(weights[3 * j + i]))
-        for j in range(4)
-        for i in range(3)
-    ]
+    wall = []
+    for k, weight in enumerate(weights.tolist()):
+        j, i = divmod(k, 3)
+        wall.append(block(f"b{i}{j}", i + 0.5 * (j % 2), j, i + 1 + 0.5 * (j % 2), j + 1, weight=weight))
     return structure([*wall, ground()])
 
 
 def weightless(force: list[float]) -> Assembly:
-    """Two blocks without weight, the upper one pushed."""
     pair = [block("a", 0, 0, 1, 1), block("b", 0, 1, 1, 2), ground()]
     return structure(pair, live=[{"element": "b", "force": force}])
 
@@ -137,7 +128,6 @@ def nearly_touching(gap: float) -> Assembly:
 
 
 def many_supports() -> Assembly:
-    """Four supports side by side under one block."""
     pieces = [block(f"g{k}", 0.25 * k, -1, 0.25 * (k + 1), 0, support=True) for k in range(4)]
     return structure([block("a", 0, 0, 1, 1, weight=1.0), *pieces])
 
@@ -157,7 +147,6 @@ def two_structures(live: list[Entry] | None = None) -> Assembly:
 
 
 def wedged(force: list[float], friction: float = 0.5) -> Assembly:
-    """A block between two abutments."""
     walls = [block("left", -1, 0, 0, 1, support=True), block("right", 1, 0, 2, 1, support=True)]
     live = [{"element": "a", "force": force}]
     return structure([block("a", 0, 0, 1, 1, weight=1.0), *walls, ground()], friction, live)
@@ -172,45 +161,22 @@ def at_the_edge(edge: float) -> Assembly:
 
 def bricks(courses: int, wide: int, length: float, force: float) -> Assembly:
     """The dry brick wall of two wythes, pushed out of plane, in other units: of one m and one N."""
-    elements = [
-        box(
-            name,
-            tuple(length * x for x in low),
-            tuple(length * x for x in high),
-            **({"support": True} if name == "slab" else {}),
-        )
-        for name, low, high in brick_boxes(courses, wide)
-    ]
-    return build_assembly(
-        parse_scene(
-            {
-                "elements": elements,
-                "materials": {"density": 2000.0 * force / length**3, "dry": {"friction_coefficient": 0.65}},
-                "loads": {"live": [{"body": [0, 1, 0]}]},
-            }
-        )
-    )
+    return build_assembly(brick_wall(courses, wide, length, force))
 
 
 def slippery_cubes() -> Assembly:
     """Frictionless cubes side by side: no force can pass between them; one is lifted."""
     cubes = [box("a", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), box("b", (1.0, 0.0, 0.0), (2.0, 1.0, 1.0))]
     slab = box("slab", (-5.0, -5.0, -1.0), (5.0, 5.0, 0.0), support=True)
-    document = {
-        "elements": [*cubes, slab],
-        "materials": {"density": 1.0, "gravity": 1.0, "dry": {"friction_coefficient": 0.0}},
-        "loads": {"live": [{"element": "a", "force": [0, 0, 1]}]},
-    }
-    return build_assembly(parse_scene(document))
+    lift = [{"element": "a", "force": [0, 0, 1]}]
+    return build_assembly(parse_scene(stones([*cubes, slab], lift, 0.0, density=1.0, gravity=1.0)))
 
 
 def every(dry: bool) -> Callable[[Assembly], Bits]:
-    """One label for all faces."""
     return lambda assembly: np.full(len(assembly.interfaces), dry)
 
 
 def alternating(assembly: Assembly) -> Bits:
-    """Dry and inner by turns."""
     return np.asarray(np.arange(len(assembly.interfaces)) % 2 == 0)
 
 
@@ -220,7 +186,6 @@ LARGE: Final = 0.0465844456  # λ of the wall of 1 640 bricks out of plane; foun
 
 
 def hard_cases() -> Iterator[HardCase]:
-    """All of them, the kinds in the order in which they were asked for."""
     for name, (length, force) in UNITS.items():
         make = partial(cells, ["aaaa"] * 3 + ["####"], 2e4, length, force)
         yield HardCase("units", name, make, alternating)
@@ -266,7 +231,6 @@ def hard_cases() -> Iterator[HardCase]:
 
 
 def is_near(value: float, case: HardCase, expected: float) -> bool:
-    """Is λ as near to what must come out as the case asks?"""
     return math.isclose(value, expected, rel_tol=case.rel, abs_tol=case.floor + 1e-12)
 
 
@@ -295,7 +259,6 @@ class Verdict:
 
 
 def judge(case: HardCase) -> Verdict:
-    """Solve one case and compare."""
     assembly = case.make()
     labels = assembly.labels if case.labels is None else case.labels(assembly)
     start = time.process_time()
@@ -310,33 +273,22 @@ def judge(case: HardCase) -> Verdict:
 
 
 def row_of(verdict: Verdict) -> list[str]:
-    """One line of the table."""
     found, case = verdict.found, verdict.case
     low, high = found.bracket
     bracket = "" if math.isnan(low) else f"[{low:.9g}, {'∞' if math.isnan(high) else f'{high:.9g}'}]"
     off = abs(found.load_factor - verdict.expected)
     close = f"{off / max(abs(verdict.expected), 1e-3):.0e}" if math.isfinite(off) else ""
-    return [
-        case.kind,
-        case.name,
-        str(found.status),
-        bracket,
-        f"{found.gap:.0e}" if math.isfinite(found.gap) else "",
-        close,
-        {True: "yes", False: "**no**", None: "left open"}[verdict.right],
-        str(found.iterations),
-        f"{verdict.seconds:.3g}",
-        " → ".join(found.solve_log),
-    ]
+    gap = f"{found.gap:.0e}" if math.isfinite(found.gap) else ""
+    right = {True: "yes", False: "**no**", None: "left open"}[verdict.right]
+    numbers = [str(found.iterations), f"{verdict.seconds:.3g}", " → ".join(found.solve_log)]
+    return [case.kind, case.name, str(found.status), bracket, gap, close, right, *numbers]
 
 
 def main() -> None:
-    """Solve all cases and write benchmarks/results/hard_cases.md."""
     verdicts = [judge(case) for case in hard_cases()]
     head = "what is hard | which | status | bracket | gap | off by | right | programs | s | route"
     counted = Counter(verdict.right for verdict in verdicts)
     first = sum(len(verdict.found.solve_log) == 1 for verdict in verdicts)
-    text = about(__doc__)
     summary = (
         f"{len(verdicts)} cases: {counted[True]} right, {counted[None]} honestly uncertified, {counted[False]} wrong; "
         f"{first} by the first solve alone. Off by: |λ − expected| over |expected|, or over 1e-3 where that is larger. "
@@ -344,7 +296,7 @@ def main() -> None:
         "a solver said that was not `optimal`."
     )
     rows = table(head, [row_of(verdict) for verdict in verdicts])
-    write("hard_cases", f"# Hard cases\n\n{text}\n\n{summary}\n\n{rows}")
+    write("hard_cases", "# Hard cases", about(__doc__), summary, rows)
 
 
 if __name__ == "__main__":

@@ -94,7 +94,6 @@ AWAY: Final = [{"element": "c4r0", "force": [-1, -1]}]
 
 
 def pushed(course: int) -> dict[str, Any]:
-    """A push outwards at the free end of the upper course of a corner."""
     return {"live": [{"element": f"p0k{course}", "force": [1, 0.3, 0]}]}
 
 
@@ -500,7 +499,6 @@ def layouts(path: Path, each: int) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Do what the options ask for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="problems, default all")
     parser.add_argument("--seconds", type=float, default=10.0, help="time of each search")

@@ -55,12 +55,10 @@ class Way:
 
 
 def any_scene(assembly: Assembly) -> bool:
-    """Whatever it is."""
     return True
 
 
 def planar(assembly: Assembly) -> bool:
-    """Is its program linear?"""
     return assembly.dimension == 2
 
 
@@ -104,7 +102,6 @@ def of_size(assembly: Assembly, size: float, gap: float, refine: bool = False) -
 
 
 def condensed(assembly: Assembly) -> Found:
-    """Rigid blocks, cracked on demand."""
     analysis = LimitAnalysis(assembly, reference=assembly.labels)
     found = prove_condensed(analysis, assembly.labels)
     if found is None:
@@ -121,7 +118,6 @@ def bare(assembly: Assembly) -> Found:
 
 
 def by_cvxpy(assembly: Assembly, solver: str) -> Found:
-    """Stated in CVXPY as one would write it, at the solver's own tolerances."""
     return Found(stated(assembly, assembly.labels, solver))
 
 
@@ -185,11 +181,9 @@ class Reference:
 
     @property
     def half_width(self) -> float:
-        """Relative."""
         return 0.5 * (self.high - self.low) / abs(self.high)
 
     def error(self, load: float) -> float:
-        """Relative distance of λ from the middle."""
         middle = 0.5 * (self.low + self.high)
         return abs(load - middle) / abs(middle)
 
@@ -248,7 +242,6 @@ def measure(way: Way, assembly: Assembly, small: Assembly, limit: int = LIMIT) -
 def measure_all(
     assembly: Assembly, small: Assembly, ways: tuple[Way, ...] = SOLVERS, limit: int = LIMIT
 ) -> list[Measured]:
-    """All routes that take the assembly, in order."""
     return [measure(way, assembly, small, limit) for way in ways if way.takes(assembly)]
 
 
@@ -283,7 +276,6 @@ def better(found: list[Measured], reference: Reference, bracketed: bool) -> list
 
 
 def rows_of(found: list[Measured], reference: Reference) -> list[list[str]]:
-    """One row per route."""
     rows = []
     for one in found:
         family = one.way.family in BRACKETED
@@ -348,7 +340,6 @@ def draw(results: dict[str, tuple[list[Measured], Reference]]) -> Figure:
 
 
 def main() -> None:
-    """Measure everything and write benchmarks/results/speed_error.md and .png."""
     small = {2: build_assembly(grid(bonded(GRIDS[33]))), 3: build_assembly(brick_wall(2, 2))}
     results: dict[str, tuple[list[Measured], Reference]] = {}
     fronts, parts = [], []

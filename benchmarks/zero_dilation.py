@@ -69,7 +69,6 @@ def scenes(most: float) -> Iterator[tuple[str, Scene, float]]:
 
 
 def row_of(name: str, scene: Scene, seconds: float) -> str:
-    """One line of the table of ranges."""
     start = time.process_time()
     result = solve(build_assembly(scene), friction="zero-dilation", range=True, floor_seconds=seconds)
     spent, extra = time.process_time() - start, result.facts
@@ -83,7 +82,6 @@ def row_of(name: str, scene: Scene, seconds: float) -> str:
 
 
 def random_labellings(assembly: Assembly, scene: Scene, count: int) -> Bits:
-    """(count, m) labellings of the scene's space, drawn from one seed."""
     return Random(search_space(scene, assembly), seed=0, size=count).propose()[:count]
 
 

@@ -85,7 +85,6 @@ class Tally:
     seconds: float = 0.0
 
     def count(self, name: str, number: int = 1) -> None:
-        """Add to one of the further counts."""
         self.notes[name] = self.notes.get(name, 0) + int(number)
 
 

@@ -87,7 +87,6 @@ def case_converged(seed: int, tally: Tally) -> str:
 
 
 def drawn_converged(seed: int) -> tuple[Assembly, NDArray[np.bool_]]:
-    """Draw the assembly of a seed and a labelling of it."""
     document, labels = drawn_document(seed)
     return build_assembly(parse_scene(document)), labels
 
@@ -324,7 +323,6 @@ def _cross(arm: Array, force: Array) -> Array:
 
 
 def _left(assembly: Assembly, forces: Array, load: float) -> Array:
-    """Forces and moments / size that are left on free elements, (n, q)."""
     push, couple, arms = _arms(assembly)
     force = np.einsum("mq,mqd->md", forces, push)
     moment = np.einsum("mq,mqr->mr", forces, couple)
@@ -473,7 +471,6 @@ def case_units(seed: int, tally: Tally, names: tuple[str, ...] = ()) -> str:
 
 
 def drawn_units(seed: int) -> tuple[Document, np.ndarray]:
-    """Draw the document of a seed, and labels of its interfaces; every fifth scene has two load cases."""
     document, labels = drawn_document(seed)
     if seed % 5 == 0:
         live = document["loads"]["live"]
@@ -607,7 +604,6 @@ def scene_of_refined(seed: int) -> tuple[str, Scene]:
 
 
 def _drawn(kind: str, rng: np.random.Generator) -> tuple[Scene, dict[str, Any]]:
-    """Return a sample and the options of its refinement."""
     strength, shear = 10.0 ** rng.uniform(5.0, 10.0, 2)
     if rng.random() < 0.5:
         shear = strength
@@ -733,7 +729,6 @@ def scene_of_digits(seed: int, place: int) -> tuple[str, Assembly, Bits]:
 
 
 def _grid(seed: int) -> tuple[str, Assembly, Bits]:
-    """Return a planar grid with random strengths, of which some crush, and random labels."""
     rng = np.random.default_rng(seed)
     wide, high = (int(value) for value in rng.integers(2, 7, 2))
     crush = {"compressive_strength": float(10 ** rng.uniform(5, 8))} if rng.random() < 0.4 else {}
@@ -788,7 +783,6 @@ def answers_of(seed: int, place: int) -> dict[str, Any]:
 
 
 def _ends(bracket: tuple[float, float]) -> tuple[float, float]:
-    """Return the ends of a bracket, infinite where one is missing."""
     low, high = bracket
     return (low if np.isfinite(low) else -np.inf), (high if np.isfinite(high) else np.inf)
 

@@ -26,7 +26,6 @@ _TRIANGLES: Final = 400
 
 
 def case_fields(seed: int, tally: Tally) -> str:
-    """Return "" where the claim holds for one random structure, else what does not."""
     rng = np.random.default_rng([seed, 2026])
     still = Move(np.eye(2), 1.0, np.zeros(2))
     moved = random_move(rng, 2)
@@ -246,7 +245,6 @@ class _Program:
         self.psd = _Rows()
 
     def unknowns(self, count: int, cost: float = 0.0) -> int:
-        """Return the first number of new unknowns."""
         self.cost += [cost] * count
         return len(self.cost) - count
 
@@ -262,7 +260,6 @@ class _Program:
             self.psd.add([(c, -v * (1.0 if i == j else math.sqrt(2.0))) for c, v in entries[i, j]])
 
     def solve(self) -> tuple[str, float]:
-        """Return status and cost."""
         groups = [(self.equal, "zero", 1), (self.least, "least", 1)]
         groups += [(rows, "soc", size) for size, rows in sorted(self.soc.items())] + [(self.psd, "psd", 6)]
         parts, right, cones = [], [], []
@@ -286,7 +283,6 @@ class _Program:
 
 
 def _value(status: str, cost: float, sign: float, unbounded: float) -> float | None:
-    """Return a bound from a status, None where it proves nothing."""
     if status == "Solved":
         return sign * cost
     if status == "DualInfeasible":
@@ -304,7 +300,6 @@ def _gradients(mesh: Simplices) -> tuple[Array, Array]:
 
 
 def _pulls(lattice: Lattice, mesh: Simplices, facet: Any) -> Array:
-    """Return dead and live tractions (2, d corners, d) of a free facet."""
     t, own, normal, *_ = facet
     places = mesh.nodes[mesh.cells[t][list(own)]]
     found = np.zeros((2, len(own), places.shape[1]))
@@ -353,7 +348,6 @@ def lower_bound(lattice: Lattice) -> float | None:
 
 
 def _within_yield(program: _Program, lattice: Lattice, s: dict[tuple[int, int], int], d: int) -> None:
-    """Add yield of the stress with the given unknowns."""
     if d == 2:
         xx, yy, xy = s[0, 0], s[1, 1], s[0, 1]
         for a, b in lattice.lines:
@@ -380,7 +374,6 @@ def _along(parts: list[list[tuple[int, float]]], axis: Array, factor: float = 1.
 
 
 def _within_joint(program: _Program, lattice: Lattice, pull: list[list[tuple[int, float]]], normal: Array) -> None:
-    """Add friction, no tension, and crushing of a traction on a dry face."""
     program.least.add(_along(pull, normal))
     sliding = [(_along(pull, axis), 0.0) for axis in _tangents(normal)]
     program.cone([(_along(pull, normal, -lattice.friction), lattice.cohesion), *sliding])
@@ -444,7 +437,6 @@ def _multipliers(program: _Program, lattice: Lattice, size: float) -> list[int]:
 def _strain(
     program: _Program, lattice: Lattice, rate: Callable[[int, int], list[tuple[int, float]]], size: float, d: int
 ) -> None:
-    """Add the dissipation of strain rates in one simplex."""
     y = _multipliers(program, lattice, size)
     trace = [term for i in range(d) for term in rate(i, i)]
     slopes = [b for _, b in lattice.lines]
@@ -578,7 +570,6 @@ def random_scene(rng: np.random.Generator, d: int) -> tuple[dict[str, Any], Latt
 
 
 def _cells(low: Array, high: Array) -> list[tuple[int, ...]]:
-    """Return the indices of the cells of a box of the lattice."""
     axes = [range(int(a), int(b)) for a, b in zip(low, high, strict=True)]
     return [tuple(int(x) for x in cell) for cell in np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, len(axes))]
 
@@ -597,7 +588,6 @@ def _cut(rng: np.random.Generator, low: Array, high: Array, times: int) -> list[
 
 
 def _entry(name: str, low: Array, high: Array, **more: Any) -> dict[str, Any]:
-    """Return the scene entry of a rectangle or box."""
     if len(low) == 2:
         (a, b), (c, d) = low.tolist(), high.tolist()
         return {"id": name, "polygon": [[a, b], [c, b], [c, d], [a, d]], **more}
@@ -632,7 +622,6 @@ def _labels(
 def _load(
     rng: np.random.Generator, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float
 ) -> _Load:
-    """Return a random load."""
     d, none = len(step), np.zeros(len(step))
     kind = str(rng.choice(["pressure", "pressure", "line", "force", "force", "body", "around"]))
     if kind == "body":
@@ -692,7 +681,6 @@ def _free_surface(boxes: list[tuple[Array, Array]], number: int, shape: Array) -
 def _force(
     rng: np.random.Generator, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float
 ) -> _Load:
-    """Return a force with a width on the upper surface."""
     d = len(step)
     upper = [k for k, (_, high) in enumerate(boxes) if high[-1] == shape[-1]]
     number = int(rng.choice(upper))

@@ -39,7 +39,6 @@ class Known:
 
 
 def neighbours(cell: Cell) -> Iterator[Cell]:
-    """Yield the cells that share a face with a cell."""
     for axis, step in itertools.product(range(len(cell)), (-1, 1)):
         yield (*cell[:axis], cell[axis] + step, *cell[axis + 1 :])
 
@@ -112,7 +111,6 @@ def with_hole(rng: np.random.Generator, shape: tuple[int, ...]) -> set[Cell]:
 
 
 def known_contacts(labels: Ints, lines: Sequence[Floats]) -> list[Known]:
-    """Return the contacts of merged voxels: parts of common planes that hang together by edges."""
     faces: dict[tuple[int, int, int, int], set[Cell]] = {}
     for axis in range(3):
         ahead, behind = np.moveaxis(labels, axis, 0)[1:], np.moveaxis(labels, axis, 0)[:-1]
@@ -278,7 +276,6 @@ class Move:
     shift: Floats
 
     def points(self, places: Floats) -> Floats:
-        """Move points (..., d)."""
         return np.asarray(self.scale * places @ self.turn.T + self.shift)
 
 
@@ -702,7 +699,6 @@ def case_vertex_rates(seed: int, tally: Tally) -> str:
 
 
 def drawn(seed: int) -> Document:
-    """Draw the document of a planar scene, with interfaces as stated ones."""
     random = np.random.default_rng(seed)
     kind = ("arch", "wall", "grid")[seed % 3]
     options: Document = {}
@@ -764,8 +760,6 @@ def _of_plane(seed: int) -> tuple[float, float, float, float]:
 
 
 def _differences_vertex_rates(function: Any, step: float) -> tuple[float, float]:
-    """Return fourth-order central differences with a step and with half of it."""
-
     def difference(by: float) -> float:
         return float((8.0 * (function(by) - function(-by)) - (function(2.0 * by) - function(-2.0 * by))) / (12.0 * by))
 

@@ -187,7 +187,6 @@ _CLOSE: Final = 2e-6  # how near proven and true have to be: twice what counts a
 
 
 def every(space: SearchSpace) -> Iterator[tuple[np.ndarray[Any, Any], Evaluation]]:
-    """All labellings of a space, each evaluated by itself."""
     spots = np.flatnonzero(space.candidates)
     rows = np.repeat(space.fixed[None], 1 << len(spots), axis=0)
     rows[:, spots] = (np.arange(len(rows))[:, None] >> np.arange(len(spots))) & 1
@@ -468,7 +467,6 @@ class _WorkerKiller:
 
 
 def _tasks_of(driver: Any) -> Sequence[float]:
-    """Times of the tasks that the worker processes of a driver have finished, s."""
     cube_workers = getattr(getattr(driver, "_sources", None), "cube_workers", None)
     return [] if cube_workers is None else cube_workers.task_seconds
 
@@ -661,7 +659,6 @@ def _threads_for_processes() -> Iterator[None]:
 
 
 def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
-    """What a proof has wrong, "" for nothing."""
     if truth is None or not found.proven or not truth.proven:
         return ""
     if space.search.require is not None:
@@ -686,7 +683,6 @@ def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
 
 @contextmanager
 def _delays(seed: int) -> Iterator[None]:
-    """Random delays where the work of threads meets."""
     rng = np.random.default_rng([seed, 7])
     delays = rng.exponential(0.002, 997) * (rng.random(997) < 0.3)
     number = 0
@@ -749,7 +745,6 @@ def case_members(seed: int, tally: Tally) -> str:
 
 
 def drawn_members(seed: int) -> Document:
-    """Return the wall of one seed."""
     rng = np.random.default_rng(seed)
     friction = float(rng.uniform(0.3, 0.8))
     dry: Document = {"friction_coefficient": friction}
@@ -932,7 +927,6 @@ def _change_field(part: Any, rng: random.Random) -> None:
 
 
 def _other_value(value: Any, rng: random.Random) -> Any:
-    """Return a value near the given one, or a strange one."""
     near: list[Any] = []
     if isinstance(value, int | float) and not isinstance(value, bool):
         near = [value * 0.999, value * 0.5, value * 2, -value, value + 1, value - 1, round(value), value * (1 - 1e-6)]
@@ -974,7 +968,6 @@ main()
 
 
 def allowed(seconds: float) -> float:
-    """Seconds after which a search with a time limit must have ended."""
     return 1.1 * seconds + 2.0
 
 
@@ -1085,7 +1078,6 @@ def _environment() -> dict[str, str]:
 
 
 def _options(rng: np.random.Generator, driver: str) -> list[str]:
-    """Random options of a search."""
     options = ["--driver", driver] if driver else []
     options += ["--jobs", str(rng.choice([1, 2]))]
     draw = rng.random()
@@ -1133,7 +1125,6 @@ def _sample(rng: np.random.Generator) -> Any:
 
 
 def _search(rng: np.random.Generator) -> dict[str, Any]:
-    """Random limits."""
     search: dict[str, Any] = {"block_cells": [1, int(rng.integers(2, 7))]}
     more: list[dict[str, Any]] = [
         {"shapes": [None, int(rng.integers(1, 5))]},

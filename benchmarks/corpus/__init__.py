@@ -19,19 +19,18 @@ from studies.published_wall import layout
 from studies.scenes import ring_arch, stacked_cubes
 
 from benchmarks.common import ROOT
-from benchmarks.scenes import box
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, load_scene, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_core.geometry.outlines import rectangle_torsion_length
 from jld_practice.reactions import reactions_of_supports, resultant_of_joint, thrust_ranges
 from jld_practice.reactions.thrust import ForceFunction, Resultant
+from jld_samples import box
 
 Interval = tuple[float, float]
 HERE: Final = Path(__file__).parent
 
 
 def _scene(name: str) -> Scene:
-    """Load a scene of the corpus, or one of the project's own scenes."""
     own = HERE / "scenes" / f"{name}.json"
     return load_scene(own if own.exists() else ROOT / "scenes" / f"{name}.json")
 
@@ -42,7 +41,6 @@ def load_factor(scene: str) -> Interval:
 
 
 def tilt_angle(scene: str) -> Interval:
-    """Bracket of the angle of a tilting table at which a scene falls, degrees."""
     low, high = solve(build_assembly(_scene(scene))).facts["tilt_bracket"]
     return low, high
 
@@ -91,7 +89,6 @@ def _bisect(stands_at: Callable[[float], bool | None], low: float, high: float, 
 
 
 def _stands(scene: Scene) -> bool | None:
-    """Decide whether a scene stands under its dead load."""
     assembly = build_assembly(scene)
     return LimitAnalysis(assembly).stands(assembly.labels)
 
@@ -265,7 +262,6 @@ def pushed_wall(height: float, thickness: float, moved: float = 0.0) -> Interval
 
 
 def torsion_length(a: float, b: float) -> Interval:
-    """Torsion length c_T of a rectangle."""
     return (float(rectangle_torsion_length(np.array([a]), np.array([b]))[0]),) * 2
 
 
@@ -273,7 +269,6 @@ def punch(gap: float = 0.09) -> Interval:
     """Bracket by fields of the pressure under a strip on a weightless half-plane of shear strength 1."""
 
     def rectangle(name: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> dict[str, Any]:
-        """Return a rectangle as an element."""
         return {"id": name, "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], **more}
 
     scene = parse_scene(
@@ -376,7 +371,6 @@ class Value:
     derived: bool = False
 
     def ours(self) -> tuple[float, float]:
-        """Compute our value as an interval; both ends are equal for a single number."""
         return QUANTITIES[self.find](**self.arguments)
 
     def agrees(self, ours: tuple[float, float]) -> bool:

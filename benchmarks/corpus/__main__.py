@@ -63,12 +63,10 @@ Pair = tuple[Value, tuple[float, float]]
 
 
 def _number(value: float) -> str:
-    """Format one of our values."""
     return "no end" if math.isinf(value) else f"{value:.10g}"
 
 
 def row(value: Value, ours: tuple[float, float]) -> list[str]:
-    """Return the cells of one value in the page's table."""
     low, high = ours
     unit = f" {value.unit}" if value.unit else ""
     if value.relation == "inside":
@@ -90,7 +88,6 @@ def row(value: Value, ours: tuple[float, float]) -> list[str]:
 
 
 def classified(pairs: list[Pair]) -> str:
-    """Return the sections on rows that disagree, and on those that differ for a reason, by class."""
     wrong = [value.what for value, ours in pairs if not value.agrees(ours)]
     counts = {relation: sum(value.relation == relation for value, _ in pairs) for relation in RELATIONS}
     said = ", ".join(f"{count} {relation}" for relation, count in counts.items() if count)
@@ -143,7 +140,6 @@ def page(pairs: list[Pair]) -> str:
 
 
 def picture(pairs: list[Pair]) -> Figure:
-    """Return the plot of published values over ours, both axes logarithmic."""
     figure = Figure(figsize=(7.2, 5.4), layout="constrained")
     ax = figure.subplots()
     for tier in TIERS:
@@ -186,7 +182,6 @@ def picture(pairs: list[Pair]) -> Figure:
 
 
 def main() -> None:
-    """Compute all values, print those that disagree, and write the page if asked to."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.corpus", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="leave out values that take long")
     parser.add_argument("--write", action="store_true", help="write docs/validation.md and its picture")
