@@ -219,61 +219,53 @@ def mesh_of(lattice: Lattice) -> Simplices:
     return Simplices(nodes, np.array(cells), np.array(blocks), facets)
 
 
-class _Rows:
-    """Rows of one kind of cone, s = right − A x."""
-
-    def __init__(self) -> None:
-        self.entries: tuple[list[int], list[int], list[float]] = ([], [], [])
-        self.right: list[float] = []
-
-    def add(self, terms: list[tuple[int, float]], right: float = 0.0) -> None:
-        """Append Σ value x + s = right."""
-        for column, value in terms:
-            self.entries[0].append(len(self.right))
-            self.entries[1].append(column)
-            self.entries[2].append(value)
-        self.right.append(right)
+Terms = list[tuple[int, float]]  # a linear function: unknowns and their factors
 
 
 class _Program:
-    """Minimise cost · x over equalities, inequalities, second-order and semidefinite cones."""
+    """Minimise cost · x; rows s = right − A x in the cones of a kind (zero, least, soc, psd) and a size."""
 
     def __init__(self) -> None:
         self.cost: list[float] = []
-        self.equal, self.least = _Rows(), _Rows()
-        self.soc: dict[int, _Rows] = {}
-        self.psd = _Rows()
+        self.rows: dict[tuple[str, int], list[tuple[Terms, float]]] = {("zero", 1): [], ("least", 1): []}
 
     def unknowns(self, count: int, cost: float = 0.0) -> int:
+        """Return the first number of new unknowns."""
         self.cost += [cost] * count
         return len(self.cost) - count
 
-    def cone(self, parts: list[tuple[list[tuple[int, float]], float]]) -> None:
-        """Append that the first of some affine functions is at least the length of the others."""
-        rows = self.soc.setdefault(len(parts), _Rows())
-        for terms, constant in parts:
-            rows.add([(column, -value) for column, value in terms], constant)
+    def equal(self, terms: Terms, right: float = 0.0) -> None:
+        self.rows["zero", 1].append((terms, right))
 
-    def semidefinite(self, entries: dict[tuple[int, int], list[tuple[int, float]]]) -> None:
+    def least(self, terms: Terms, right: float = 0.0) -> None:
+        """Append terms ≤ right."""
+        self.rows["least", 1].append((terms, right))
+
+    def cone(self, parts: list[tuple[Terms, float]]) -> None:
+        """Append that the first of some affine functions is at least the length of the others."""
+        rows = self.rows.setdefault(("soc", len(parts)), [])
+        rows += [([(column, -value) for column, value in terms], constant) for terms, constant in parts]
+
+    def semidefinite(self, entries: dict[tuple[int, int], Terms]) -> None:
         """Append that a symmetric 3 × 3 matrix of linear functions is positive semidefinite."""
+        rows = self.rows.setdefault(("psd", 6), [])
         for i, j in _PSD:
-            self.psd.add([(c, -v * (1.0 if i == j else math.sqrt(2.0))) for c, v in entries[i, j]])
+            rows.append(([(c, -v * (1.0 if i == j else math.sqrt(2.0))) for c, v in entries[i, j]], 0.0))
 
     def solve(self) -> tuple[str, float]:
-        groups = [(self.equal, "zero", 1), (self.least, "least", 1)]
-        groups += [(rows, "soc", size) for size, rows in sorted(self.soc.items())] + [(self.psd, "psd", 6)]
+        """Return status and cost."""
         parts, right, cones = [], [], []
-        for rows, kind, size in groups:
-            if not rows.right:
+        for (kind, size), rows in self.rows.items():
+            if not rows:
                 continue
-            (row, column, value), count = rows.entries, len(rows.right)
-            parts.append(sp.csc_matrix((value, (row, column)), shape=(count, len(self.cost))))
-            right += rows.right
-            if kind in ("zero", "least"):
-                cones.append(clarabel.ZeroConeT(count) if kind == "zero" else clarabel.NonnegativeConeT(count))
-            else:
-                one = clarabel.SecondOrderConeT(size) if kind == "soc" else clarabel.PSDTriangleConeT(3)
-                cones += [one] * (count // size)
+            terms = np.array([(row, column, value) for row, (own, _) in enumerate(rows) for column, value in own])
+            shape = (len(rows), len(self.cost))
+            parts.append(sp.csc_matrix((terms[:, 2], terms[:, :2].T.astype(int)), shape=shape))
+            right += [constant for _, constant in rows]
+            made = {"zero": clarabel.ZeroConeT, "least": clarabel.NonnegativeConeT, "soc": clarabel.SecondOrderConeT}
+            whole = kind in ("zero", "least")
+            one = clarabel.PSDTriangleConeT(3) if kind == "psd" else made[kind](len(rows) if whole else size)
+            cones += [one] * (1 if whole else len(rows) // size)
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
         none = sp.csc_matrix((len(self.cost), len(self.cost)))
@@ -322,13 +314,13 @@ def lower_bound(lattice: Lattice) -> float | None:
     def sigma(t: int, k: int, i: int, j: int) -> int:
         return first + (t * (d + 1) + k) * len(pairs) + pairs.index((min(i, j), max(i, j)))
 
-    def traction(t: int, k: int, i: int, normal: Array, sign: float = 1.0) -> list[tuple[int, float]]:
+    def traction(t: int, k: int, i: int, normal: Array, sign: float = 1.0) -> Terms:
         return [(sigma(t, k, i, j), sign * normal[j]) for j in range(d)]
 
     for t in range(len(mesh.cells)):
         for i in range(d):
             terms = [(sigma(t, k, i, j), gradient[t, k, j]) for k in range(d + 1) for j in range(d)]
-            program.equal.add([*terms, (load, lattice.body[1, i])], -lattice.body[0, i])
+            program.equal([*terms, (load, lattice.body[1, i])], -lattice.body[0, i])
         for k in range(d + 1):
             _within_yield(program, lattice, {(i, j): sigma(t, k, i, j) for i, j in pairs}, d)
     for facet in mesh.facets:
@@ -338,10 +330,10 @@ def lower_bound(lattice: Lattice) -> float | None:
             for i in range(d):
                 if other >= 0:
                     terms = traction(t, k, i, normal) + traction(other, theirs[corner], i, normal, -1.0)
-                    program.equal.add(terms)
+                    program.equal(terms)
                 elif pulls is not None:
                     dead, live = pulls[:, corner, i]
-                    program.equal.add([*traction(t, k, i, normal), (load, -live)], dead)
+                    program.equal([*traction(t, k, i, normal), (load, -live)], dead)
             if dry:
                 _within_joint(program, lattice, [traction(t, k, i, normal) for i in range(d)], normal)
     return _value(*program.solve(), -1.0, math.inf)
@@ -357,7 +349,7 @@ def _within_yield(program: _Program, lattice: Lattice, s: dict[tuple[int, int], 
     for sign, limit in ((-1.0, top), (1.0, top + 1)):
         program.semidefinite({(i, j): [(s[i, j], sign), *([(limit, -sign)] if i == j else [])] for i, j in _PSD})
     for a, b in lattice.lines:
-        program.least.add([(top, 0.5 - 0.5 * b), (top + 1, -0.5 - 0.5 * b)], a)
+        program.least([(top, 0.5 - 0.5 * b), (top + 1, -0.5 - 0.5 * b)], a)
 
 
 def _tangents(normal: Array) -> list[Array]:
@@ -368,17 +360,17 @@ def _tangents(normal: Array) -> list[Array]:
     return [one, np.cross(normal, one)]
 
 
-def _along(parts: list[list[tuple[int, float]]], axis: Array, factor: float = 1.0) -> list[tuple[int, float]]:
+def _along(parts: list[Terms], axis: Array, factor: float = 1.0) -> Terms:
     """Return the component along an axis of a vector of linear functions."""
     return [(c, factor * axis[i] * v) for i, terms in enumerate(parts) for c, v in terms]
 
 
-def _within_joint(program: _Program, lattice: Lattice, pull: list[list[tuple[int, float]]], normal: Array) -> None:
-    program.least.add(_along(pull, normal))
+def _within_joint(program: _Program, lattice: Lattice, pull: list[Terms], normal: Array) -> None:
+    program.least(_along(pull, normal))
     sliding = [(_along(pull, axis), 0.0) for axis in _tangents(normal)]
     program.cone([(_along(pull, normal, -lattice.friction), lattice.cohesion), *sliding])
     if math.isfinite(lattice.crushing):
-        program.least.add(_along(pull, normal, -1.0), lattice.crushing)
+        program.least(_along(pull, normal, -1.0), lattice.crushing)
 
 
 def upper_bound(lattice: Lattice) -> float | None:
@@ -397,7 +389,7 @@ def upper_bound(lattice: Lattice) -> float | None:
             for i in range(d):
                 work[:, velocity(t, k, i)[0]] += lattice.body[:, i] * volume[t] / (d + 1)
 
-        def rate(i: int, j: int, t: int = t) -> list[tuple[int, float]]:
+        def rate(i: int, j: int, t: int = t) -> Terms:
             return [velocity(t, k, i, 0.5 * gradient[t, k, j]) for k in range(d + 1)] + [
                 velocity(t, k, j, 0.5 * gradient[t, k, i]) for k in range(d + 1)
             ]
@@ -419,7 +411,7 @@ def upper_bound(lattice: Lattice) -> float | None:
                 for i in range(d)
             ]
             _jump(program, lattice, jump, facet[2], area / d, dry)
-    program.equal.add([(k, float(v)) for k, v in enumerate(work[1]) if v], 1.0)
+    program.equal([(k, float(v)) for k, v in enumerate(work[1]) if v], 1.0)
     for k, value in enumerate(work[0]):
         program.cost[k] -= float(value)
     return _value(*program.solve(), 1.0, -math.inf)
@@ -430,18 +422,16 @@ def _multipliers(program: _Program, lattice: Lattice, size: float) -> list[int]:
     found = []
     for a, _ in lattice.lines:
         found.append(program.unknowns(1, a * size))
-        program.least.add([(found[-1], -1.0)])
+        program.least([(found[-1], -1.0)])
     return found
 
 
-def _strain(
-    program: _Program, lattice: Lattice, rate: Callable[[int, int], list[tuple[int, float]]], size: float, d: int
-) -> None:
+def _strain(program: _Program, lattice: Lattice, rate: Callable[[int, int], Terms], size: float, d: int) -> None:
     y = _multipliers(program, lattice, size)
     trace = [term for i in range(d) for term in rate(i, i)]
     slopes = [b for _, b in lattice.lines]
     if d == 2:
-        program.equal.add([*trace, *((k, b) for k, b in zip(y, slopes, strict=True))])
+        program.equal([*trace, *((k, b) for k, b in zip(y, slopes, strict=True))])
         spread = [*rate(0, 0), *((c, -v) for c, v in rate(1, 1))]
         twice = [(c, 2.0 * v) for c, v in rate(0, 1)]
         program.cone([([(k, 1.0) for k in y], 0.0), (spread, 0.0), (twice, 0.0)])
@@ -451,20 +441,18 @@ def _strain(
     program.semidefinite({pair: [(place[pair], 1.0)] for pair in _PSD})
     program.semidefinite({(i, j): [(place[i, j], 1.0), *((c, -v) for c, v in rate(i, j))] for i, j in _PSD})
     heads = [(place[i, i], 1.0) for i in range(3)]
-    program.equal.add([*heads, *((k, -0.5 * (1.0 - b)) for k, b in zip(y, slopes, strict=True))])
-    program.equal.add(
+    program.equal([*heads, *((k, -0.5 * (1.0 - b)) for k, b in zip(y, slopes, strict=True))])
+    program.equal(
         [*heads, *((c, -v) for c, v in trace), *((k, -0.5 * (1.0 + b)) for k, b in zip(y, slopes, strict=True))]
     )
 
 
-def _jump(
-    program: _Program, lattice: Lattice, jump: list[list[tuple[int, float]]], normal: Array, size: float, dry: bool
-) -> None:
+def _jump(program: _Program, lattice: Lattice, jump: list[Terms], normal: Array, size: float, dry: bool) -> None:
     """Add the dissipation of a velocity jump at one corner of a facet."""
     opening = _along(jump, normal)
     if not dry:
         y = _multipliers(program, lattice, size)
-        program.equal.add([*opening, *((k, b) for k, (_, b) in zip(y, lattice.lines, strict=True))])
+        program.equal([*opening, *((k, b) for k, (_, b) in zip(y, lattice.lines, strict=True))])
         program.cone([([(k, 1.0) for k in y], 0.0), *((terms, 0.0) for terms in jump)])
         return
     slip = program.unknowns(1, lattice.cohesion * size)
@@ -472,9 +460,9 @@ def _jump(
     closing = [(slip, lattice.friction), *((c, -v) for c, v in opening)]
     if math.isfinite(lattice.crushing):
         crush = program.unknowns(1, lattice.crushing * size)
-        program.least.add([(crush, -1.0)])
+        program.least([(crush, -1.0)])
         closing.append((crush, -1.0))
-    program.least.add(closing)
+    program.least(closing)
 
 
 _IN_SPACE: Final = (9, 18, 27)  # seeds modulo 28 whose scenes are in space: 60 of 560
