@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -52,15 +52,35 @@ def grid(
     name: str = "",
 ) -> Scene:
     """Cells of the paper's stone unless other values are given. live: default a horizontal body load."""
-    return parse_scene(
-        {
-            "name": name or f"grid of {len(rows) - 1} rows",
-            "grid": {"cell": list(cell), "thickness": thickness, "rows": rows},
-            "materials": {"density": density, "dry": dry, "inner": inner},
-            "loads": {"live": live or [{"body": [1, 0]}]},
-            "search": search or {},
-        }
-    )
+    loads = {"live": live or [{"body": [1, 0]}]}
+    own: dict[str, Any] = {"thickness": thickness, "density": density, "search": search or {}}
+    return parse_scene(cells(rows, list(cell), dry, inner, loads, name=name or f"grid of {len(rows) - 1} rows", **own))
+
+
+def cells(
+    rows: list[str],
+    cell: list[float],
+    dry: Any,
+    inner: Any,
+    loads: Any,
+    *,
+    thickness: float = 0.1,
+    density: float = 1400,
+    **keys: Any,
+) -> dict[str, Any]:
+    """Document of a grid of cells."""
+    materials = {"density": density, "dry": dry, "inner": inner}
+    return {
+        "grid": {"cell": cell, "thickness": thickness, "rows": rows},
+        "materials": materials,
+        "loads": loads,
+        **keys,
+    }
+
+
+def names_of(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Names of the cells of a grid."""
+    return [f"c{x}r{y}" for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "a"]
 
 
 def stones(

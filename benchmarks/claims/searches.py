@@ -26,6 +26,7 @@ import numpy as np
 import psutil
 
 from benchmarks.claims import Tally, run_cases
+from benchmarks.scenes import cells, names_of, stones
 from jld_core import Deadline, InputError, Scene, Status, build_assembly, parse_scene, samples
 from jld_core.limit import load_scale
 from jld_explore import ExploreSettings, explore, search_space
@@ -38,6 +39,7 @@ from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space import count_named, feasible, values_of
 from jld_explore.space.search_space import SearchSpace
 from jld_explore.verification import verify
+from jld_samples import box
 
 MOST: Final = 11  # faces that may change, at the most: 2 048 labellings
 _FEW: Final = 6
@@ -65,10 +67,8 @@ def draw(rng: np.random.Generator) -> tuple[dict[str, Any], list[str]]:
     spatial = rng.random() < 0.15
     dry: dict[str, Any] = {"friction_coefficient": float(rng.choice([0.0, 0.3, 0.75, 1.5], p=[0.05, 0.25, 0.6, 0.1]))}
     strength = float(rng.choice([0.0, 5e2, 2e3, 1e4, 1e6], p=[0.1, 0.25, 0.3, 0.25, 0.1]))
-    inner: dict[str, Any] = {
-        "tensile_strength": strength,
-        "shear_strength": strength * float(rng.choice([0.5, 1.0, 2.0])),
-    }
+    inner: dict[str, Any] = {"tensile_strength": strength}
+    inner["shear_strength"] = strength * float(rng.choice([0.5, 1.0, 2.0]))
     if rng.random() < 0.2:
         dry["cohesion"] = 500.0
         kinds.append("cohesion")
@@ -78,29 +78,21 @@ def draw(rng: np.random.Generator) -> tuple[dict[str, Any], list[str]]:
     if rng.random() < 0.3:
         # crushing of dry faces asks for that of inner ones nowhere
         which = rng.integers(1, 4)
-        if which & 1:
-            dry["compressive_strength"] = float(rng.choice([2e4, 2e5]))
-        if which & 2:
-            inner["compressive_strength"] = float(rng.choice([2e4, 2e5]))
+        for side, bit in ((dry, 1), (inner, 2)):
+            if which & bit:
+                side["compressive_strength"] = float(rng.choice([2e4, 2e5]))
         kinds.append("crushing")
-    document: dict[str, Any] = {
-        "name": "trial",
-        "materials": {"density": 1400, "dry": dry, "inner": inner},
-        "search": _limits(rng, spatial, kinds),
-    }
+    search = _limits(rng, spatial, kinds)
     if spatial:
         kinds.append("space")
-        cells = [(i, j, k) for i in range(2) for j in range(rng.integers(1, 3)) for k in range(rng.integers(1, 3))]
-        document["elements"] = [
-            _box("ground", (0, 0, -1), (2, 2, 1), True),
-            *(_box(f"b{i}{j}{k}", (i, j, k)) for i, j, k in cells),
-        ]
-        names = [f"b{i}{j}{k}" for i, j, k in cells]
+        places = [(i, j, k) for i in range(2) for j in range(rng.integers(1, 3)) for k in range(rng.integers(1, 3))]
+        names = [f"b{i}{j}{k}" for i, j, k in places]
+        elements = [_cubes("ground", (0, 0, -1), (2, 2, 1), support=True), *map(_cubes, names, places)]
+        document = stones(elements, [], dry, inner, density=1400) | {"loads": random_loads(rng, names, spatial, kinds)}
     else:
-        rows = _rows(rng, kinds)
-        document["grid"] = {"cell": [0.1, float(rng.choice([0.05, 0.1, 0.2]))], "thickness": 0.1, "rows": rows}
-        names = [f"c{x}r{y}" for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "a"]
-    document["loads"] = random_loads(rng, names, spatial, kinds)
+        rows, cell = _rows(rng, kinds), [0.1, float(rng.choice([0.05, 0.1, 0.2]))]
+        document = cells(rows, cell, dry, inner, random_loads(rng, names_of(rows), spatial, kinds))
+    document |= {"name": "trial", "search": search}
     if rng.random() < 0.2:
         document["labels"] = {"default": "inner"}
     return document, kinds
@@ -122,14 +114,9 @@ def _rows(rng: np.random.Generator, kinds: list[str]) -> list[str]:
     return ["".join(row) for row in [*rows, foot]]
 
 
-def _box(
-    name: str, low: tuple[int, int, int], size: tuple[int, int, int] = (1, 1, 1), support: bool = False
-) -> dict[str, Any]:
-    x, y, z = (0.1 * v for v in low)
-    a, b, c = (0.1 * (v + s) for v, s in zip(low, size, strict=True))
-    corners = [[x, y, z], [a, y, z], [a, b, z], [x, b, z], [x, y, c], [a, y, c], [a, b, c], [x, b, c]]
-    faces = [[3, 2, 1, 0], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-    return {"id": name, "vertices": corners, "faces": faces, "support": support}
+def _cubes(name: str, low: Sequence[int], size: Sequence[int] = (1, 1, 1), **keys: Any) -> dict[str, Any]:
+    """An element of so many cubes of 0.1 m."""
+    return box(name, [0.1 * v for v in low], [0.1 * (v + s) for v, s in zip(low, size, strict=True)], **keys)
 
 
 def random_loads(rng: np.random.Generator, names: list[str], spatial: bool, kinds: list[str]) -> dict[str, Any]:
@@ -142,11 +129,8 @@ def random_loads(rng: np.random.Generator, names: list[str], spatial: bool, kind
 
     if rng.random() < 0.2:
         kinds.append("cases")
-        return {
-            "cases": [
-                {"name": name, "live": live(), "required": float(rng.choice([1.0, 1.5]))} for name in ("one", "two")
-            ]
-        }
+        sides = ("one", "two")
+        return {"cases": [{"name": k, "live": live(), "required": float(rng.choice([1.0, 1.5]))} for k in sides]}
     return {"live": live()}
 
 
@@ -216,11 +200,8 @@ def case_trials(seed: int, tally: Tally) -> str:
     stopped = int(rng.integers(1, 25)) if rng.random() < 0.25 else None
     jobs = 2 if rng.random() < 0.1 else 1
     rng.random()  # Formerly the choice of an option; drawn so that a seed means the same scene as before.
-    kinds += [
-        name
-        for name, on in (("front", options["aim"] == "front"), ("stopped", stopped is not None), ("two jobs", jobs > 1))
-        if on
-    ]
+    had = (("front", options["aim"] == "front"), ("stopped", stopped is not None), ("two jobs", jobs > 1))
+    kinds += [name for name, on in had if on]
     known = list(every(space))
     required = _required(rng, document, known) if rng.random() < 0.1 else None
     try:
@@ -260,9 +241,8 @@ def _compare(
     try:
         if stopped is not None:
             explore(scene, folder / "out", settings, driver=Exact(space, **options, programs=stopped))
-        facts = explore(
-            scene, folder / "out", replace(settings, resume=stopped is not None), driver=driver
-        ).summary.facts
+        again = replace(settings, resume=stopped is not None)
+        facts = explore(scene, folder / "out", again, driver=driver).summary.facts
     except InputError as error:
         if not known and "no labelling" in str(error):
             return ""
@@ -322,16 +302,15 @@ def _compare_required(document: dict[str, Any], known: list[tuple[Any, Evaluatio
     assert scene.search.require is not None
     least, (name, sense) = scene.search.require.load_factor, scene.search.front.axes[0]
     driver = make_driver("exact", space, 0)
-    asked = explore(
-        scene, folder / "out", ExploreSettings(pictures=False, jobs=jobs, small=0), driver=driver
-    ).summary.facts["require"]
+    settings = ExploreSettings(pictures=False, jobs=jobs, small=0)
+    asked = explore(scene, folder / "out", settings, driver=driver).summary.facts["require"]
     if any(found.status in (Status.UNCERTIFIED, Status.FAILED) for _, found in known):
         return ""
-    rows = [
-        labels
-        for labels, found in known
-        if found.status is Status.LOCKED or (found.status is Status.COLLAPSE and found.load_factor >= least)
-    ]
+
+    def carries(found: Evaluation) -> bool:
+        return found.status is Status.LOCKED or (found.status is Status.COLLAPSE and found.load_factor >= least)
+
+    rows = [labels for labels, found in known if carries(found)]
     counts = values_of(count_named(name), space.assembly, np.array(rows)).tolist() if rows else []
     best = (min(counts) if sense == "min" else max(counts)) if counts else None
     if asked["best"] != best or not asked["proven"]:
@@ -340,9 +319,8 @@ def _compare_required(document: dict[str, Any], known: list[tuple[Any, Evaluatio
 
 
 def _fronts(space: SearchSpace, values: list[tuple[Any, Evaluation]], rows: list[dict[str, Any]], room: float) -> str:
-    counts = values_of(
-        count_named(space.search.front.count), space.assembly, np.array([labels for labels, _ in values])
-    )
+    rows_of_labels = np.array([labels for labels, _ in values])
+    counts = values_of(count_named(space.search.front.count), space.assembly, rows_of_labels)
     best: dict[int, float] = {}
     for count, (_, found) in zip(counts.tolist(), values, strict=True):
         best[count] = max(best.get(count, -np.inf), found.load_factor)
@@ -414,11 +392,10 @@ def case_proofs(seed: int, tally: Tally) -> str:
                 found = _stop_and_resume(space, parse_scene(document), aim, jobs, options, int(rng.integers(1, 40)))
             else:
                 found = _prove(space, evaluator, aim, jobs, options)
-        tally.count(aim)
-        tally.count("stopped and resumed", stopped)
-        tally.count("proven", found.proven)
-        tally.count("proof ms", round(1e3 * found.seconds))
-        tally.count("check ms", round(1e3 * found.check_seconds))
+        notes = {aim: 1, "stopped and resumed": stopped, "proven": found.proven}
+        notes |= {"proof ms": round(1e3 * found.seconds), "check ms": round(1e3 * found.check_seconds)}
+        for name, number in notes.items():
+            tally.count(name, number)
         reference = truth or first
         first = first or found
         problem = _difference(found, reference, space)
@@ -433,9 +410,8 @@ def case_proofs(seed: int, tally: Tally) -> str:
 
 def _by_processes(space: SearchSpace, evaluator: Any, aim: str, seed: int, tally: Tally) -> Proof:
     """Prove with real worker processes from the start; in every other such scene kill one that has worked."""
-    options: dict[str, Any] = {"search": 0, "solo_relaxations": 0} | (
-        {} if aim == "require" else {"aim": aim, "by_blocks": "off"}
-    )
+    own = {} if aim == "require" else {"aim": aim, "by_blocks": "off"}
+    options: dict[str, Any] = {"search": 0, "solo_relaxations": 0, **own}
     killer = _WorkerKiller(seed // EVERY % 2)
     found = _prove(space, evaluator, aim, PROCESSES, options, PROCESS_SECONDS, nullcontext(), killer)
     tally.count("by processes")
@@ -518,19 +494,9 @@ def _document(rng: np.random.Generator) -> tuple[dict[str, Any], str]:
     if aim == "require":
         search["front"]["sense"] = str(rng.choice(["min", "max"]))
         search["require"] = {"load_factor": float(rng.choice([0.2, 0.4, 0.6]))}
-    names = [f"c{x}r{y}" for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "a"]
-    document = {
-        "name": "proof",
-        "grid": {
-            "cell": [0.1, float(rng.choice([0.1, 0.15, 0.2]))],
-            "thickness": 0.1,
-            "rows": ["".join(row) for row in [*rows, foot]],
-        },
-        "materials": {"density": 2000, "dry": dry, "inner": inner},
-        "loads": random_loads(rng, names, False, []),
-        "search": search,
-    }
-    return document, aim
+    cell, lines = [0.1, float(rng.choice([0.1, 0.15, 0.2]))], ["".join(row) for row in [*rows, foot]]
+    loads = random_loads(rng, names_of(rows), False, [])
+    return cells(lines, cell, dry, inner, loads, density=2000, name="proof", search=search), aim
 
 
 def _enumerate(space: SearchSpace, evaluator: Any, aim: str) -> Proof | None:
@@ -585,11 +551,7 @@ def _prove(
 
     workers: context that provides them, by default threads for processes. disturb: called with the driver as it works.
     """
-    driver: Any
-    if aim == "require":
-        driver = MinimumCount(space, 0, **options)
-    else:
-        driver = Exact(space, 0, **options)
+    driver: Any = (MinimumCount if aim == "require" else Exact)(space, 0, **options)
     rows: list[Any] = []
     evaluations: list[Evaluation] = []
     start, whole = time.perf_counter(), True
@@ -639,11 +601,8 @@ def _stop_and_resume(
     found = Proof(facts["best"], facts["bound"], bool(facts["proven"]), seconds=facts["seconds"])
     found.check_seconds = facts.get("proof_check", {}).get("seconds", 0.0)
     if aim == "front":
-        rows = [
-            row
-            for row in facts.get("best_by_count", facts["front"])
-            if row["load_factor"] is not None and row["proven"]
-        ]
+        points = facts.get("best_by_count", facts["front"])
+        rows = [row for row in points if row["load_factor"] is not None and row["proven"]]
         found.front = {int(row["count"]): float(row["load_factor"]) for row in rows}
     return found
 
@@ -722,18 +681,16 @@ def case_members(seed: int, tally: Tally) -> str:
         common: dict[str, Any] = {"pictures": False, "check_fields": 0, "seconds": 60.0}
         every = explore(scene, out / "every", ExploreSettings(driver="enumeration", **common)).summary
         certificate = file if seed % len(SEARCHES) == 0 else None
-        proof = explore(
-            scene, out / "exact", ExploreSettings(driver="exact", certificate=certificate, **common)
-        ).summary
+        exact = ExploreSettings(driver="exact", certificate=certificate, **common)
+        proof = explore(scene, out / "exact", exact).summary
         tally.count("members", len(scene.members))
         if not (every.proven and proof.proven):
             tally.count("not proven")
             return ""
         if every.best is None or proof.best is None:
             tally.count("no finite λ")
-            return (
-                "" if every.best == proof.best else f"seed {seed}: {every.best} by enumeration, {proof.best} by proof"
-            )
+            same = every.best == proof.best
+            return "" if same else f"seed {seed}: {every.best} by enumeration, {proof.best} by proof"
         if abs(every.best - proof.best) > CLOSE_MEMBERS * abs(every.best):
             return f"seed {seed}: {every.best:.9g} by enumeration, {proof.best:.9g} by proof"
         if certificate is not None:
@@ -755,14 +712,9 @@ def drawn_members(seed: int) -> Document:
     if rng.random() < 0.3:
         dry["compressive_strength"] = inner["compressive_strength"] = float(rng.uniform(1e5, 5e5))
     members = [found for _ in range(rng.integers(1, 4)) if (found := _member(rng)) is not None]
-    return {
-        "name": f"wall {seed}",
-        "grid": {"cell": [1, 1], "thickness": 1.0, "rows": ["abc", "def", "###"]},
-        "materials": {"density": 1000, "dry": dry, "inner": inner},
-        "loads": {"live": [{"body": [float(rng.choice([-1, 1])), 0]}]},
-        "members": members,
-        "search": SEARCHES[seed % len(SEARCHES)],
-    }
+    loads = {"live": [{"body": [float(rng.choice([-1, 1])), 0]}]}
+    own: Document = {"thickness": 1.0, "density": 1000, "members": members, "search": SEARCHES[seed % len(SEARCHES)]}
+    return cells(["abc", "def", "###"], [1, 1], dry, inner, loads, name=f"wall {seed}", **own)
 
 
 def _member(rng: np.random.Generator) -> Document | None:
@@ -854,22 +806,10 @@ def _scene_certificates(rng: random.Random) -> dict[str, Any]:
         search["dry_faces"] = [1, None]
     loads: dict[str, Any] = {"live": [{"body": [1, rng.choice([0, -0.4, 0.3])]}]}
     if rng.random() < 0.2:
-        loads = {
-            "cases": [{"name": side, "live": [{"body": [sign, 0]}]} for side, sign in (("left", 1), ("right", -1))]
-        }
-    return {
-        "grid": {
-            "cell": [rng.choice([0.1, 0.25]), 0.1],
-            "thickness": 0.1,
-            "rows": ["a" * width] * height + ["#" * width],
-        },
-        "materials": {"density": 1400, "dry": dry, "inner": inner},
-        "loads": loads,
-        "search": search,
-    }
-
-
-# --- changes -------------------------------------------------------------------------------------------------
+        sides = (("left", 1), ("right", -1))
+        loads = {"cases": [{"name": side, "live": [{"body": [sign, 0]}]} for side, sign in sides]}
+    rows = ["a" * width] * height + ["#" * width]
+    return cells(rows, [rng.choice([0.1, 0.25]), 0.1], dry, inner, loads, search=search)
 
 
 def _changed(whole: bytes, rng: random.Random) -> bytes:
@@ -1045,7 +985,13 @@ def _ended(file: Path, out: Path, options: list[str], *, idle: bool = False) -> 
     start = time.perf_counter()
     try:
         done = subprocess.run(
-            command, cwd=file.parent, capture_output=True, text=True, timeout=HANGS, check=False, env=_environment()
+            command,
+            cwd=file.parent,
+            capture_output=True,
+            text=True,
+            timeout=HANGS,
+            check=False,
+            env={**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"},
         )
     except subprocess.TimeoutExpired:
         return HANGS, False, [f"not ended after {HANGS:g} s"]
@@ -1073,13 +1019,8 @@ def _wrong(done: subprocess.CompletedProcess[str], out: Path) -> list[str]:
     return wrong
 
 
-def _environment() -> dict[str, str]:
-    return {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
-
-
 def _options(rng: np.random.Generator, driver: str) -> list[str]:
-    options = ["--driver", driver] if driver else []
-    options += ["--jobs", str(rng.choice([1, 2]))]
+    options = [*(["--driver", driver] if driver else []), "--jobs", str(rng.choice([1, 2]))]
     draw = rng.random()
     if draw < 0.1:
         options += ["--objective", "zero-dilation"]
