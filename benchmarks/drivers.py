@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 from scipy.spatial import Voronoi
 
 from benchmarks.common import RESULTS, about, load_of_machine, table, write
-from benchmarks.scenes import ANGLE, built, cubes, grid, middle, strength, vault
+from benchmarks.scenes import ANGLE, STRENGTH, built, cubes, grid, middle, stacked, stones, strength, vault
 from jld_core import Scene, parse_scene
 from jld_core.arrays import Bits
 from jld_core.limit.options import Status
 from jld_explore.drivers import make_driver, operators
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.space.search_space import SearchSpace
-from jld_samples import box
 
 WEAK: Final = strength(2e4)
 SINGLE: Final = ("anneal", "genetic", "genetic:best", "hillclimb", "random", "optuna")
@@ -58,18 +57,10 @@ def viaduct(across: int, deck: int, pier: int) -> list[str]:
 
 
 def searched(
-    name: str,
-    elements: list[dict[str, Any]],
-    inner: dict[str, float],
-    live: dict[str, Any],
-    cells: list[int],
-    **keys: Any,
+    name: str, elements: list[dict[str, Any]], inner: dict[str, float], live: Any, cells: list[int], **keys: Any
 ) -> Scene:
-    materials = {"density": 1400, "dry": ANGLE, "inner": inner}
-    return parse_scene(
-        {"name": name, "elements": elements, "materials": materials, "loads": {"live": [live]}}
-        | {"search": {"block_cells": cells}, **keys}
-    )
+    document = stones(elements, [live], ANGLE, inner, density=1400)
+    return parse_scene({"name": name, "search": {"block_cells": cells}, **document, **keys})
 
 
 def arch(along: int, rings: int, load: float, cells: list[int]) -> Scene:
@@ -89,8 +80,7 @@ def arch(along: int, rings: int, load: float, cells: list[int]) -> Scene:
     for name, at in (("left", float(angles[0]) + step), ("right", float(angles[-1]))):
         elements.append({"id": name, "polygon": cell(radii[0], radii[-1], at, at - step), "support": True})
     live = {"element": f"v{int(along * load)}r{rings - 1}", "force": [0, -1]}
-    inner = {"tensile_strength": 2e6, "shear_strength": 2e5}
-    return searched(f"arch {along} x {rings}", elements, inner, live, cells, thickness=0.3)
+    return searched(f"arch {along} x {rings}", elements, STRENGTH, live, cells, thickness=0.3)
 
 
 def voronoi(count: int, seed: int, width: float, height: float) -> Scene:
@@ -114,14 +104,8 @@ def voronoi(count: int, seed: int, width: float, height: float) -> Scene:
 
 
 def stack(nx: int, ny: int, nz: int) -> Scene:
-    places = [(x, y, z) for z in range(nz) for y in range(ny) for x in range(nx)]
-    elements = [
-        box(f"c{x}.{y}.{z}", (0.1 * x, 0.1 * y, 0.1 * z), (0.1 * (x + 1), 0.1 * (y + 1), 0.1 * (z + 1)))
-        for x, y, z in places
-    ]
-    elements.append(box("base", (0.0, 0.0, -0.1), (0.1 * nx, 0.1 * ny, 0.0), support=True))
     live = {"element": f"c0.0.{nz - 1}", "force": [1, 0.3, 0]}
-    return searched(f"stack {nx} x {ny} x {nz}", elements, WEAK, live, [1, 6])
+    return searched(f"stack {nx} x {ny} x {nz}", stacked(nx, ny, nz, "."), WEAK, live, [1, 6])
 
 
 def wall(rows: int, across: int, cells: list[int], live: list[dict[str, Any]] | None = None, **keys: Any) -> Scene:
@@ -302,8 +286,8 @@ def draw(rows: pd.DataFrame) -> None:
         axes[0].set_ylabel("share of scenes")
         axes[1].legend(fontsize=7)
     figure.savefig(RESULTS / "drivers.png", dpi=130)
-    text = "\n".join(["# What drivers reach in the same time", "", about(__doc__), "", *parts, load_of_machine()])
-    write("drivers", text, ("pymoo", "nevergrad", "ortools"))
+    also, body = ("pymoo", "nevergrad", "ortools"), "\n".join([*parts, load_of_machine()])
+    write("drivers", "# What drivers reach in the same time", about(__doc__), body, also=also)
 
 
 def main() -> None:

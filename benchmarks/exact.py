@@ -133,30 +133,18 @@ def summary_of(scene: Scene, **settings: Any) -> dict[str, Any]:
         return explore(scene, Path(folder) / "out", ExploreSettings(jobs=1, pictures=False, **settings)).summary.facts
 
 
-def proofs(most: float, long: float) -> list[list[str]]:
-    """Rows of the table. most, long: seconds for a wall, others."""
-    return [proof(name, most, long) for name in scenes()]
-
-
 def proof(name: str, most: float, long: float) -> list[str]:
+    """The row of one scene. most, long: seconds for a wall, others."""
     scene, seconds, asked = scenes()[name]
     size = _size(scene)
     facts = summary_of(scene, driver="exact", seconds=min(seconds, most if seconds == SECONDS else long))
     bound, gap = facts["bound"], facts["gap"]
-    row = [
-        name,
-        f"more than {_COUNTED:.0e}" if size is None else str(size),
-        "none" if facts["best"] is None else f"{facts['best']:.7g}",
-        "none" if bound is None else f"{bound:.7g}",
-        "–" if gap is None else f"{gap:.0e}",
-        str(facts["stop_reason"]),
-        str(facts["conflicts"]),
-        str(facts["relaxations"]),
-        str(facts["solved"]),
-        f"{facts['seconds']:.1f}",
-        asked,
-        ("more than " if size is None else "") + f"{(size or _COUNTED) / _RATE:.0f}",
-    ]
+    more, size = ("more than ", _COUNTED) if size is None else ("", size)
+    ends = ["none" if value is None else f"{value:.7g}" for value in (facts["best"], bound)]
+    counts = [str(facts[key]) for key in ("stop_reason", "conflicts", "relaxations", "solved")]
+    space = f"{more}{size:.0e}" if more else str(size)
+    row = [name, space, *ends, "–" if gap is None else f"{gap:.0e}", *counts]
+    row += [f"{facts['seconds']:.1f}", asked, f"{more}{size / _RATE:.0f}"]
     print(row, flush=True)
     return row
 
@@ -175,24 +163,15 @@ def by_two() -> list[list[str]]:
     return rows
 
 
-def fronts() -> list[list[str]]:
+def fronts() -> list[str]:
     rows = []
     for name in FRONTS:
         facts = summary_of(scenes()[name][0], driver="exact", options={"aim": "front"}, seconds=SECONDS)
         points = facts["front"]
         proven = sum(bool(point["proven"]) for point in points)
         counts = [point["count"] for point in points]
-        rows.append(
-            [
-                name,
-                f"{min(counts)}–{max(counts)}",
-                f"{proven} of {len(points)}",
-                f"{facts['best']:.7g}",
-                str(facts["conflicts"]),
-                str(facts["relaxations"]),
-                f"{facts['seconds']:.1f}",
-            ]
-        )
+        found = f"{min(counts)}–{max(counts)} | {proven} of {len(points)} | {facts['best']:.7g}"
+        rows.append(f"{name} | {found} | {facts['conflicts']} | {facts['relaxations']} | {facts['seconds']:.1f}")
         print(rows[-1], flush=True)
     return rows
 
@@ -223,11 +202,7 @@ HEADS: Final = {"two": "Two jobs", "fronts": "Whole fronts", "bounds": "Arches a
 def sections(text: str) -> dict[str, str]:
     """The sections of a file of results, by head, the first under its own."""
     first, *others = text.split("\n\n## ")
-    kept = {"": first}
-    for part in others:
-        head, _, body = part.partition("\n\n")
-        kept[head] = body
-    return kept
+    return {"": first, **dict(part.split("\n\n", 1) for part in others)}
 
 
 def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
@@ -240,15 +215,14 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
     parts = sections(path.read_text(encoding="utf-8").rpartition("\n\n")[0]) if path.exists() else {}
     head = "scene | space | λ | bound | gap | stopped | conflicts | relaxations | solves | s | asked | s to enumerate"
     if "proofs" in wanted:
-        rows = proofs(seconds, long)
+        rows = [proof(name, seconds, long) for name in scenes()]
         said = parts.get("", "").rpartition("\n\n")[2]  # what was found, by hand
         parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), said))
     if "two" in wanted:
-        found = table(["scene", "λ", "bound", "gap", "stopped", "s by the clock", "asked"], by_two())
+        found = table("scene | λ | bound | gap | stopped | s by the clock | asked", by_two())
         parts[HEADS["two"]] = f"The whole command with `--jobs 2`, on a machine with nothing else to do.\n\n{found}"
     if "fronts" in wanted:
-        columns = ["scene", "dry faces", "points proven", "best λ", "conflicts", "relaxations", "s"]
-        found = table(columns, fronts())
+        found = table("scene | dry faces | points proven | best λ | conflicts | relaxations | s", fronts())
         words = (
             "The best labelling for every number of dry faces at which anything stands, each with its bound. What a "
             "conflict rules out it rules out at every number that is to exceed its bound: all points share them, and "
@@ -256,9 +230,9 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
         )
         parts[HEADS["fronts"]] = f"{words}\n\n{found}"
     if "bounds" in wanted:
-        columns = ["scene", "faces", "λ", "bound face by face", "bound", "bound over λ", "s"]
+        found = table("scene | faces | λ | bound face by face | bound | bound over λ | s", bounds())
         words = "The process beside a search alone: what the exact driver proves in that time of one processor."
-        parts[HEADS["bounds"]] = f"{words}\n\n{table(columns, bounds())}"
+        parts[HEADS["bounds"]] = f"{words}\n\n{found}"
     write("exact", "\n\n## ".join([parts.pop(""), *(f"{head}\n\n{body}" for head, body in parts.items())]))
 
 

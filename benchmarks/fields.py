@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.common import about, random_segmentations, run_parts, table, write
-from benchmarks.scenes import ENUMERATED, bonded, grid, strength
+from benchmarks.scenes import ENUMERATED, bonded, grid, stones, strength
 from jld_core import Assembly, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
@@ -27,13 +27,6 @@ from jld_explore import ExploreSettings, explore
 from jld_explore.space import from_string
 from jld_samples import box
 
-BLOCKWORK: Final[dict[str, Any]] = {  # cells of walls
-    "cell": (0.4, 0.2),
-    "thickness": 0.2,
-    "density": 2000,
-    "dry": {"friction_coefficient": 0.75},
-}
-
 BEST: Final = "iiidididddddiididdidiiid"  # labels of the flagship's layout that is strongest by its own faces
 WARM: Final = 100  # layouts bounded before times are taken
 TIMED: Final = 100  # layouts whose times are taken
@@ -43,7 +36,8 @@ TOGETHER: Final = 16  # layouts that are bounded together, as by an evaluator
 def masonry(strong: float = 20e3) -> Assembly:
     """A wall of 48 cells of 0.4 × 0.2 m in running bond under a horizontal body load; strength in Pa."""
     rows = bonded(["aaaaaaaa"] * 6 + ["########"])
-    return build_assembly(grid(rows, inner=strength(strong), **BLOCKWORK))
+    dry = {"friction_coefficient": 0.75}
+    return build_assembly(grid(rows, None, strength(strong), cell=(0.4, 0.2), thickness=0.2, density=2000, dry=dry))
 
 
 def beam_arch() -> tuple[Assembly, Bits, Bits]:
@@ -153,7 +147,7 @@ def speed() -> None:
     if wanted:
         print(text)
     else:
-        write("crack_fields", f"# Speed of bounds by fields\n\n{about(speed.__doc__)}\n\n{text}")
+        write("crack_fields", "# Speed of bounds by fields", about(speed.__doc__), text)
 
 
 SPACE_GAP: Final = 0.15  # relative width at which refinement ends
@@ -171,12 +165,7 @@ class Case:
 
 
 def assembled(elements: list[dict[str, Any]], live: list[Any], inner: dict[str, float], label: str) -> Assembly:
-    document = {
-        "elements": elements,
-        "materials": {"density": 2000.0, "dry": {"friction_coefficient": 0.6}, "inner": inner},
-        "loads": {"live": live},
-    }
-    built = build_assembly(parse_scene(document))
+    built = build_assembly(parse_scene(stones(elements, live, 0.6, inner, density=2000.0)))
     return replace(built, labels=np.full(len(built.interfaces), label == "dry"))
 
 
@@ -253,15 +242,10 @@ def space() -> None:
         print(rows[-1], flush=True)
         steps += [[case.name, str(s.simplices), f"{s.lower:.5g}", f"{s.upper:.5g}"] for s in found.history]
     head = "structure | what | λ by faces | closed form | lower | upper | gap | tetrahedra | processor s"
-    text = [
-        "# Bounds by fields in space",
-        about(space.__doc__),
-        f"One layout each, refined to a gap of {100 * SPACE_GAP:.0f} % or the most tetrahedra of its case.",
-        table(head, rows),
-        "All meshes:",
-        table("structure | tetrahedra | lower | upper", steps),
-    ]
-    write("space_fields", "\n\n".join(text))
+    said = f"One layout each, refined to a gap of {100 * SPACE_GAP:.0f} % or the most tetrahedra of its case."
+    meshes = table("structure | tetrahedra | lower | upper", steps)
+    title = "# Bounds by fields in space"
+    write("space_fields", title, about(space.__doc__), said, table(head, rows), "All meshes:", meshes)
 
 
 if __name__ == "__main__":

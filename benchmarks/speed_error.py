@@ -54,10 +54,6 @@ class Way:
     run: Callable[[Assembly], Found]
 
 
-def any_scene(assembly: Assembly) -> bool:
-    return True
-
-
 def planar(assembly: Assembly) -> bool:
     return assembly.dimension == 2
 
@@ -121,34 +117,29 @@ def by_cvxpy(assembly: Assembly, solver: str) -> Found:
     return Found(stated(assembly, assembly.labels, solver))
 
 
-def _named() -> list[Way]:
-    """What `jld_core.solvers` knows beside Clarabel, each with bracket; HiGHS takes linear programs only.
-
-    "auto" is the default's own choice.
-    """
-    return [
-        Way(
-            f"jld, {name}",
-            "jld, other solver",
-            planar if name.startswith("highs") else any_scene,
-            partial(ours, solver=name),
-        )
-        for name in KNOWN
-        if name not in ("auto", "clarabel", "cvxpy")
-    ]
+def any_scene(assembly: Assembly) -> bool:
+    return True
 
 
+def linear(name: str) -> Callable[[Assembly], bool]:
+    """What a solver takes: HiGHS linear programs only."""
+    return planar if name.startswith("highs") else any_scene
+
+
+# what `jld_core.solvers` knows beside Clarabel, each with bracket; "auto" is the default's own choice
+NAMED: Final = [name for name in KNOWN if name not in ("auto", "clarabel", "cvxpy")]
+Ways = tuple[Way, ...]
 DEFAULT: Final = "jld, default"
 BRACKETED: Final = ("jld, default", "jld, Clarabel", "jld, other solver", "jld, condensed")
 """Families whose λ comes with proven bounds."""
 
-SOLVERS: Final[tuple[Way, ...]] = (
+SOLVERS: Final[Ways] = (
     Way(DEFAULT, DEFAULT, any_scene, default),
     Way("jld, loose", "jld, Clarabel", any_scene, partial(of_size, size=1e-6, gap=1e-3)),
     Way("jld, tight", "jld, Clarabel", any_scene, partial(of_size, size=1e-12, gap=1e-9, refine=True)),
     Way("jld, qdldl", "jld, Clarabel", any_scene, partial(forced, method="qdldl")),
     Way("jld, faer", "jld, Clarabel", any_scene, partial(forced, method="faer")),
-    *_named(),
+    *(Way(f"jld, {name}", "jld, other solver", linear(name), partial(ours, solver=name)) for name in NAMED),
     Way("jld, condensed", "jld, condensed", has_blocks, condensed),
     Way("Clarabel, bare", "Clarabel, bare", any_scene, bare),
     *(Way(f"CVXPY, {s}", "CVXPY", any_scene, partial(by_cvxpy, solver=s)) for s in ("CLARABEL", "ECOS", "SCS")),
@@ -239,9 +230,7 @@ def measure(way: Way, assembly: Assembly, small: Assembly, limit: int = LIMIT) -
     return Measured(way, *answer)
 
 
-def measure_all(
-    assembly: Assembly, small: Assembly, ways: tuple[Way, ...] = SOLVERS, limit: int = LIMIT
-) -> list[Measured]:
+def measure_all(assembly: Assembly, small: Assembly, ways: Ways = SOLVERS, limit: int = LIMIT) -> list[Measured]:
     return [measure(way, assembly, small, limit) for way in ways if way.takes(assembly)]
 
 
@@ -264,15 +253,10 @@ def better(found: list[Measured], reference: Reference, bracketed: bool) -> list
     """Routes that are faster than the default and no less accurate; bracketed: among those with proof only."""
     chosen = next(one for one in found if one.way.name == DEFAULT)
     error, seconds = max(certain_error(chosen, reference)[0], 4.0 * reference.half_width), chosen.seconds
-    names = []
-    for one in found:
-        if one is chosen or not math.isfinite(one.seconds * one.found.load):
-            continue
-        if bracketed and one.way.family not in BRACKETED:
-            continue
-        if NOISE * one.seconds < seconds and certain_error(one, reference)[0] <= error:
-            names.append(one.way.name)
-    return names
+    known = [one for one in found if one is not chosen and math.isfinite(one.seconds * one.found.load)]
+    known = [one for one in known if one.way.family in BRACKETED or not bracketed]
+    quick = [one for one in known if NOISE * one.seconds < seconds]
+    return [one.way.name for one in quick if certain_error(one, reference)[0] <= error]
 
 
 def rows_of(found: list[Measured], reference: Reference) -> list[list[str]]:
@@ -357,16 +341,15 @@ def main() -> None:
         )
         print(parts[-1], flush=True)
     save_figure(draw(results), RESULTS / "speed_error.png")
-    text = about(__doc__)
-    question = ["scene", "among routes with a bracket", "among all routes"]
+    question = "scene | among routes with a bracket | among all routes"
     summary = (
-        f"# Speed against error\n\n{text} Limit {LIMIT} s. Loose: tolerance and margin 1e-6, bracket 1e-3 asked; "
-        "tight: 1e-12 with refinement, 1e-9; qdldl, faer: Clarabel's factorisations. CVXPY and bare Clarabel at their "
-        "own tolerances.\n\n![Time against error](speed_error.png)\n\n"
+        f"# Speed against error\n\n{about(__doc__)} Limit {LIMIT} s. Loose: tolerance and margin 1e-6, bracket 1e-3 "
+        "asked; tight: 1e-12 with refinement, 1e-9; qdldl, faer: Clarabel's factorisations. CVXPY and bare Clarabel at "
+        "their own tolerances.\n\n![Time against error](speed_error.png)\n\n"
         f"## Is the default on the front?\n\nNo faster route is as accurate; errors below four half-widths of the "
         f"reference count as equal, times within {NOISE - 1.0:.0%} too.\n\n{table(question, fronts)}"
     )
-    write("speed_error", "\n\n".join([summary, *parts]), also=("ecos", "scs", "osqp"))
+    write("speed_error", summary, *parts, also=("ecos", "scs", "osqp"))
 
 
 if __name__ == "__main__":

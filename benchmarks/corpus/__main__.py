@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -22,42 +23,8 @@ PICTURE: Final = ROOT / "docs" / "images" / "corpus.png"
 MARKS: Final = {"closed form": "o", "independent program": "s", "experiment": "^", "ours": "x"}
 """Mark of each tier in the picture."""
 
-HEAD: Final = """# Validation
-
-Written by `python -m benchmarks.corpus --write`. Values that others published or derived, with their source, and
-ours at default settings; `benchmarks/corpus` has one file per source, and its scenes. A row that disagrees is an error
-of the tests.
-
-- *equal*: the relative difference is below what digits of the source, or the number of voussoirs, leave.
-- *inside*: reactions are not one number, as rigid blocks have many states of equilibrium. The published one lies in
-  the interval that `jld thrust` proves, or a known pressure lies in its bracket by fields.
-- *falls*: what fell does not stand under its weight here either, with proof.
-- *above*, *below*: a test carries more or less than its scene, which leaves something out; with the ratio and why.
-"""
-END: Final = """
-Reactions of distinct-element programs that are not in these tables, and why:
-
-- Dome M3 of the Segovia models, with and without a moved support, and cross vault M5: contact forces under weight
-  are published (`contact_grav.txt` in `tests/Test_Segovia/M3_Dome`, `M3_Dome_displ` and `M5_Cross_Displ` of
-  compas_3dec, 1.3 MB of sub-contacts for M5 and 2 MB for M3, beside `blocks.json`). No complete copy of that
-  repository was at hand, so they are not scenes of the corpus. Not published: resultants by joint or support. States
-  after a support moved also need the moved geometry.
-- Cross vault M4: that repository holds a drawing and scripts, and no contact forces.
-- Two blocks, and the arch with a point load or with a moved support, of compas_dem (LMGC90): its scripts build them,
-  but it stores no result. Numbers would be ours from running another program, and no publication.
-- Lemos: no static reaction of his with complete data is at hand.
-
-Tests that are not in these tables: tilt tests of dry walls (Restrepo-Vélez et al. 2014; Ceradini 1992; Santa-Cruz et
-al. 2021), shear tests of dry walls (Lourenço et al. 2005), models of vaults and domes (Shapiro 2012; Rossi et al. 2016;
-Zessin et al. 2010) and other bridges of the Transport Research Laboratory. Their loads or dimensions were not at hand
-complete. The tests in the tables are of planar structures, five specimens: three arches with bond, a bridge with fill,
-and a brick wall.
-
-Without dilation λ is not one number, so published local minima are no check; what is checked there is each solution's
-own evidence ([zero dilation](guide/zero_dilation.md)). The paper's flat arch (its section 3.3) is not in this table, as
-its layout is not published. Independent programs on random scenes, and brackets against one another, are in
-`tests/validation`.
-"""
+HEAD, END = (Path(__file__).parent / "page.md").read_text(encoding="utf-8").split("{rows}\n")
+"""Text of the page above and below its tables."""
 
 Pair = tuple[Value, tuple[float, float]]
 
