@@ -11,7 +11,6 @@ import subprocess
 import sys
 import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 from typing import Any, Final
 
@@ -20,10 +19,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from benchmarks.claims import Tally
-from benchmarks.common import random_segmentations
 from benchmarks.hard_cases import hard_cases
 from benchmarks.scenes import cells, names_of
-from benchmarks.scenes import wall as wall_of_cells
 from jld_core import (
     Assembly,
     InputError,
@@ -37,12 +34,9 @@ from jld_core import (
     tolerances,
 )
 from jld_core.arrays import Bits, Floats
-from jld_core.batch.batch_solver import ConflictRequest
 from jld_core.fields import bounds_by_fields
 from jld_core.limit import load_scale
-from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import apart
-from jld_core.limit.case_relaxation import relaxation_of
 from jld_core.loads import Loads
 from jld_core.refinement import crack_cells, refine
 from jld_core.scene.cracks import CellCracks, FieldCracks
@@ -905,34 +899,5 @@ def wall(rng: np.random.Generator, kind: str) -> Document:
     return cells(rows, [1.0, 1.0], dry, inner, {"live": live}, thickness=1.0, **own)
 
 
-def threads() -> None:
-    """Bound and shrink labellings of a wall in four threads that share one compiled problem; exit 1 where an answer
-    differs from that of one thread. `make sanitize` runs this with a batch solver that reports data races."""
-    assembly = wall_of_cells(4, 5, 5e3, 5e3)
-    relaxation = relaxation_of(assembly, [LimitAnalysis(assembly)])
-    if relaxation is None or not relaxation.batched:
-        sys.exit("no kernel to test")
-    free = assembly.free_faces
-    labellings = random_segmentations(assembly, 160, 0)
-
-    def work(part: int) -> tuple[Floats, list[float | None]]:
-        mine = labellings[part * 40 : part * 40 + 40]
-        thresholds = np.full(len(mine), 0.5)
-        found = relaxation.refute_all(mine, np.zeros_like(mine), thresholds)
-        shrunk = relaxation.minimize_conflicts(ConflictRequest(mine, free, thresholds))
-        return np.array([np.nan if one is None else one.bound for one in found]), [one.bound for one in shrunk]
-
-    alone = [work(part) for part in range(4)]
-    with ThreadPoolExecutor(4) as pool:
-        for _ in range(5):
-            together = list(pool.map(work, range(4)))
-            for one, other in zip(alone, together, strict=True):
-                if not np.array_equal(one[0], other[0], equal_nan=True) or one[1] != other[1]:
-                    sys.exit("four threads have other answers than one")
-    print("four threads have the answers of one")
-
-
-if __name__ == "__main__" and sys.argv[1] == "threads":
-    threads()
-elif __name__ == "__main__":
+if __name__ == "__main__":
     _work_digits(json.loads(sys.stdin.read()), float(sys.argv[1]))
