@@ -63,12 +63,10 @@ def cells_of(
 
 
 def cut(what: Scene, size: tuple[float, ...], kind: str = "voronoi") -> Assembly:
-    """A scene cut into cells, every face free to be dry or inner."""
     return build_assembly(refine(what, size, kind=kind).scene)
 
 
 def drum(stone: Stone) -> Assembly:
-    """A wall of one leaf that is cut into polygons, about 60."""
     return cut(samples.grid(columns=1, rows=1, cell=1.6, height=1.2, stone=stone), (0.2, 0.2))
 
 
@@ -77,7 +75,6 @@ def cubes_of(*options: Any) -> Assembly:
 
 
 def corner_of_studies() -> Assembly:
-    """The corner of two walls, every cell by itself, pushed outwards."""
     return build_assembly(corner(4, np.radians(225.0), None))
 
 
@@ -150,7 +147,6 @@ def machine_code() -> str:
 
 
 def labellings_of(assembly: Assembly, hard: Hard) -> Bits:
-    """Segmentations, or labels face by face."""
     if not hard.any_label:
         return random_segmentations(assembly, hard.count, seed=7)
     dice = np.random.default_rng(7)
@@ -238,7 +234,6 @@ def drawn(name: str, one: int, plain: int = 6, driver: str = "random", count: in
 
 
 def walled(edge: int, one: int, count: int, plain: int = 1) -> Case:
-    """Layouts of a square wall of benchmarks/large.py in blocks of up to four cells, from the random driver."""
     scene = parse_scene(large.document("planar", edge))
     assembly = build_assembly(scene)
     source = make_driver("random", search_space(scene, assembly), 0)

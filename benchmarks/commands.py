@@ -26,6 +26,7 @@ import joblib
 import numpy as np
 from matplotlib.figure import Figure
 
+from benchmarks import timed
 from benchmarks.common import (
     RESULTS,
     ROOT,
@@ -130,21 +131,12 @@ FILE: Final = RESULTS / "jobs.csv"
 @contextmanager
 def search_timed(clock: Callable[[], float]) -> Iterator[list[float]]:
     """Yield a list that then holds the seconds of a search, from the first labelling asked to the last one on disk."""
-    run, alone = Study.run, [0.0]
-
-    def timed(study: Study) -> Any:
-        start = clock()
-        try:
-            return run(study)
-        finally:
-            alone[0] = clock() - start
-
-    with patch.object(Study, "run", timed):
+    alone = [0.0]
+    with patch.object(Study, "run", timed(Study.run, clock, alone)):
         yield alone
 
 
 def by_clock(name: str, jobs: int) -> tuple[float, float, str]:
-    """Seconds of a search by the clock, from the scene to its tables and alone; and its table without times."""
     command = JOBS[name][0]
     with tempfile.TemporaryDirectory() as folder, search_timed(time.perf_counter) as alone:
         start = time.perf_counter()
@@ -198,7 +190,6 @@ def explored(scene: Scene) -> None:
 
 
 def least_time(run: Callable[[Scene], object], scene: Scene) -> float:
-    """Processor seconds, the least of as many runs as fit into `REPEATED`."""
     found: list[float] = []
     while not found or sum(found) < REPEATED:
         start = time.process_time()

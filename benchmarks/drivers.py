@@ -21,6 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial import Voronoi
 
+from benchmarks import timed
 from benchmarks.common import RESULTS, about, load_of_machine, table, write
 from benchmarks.scenes import ANGLE, STRENGTH, built, cubes, grid, middle, stacked, stones, strength, vault
 from jld_core import Scene, parse_scene
@@ -84,7 +85,6 @@ def arch(along: int, rings: int, load: float, cells: list[int]) -> Scene:
 
 
 def voronoi(count: int, seed: int, width: float, height: float) -> Scene:
-    """A wall of relaxed Voronoi cells, pushed at its top."""
     points = np.random.default_rng(seed).random((count, 2)) * [width, height]
     for _ in range(31):
         images = [points, points * [-1, 1], points * [1, -1], [2 * width, 0] - points * [1, -1]]
@@ -154,7 +154,6 @@ Told = Callable[[NDArray[np.float64]], None]  # takes the values (k,) of labelli
 
 
 def of_driver(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> Iterator[tuple[Bits, Told]]:
-    """Portions of labellings (k, m) of a driver of jld, "NAME" or "genetic:AIM"."""
     name, _, aim = name.partition(":")
     driver = make_driver(name, space, seed, **({"aim": aim} if aim else {}))
     while len(rows := driver.ask()):
@@ -218,15 +217,8 @@ def run(name: str, method: str, times: list[float], seed: int) -> Iterator[dict[
     assembly, space = built(SCENES[name]())
     evaluator = Evaluator(assembly, EvaluatorSettings())
     evaluator.evaluate_all(assembly.labels[None])
-    inner, solve = [0.0], evaluator.evaluate_all
-
-    def timed(*given: Any, **others: Any) -> Any:
-        start = time.process_time()
-        found = solve(*given, **others)
-        inner[0] += time.process_time() - start
-        return found
-
-    evaluator.evaluate_all = timed  # type: ignore[method-assign]
+    inner = [0.0]
+    evaluator.evaluate_all = timed(evaluator.evaluate_all, time.process_time, inner)  # type: ignore[method-assign]
     start, evaluated, left = time.process_time(), 0, sorted(times)
     front = np.full(int(space.candidates.sum()) + 1, 0.0)
     for rows, values in (of_peer if method in PEERS else of_driver)(method, space, evaluator, seed):
@@ -286,8 +278,8 @@ def draw(rows: pd.DataFrame) -> None:
         axes[0].set_ylabel("share of scenes")
         axes[1].legend(fontsize=7)
     figure.savefig(RESULTS / "drivers.png", dpi=130)
-    also, body = ("pymoo", "nevergrad", "ortools"), "\n".join([*parts, load_of_machine()])
-    write("drivers", "# What drivers reach in the same time", about(__doc__), body, also=also)
+    also, text = ("pymoo", "nevergrad", "ortools"), "\n".join([*parts, load_of_machine()])
+    write("drivers", "# What drivers reach in the same time", about(__doc__), text, also=also)
 
 
 def main() -> None:

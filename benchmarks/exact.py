@@ -78,7 +78,6 @@ def wall(across: int, up: int, cells: int, strong: float) -> Scene:
 
 
 def arch() -> Scene:
-    """A flat arch of 67 faces between abutments, all of it crushable, under a force on its middle."""
     load = [{"element": "c5r0", "force": [0, -1000]}]
     crush, search = {"compressive_strength": 5e6}, {"block_cells": [2, 6]}
     rows = ["#aaaaaaaaa#"] * 4
@@ -102,7 +101,6 @@ def in_space() -> dict[str, Scene]:
 
 
 def scenes() -> dict[str, tuple[Scene, float, str]]:
-    """Scenes by name, with the seconds each may take and the time asked for."""
     found: dict[str, tuple[Scene, float, str]] = {
         f"{across} × {up}, s = {cells}, {strength / 1e3:g} kPa": (wall(across, up, cells, strength), most, asked)
         for walls, most in ((WALLS, SECONDS), (LARGE, LONG))
@@ -177,7 +175,6 @@ def fronts() -> list[str]:
 
 
 def bounds() -> list[list[str]]:
-    """Rows of the table of bounds on arches and a viaduct, which time does not suffice to prove."""
     rows = []
     for name, scene in (
         ("arch 19 × 3, blocks of 2–5", drivers.arch(19, 3, 0.3, [2, 5])),
@@ -195,12 +192,11 @@ def bounds() -> list[list[str]]:
     return rows
 
 
+# sections behind the first, `proofs`, by the word that asks for them
 HEADS: Final = {"two": "Two jobs", "fronts": "Whole fronts", "bounds": "Arches and a viaduct"}
-"""Sections behind the first, `proofs`, by the word that asks for them."""
 
 
 def sections(text: str) -> dict[str, str]:
-    """The sections of a file of results, by head, the first under its own."""
     first, *others = text.split("\n\n## ")
     return {"": first, **dict(part.split("\n\n", 1) for part in others)}
 

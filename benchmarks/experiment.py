@@ -119,10 +119,6 @@ def speed() -> str:
     return table(["scene", "geometry", "sub-contacts", "µs a step", "ns a sub-contact and step"], rows)
 
 
-def main() -> None:
+if __name__ == "__main__":
     parts = [walls(), layouts(), "## Flat arch", arch(), "## Speed", speed()]
     write("experiment", "# The virtual experiment against λ", *parts, also=("numba",))
-
-
-if __name__ == "__main__":
-    main()

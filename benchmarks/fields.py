@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,7 +21,7 @@ from benchmarks.scenes import ENUMERATED, bonded, grid, stones, strength
 from jld_core import Assembly, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.bounds import CoarseBounds, FieldBounds, FieldSetting
+from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.scene.cracks import FieldCracks
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
@@ -40,12 +41,6 @@ def masonry(strong: float = 20e3) -> Assembly:
     return build_assembly(grid(rows, None, strength(strong), cell=(0.4, 0.2), thickness=0.2, density=2000, dry=dry))
 
 
-def beam_arch() -> tuple[Assembly, Bits, Bits]:
-    """The beam-arch, labels of its best layout by faces, and labels without cuts."""
-    assembly = build_assembly(ENUMERATED["flagship"]())
-    return assembly, from_string(BEST), ~assembly.free_faces
-
-
 def to_gap(name: str, assembly: Assembly, labels: Bits, gap: float, goal: float) -> list[str]:
     """One row: a layout until its bracket is as narrow as a gap."""
     start = time.process_time()
@@ -57,16 +52,11 @@ def to_gap(name: str, assembly: Assembly, labels: Bits, gap: float, goal: float)
 
 
 def admissible() -> Bits:
-    """Layouts of the flagship's search, drawn at random."""
     with tempfile.TemporaryDirectory() as folder:
         settings = ExploreSettings(driver="enumeration", pictures=False, check_fields=0)
         done = explore(ENUMERATED["flagship"](), Path(folder) / "search", settings)
     timed_rows = np.random.default_rng(3).permutation(len(done.results))[: WARM + TIMED]
     return np.array([from_string(str(text)) for text in done.results["labelling"].iloc[timed_rows]])
-
-
-def of_wall(wall: Assembly) -> Bits:
-    return random_segmentations(wall, WARM + TIMED, seed=3)
 
 
 def race_all(goal: float) -> list[str]:
@@ -116,8 +106,9 @@ def _row(name: str, assembly: Assembly, each: float, goal: float) -> list[str]:
 
 
 def timed_rows() -> dict[str, Callable[[], list[str]]]:
-    assembly, best, uncut = beam_arch()
-    wall = masonry()
+    assembly, wall = build_assembly(ENUMERATED["flagship"]()), masonry()
+    best, uncut = from_string(BEST), ~assembly.free_faces
+    drawn = partial(random_segmentations, count=WARM + TIMED, seed=3)
     return {
         "flagship, best by faces, to 5 %": lambda: to_gap("flagship, best by faces", assembly, best, 0.05, 5.0),
         "flagship, best by faces, to 2 %": lambda: to_gap("flagship, best by faces", assembly, best, 0.02, 60.0),
@@ -126,8 +117,8 @@ def timed_rows() -> dict[str, Callable[[], list[str]]]:
         "wall of 48 cells, to 5 %": lambda: to_gap("wall of 48 cells", wall, wall.labels, 0.05, 20.0),
         "flagship, many layouts": lambda: bound_many("flagship, a layout of many", assembly, admissible(), 0.01),
         "flagship, layouts alone": lambda: bound_alone("flagship, one layout at a time", assembly, admissible(), 0.01),
-        "wall, many layouts": lambda: bound_many("wall of 48 cells, a layout of many", wall, of_wall(wall), 0.032),
-        "wall, layouts alone": lambda: bound_alone("wall of 48 cells, one at a time", wall, of_wall(wall), 0.032),
+        "wall, many layouts": lambda: bound_many("wall of 48 cells, a layout of many", wall, drawn(wall), 0.032),
+        "wall, layouts alone": lambda: bound_alone("wall of 48 cells, one at a time", wall, drawn(wall), 0.032),
         "flagship, race": lambda: race_all(0.01),
     }
 
@@ -219,13 +210,6 @@ CASES: Final = (
 )
 
 
-@one_thread()
-def bounds_of(assembly: Assembly, most: int) -> tuple[FieldBounds, float]:
-    start = time.process_time()
-    found = bounds_by_fields(assembly, gap=SPACE_GAP, most=most)
-    return found, time.process_time() - start
-
-
 def space() -> None:
     """Bounds by fields in space: how wide after which time, for one layout of four structures, on one core.
 
@@ -236,7 +220,10 @@ def space() -> None:
     for case in CASES:
         assembly = case.build()
         faces = solve(assembly).load_factor
-        found, seconds = bounds_of(assembly, case.most)
+        start = time.process_time()
+        with one_thread():
+            found = bounds_by_fields(assembly, gap=SPACE_GAP, most=case.most)
+        seconds = time.process_time() - start
         numbers = [f"{found.lower:.5g}", f"{found.upper:.5g}", f"{100.0 * found.gap:.1f} %", str(found.simplices)]
         rows.append([case.name, case.what, f"{faces:.5g}", case.exact, *numbers, f"{seconds:.0f}"])
         print(rows[-1], flush=True)

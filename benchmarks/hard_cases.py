@@ -58,7 +58,6 @@ def block(name: str, x0: float, y0: float, x1: float, y1: float, **keys: Any) ->
 
 
 def ground(x0: float = -1.0, x1: float = 5.0, name: str = "ground") -> Entry:
-    """A support below y = 0."""
     return block(name, x0, -1, x1, 0, support=True)
 
 
@@ -71,11 +70,10 @@ def cells(rows: list[str], strong: float = 2e4, length: float = 1.0, force: floa
     """Cells of 0.1 m, 1400 kg/m³, μ 0.75, σt = τ = strong, Pa; length, force: of one m and one N in other units."""
     edge, inner = 0.1 * length, strength(strong * force / length**2)
     stone = {"cell": (edge, edge), "thickness": edge, "density": 1400.0 * force / length**3}
-    return build_assembly(grid(rows, inner=inner, dry={"friction_coefficient": 0.75}, **stone))  # type: ignore[arg-type]
+    return build_assembly(grid(rows, inner=inner, dry={"friction_coefficient": 0.75}, **stone))
 
 
 def ell(friction: float) -> Assembly:
-    """Three unit blocks, two of them on top of one another."""
     corners = {"a": (0, 0), "b": (0, 1), "c": (1, 0)}
     return structure([*(block(k, x, y, x + 1, y + 1, weight=1.0) for k, (x, y) in corners.items()), ground()], friction)
 
@@ -133,8 +131,8 @@ def alternating(assembly: Assembly) -> Bits:
     return np.asarray(np.arange(len(assembly.interfaces)) % 2 == 0)
 
 
+# length and force of one m and one N
 UNITS: Final = {"µN, mm": (1e3, 1e6), "N, mm": (1e3, 1.0), "kN, m": (1.0, 1e-3), "MN, km": (1e-3, 1e-6)}
-"""Length and force of one m and one N."""
 LARGE: Final = 0.0465844456  # λ of the wall of 1 640 bricks out of plane; found by two independent prototypes
 
 

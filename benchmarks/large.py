@@ -51,7 +51,6 @@ BYTES: Final = 16 << 30  # address space of one size
 
 
 def document(kind: str, edge: int) -> dict[str, Any]:
-    """The scene of a kind with so many cells along an edge, supports beside them."""
     if kind in DRY_WALLS:
         return DRY_WALLS[kind](edge).model_dump(mode="json", exclude_unset=True)
     common = {
@@ -66,7 +65,6 @@ def document(kind: str, edge: int) -> dict[str, Any]:
 
 
 def phases(file: Path, evaluate: bool = True) -> Iterator[Found]:
-    """What each phase takes, as it ends. evaluate: solve the first labelling too."""
     spent = time.process_time()
 
     def ended(name: str, **more: Any) -> Found:
@@ -209,8 +207,8 @@ KINDS: Final[dict[str, tuple[str, Content]]] = {  # what changes in the scene, a
     ),
 }
 
+# status of each kind where it is not collapse
 EXPECTED: Final = {"locked": "locked", "surrounded": "locked", "unstable": "unstable"}
-"""Status of each kind where it is not collapse."""
 
 
 def merged(content: Content, changes: Content) -> Content:

@@ -216,7 +216,6 @@ def cp_sat(problem: Plain, seconds: float) -> Answer:
 
 
 def genetic(problem: Plain, seconds: float) -> Answer:
-    """pymoo's genetic algorithm on the labels; what violates a condition counts as far below zero."""
     from pymoo.algorithms.soo.nonconvex.ga import GA
     from pymoo.core.problem import Problem
     from pymoo.operators.crossover.ux import UniformCrossover
@@ -247,10 +246,8 @@ def genetic(problem: Plain, seconds: float) -> Answer:
     return (best if best > -1e11 else math.nan), time.perf_counter() - start, False
 
 
+# methods by name
 METHODS: dict[str, Callable[[Plain, float], Answer]] = {"MILP": milp, "CP-SAT": cp_sat, "pymoo GA": genetic}
-"""Methods by name."""
-
-
 RECORDS: Final = FOLDER / "records.json"
 CERTIFICATE: Final = 300_000  # largest size of a certificate that is kept, bytes
 COMPARED: Final = ("lintel-3x2", "bridge-5x2", "wall-3x3", "bridge-7x2", "wall-4x4", "wall-5x4", "wall-6x5",

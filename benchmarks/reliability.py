@@ -6,6 +6,7 @@ for lognormal friction and push. The wall of 88 faces has shared values, or valu
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ import numpy as np
 from scipy.stats import norm
 
 from benchmarks.common import about, table, write
-from benchmarks.scenes import LARGE
+from benchmarks.scenes import LARGE, stones
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Bits, Floats
 from jld_core.batch.library import described
@@ -44,14 +45,12 @@ def vary(mean: Any, cov: float, kind: str = "lognormal", **more: Any) -> dict[st
 
 
 def block(kind: str, push: float) -> dict[str, Any]:
-    return {
-        "elements": [
-            {"id": "ground", "polygon": [[0, -1], [2, -1], [2, 0], [0, 0]], "support": True},
-            {"id": "block", "polygon": [[0, 0], [2, 0], [2, 1], [0, 1]], "weight": WEIGHT},
-        ],
-        "materials": {"dry": {"friction_coefficient": vary(0.6, 0.1, kind)}},
-        "loads": {"live": [{"element": "block", "force": vary([push, 0.0], 0.2, kind), "at": [1.0, 0.1]}]},
-    }
+    elements = [
+        {"id": "ground", "polygon": [[0, -1], [2, -1], [2, 0], [0, 0]], "support": True},
+        {"id": "block", "polygon": [[0, 0], [2, 0], [2, 1], [0, 1]], "weight": WEIGHT},
+    ]
+    live = [{"element": "block", "force": vary([push, 0.0], 0.2, kind), "at": [1.0, 0.1]}]
+    return stones(elements, live, {"friction_coefficient": vary(0.6, 0.1, kind)})
 
 
 def exact(kind: str, push: float) -> float:
@@ -91,12 +90,6 @@ def of_wall(each: bool, share: float) -> str:
     return row_of(f"88 faces, {len(structure.variables)} variables", "–", structure, layouts[best], required)
 
 
-def of_block(kind: str, push: float) -> str:
-    structure = random_structure(parse_scene(block(kind, push)))
-    name = f"sliding block, {kind}, {push:g} N"
-    return row_of(name, f"{exact(kind, push):.4f}", structure, structure.assembly.labels)
-
-
 def row_of(name: str, known: str, structure: RandomStructure, labels: Bits, required: float = 1.0) -> str:
     """The row of one layout. known: its index in closed form."""
     clock, processor = time.perf_counter(), time.process_time()
@@ -108,7 +101,10 @@ def row_of(name: str, known: str, structure: RandomStructure, labels: Bits, requ
 
 
 def write_table() -> None:
-    rows = [of_block(kind, push) for kind in ("normal", "lognormal") for push in (6000.0, 9000.0)]
+    rows = []
+    for kind, push in itertools.product(("normal", "lognormal"), (6000.0, 9000.0)):
+        structure, name = random_structure(parse_scene(block(kind, push))), f"sliding block, {kind}, {push:g} N"
+        rows.append(row_of(name, f"{exact(kind, push):.4f}", structure, structure.assembly.labels))
     rows += [of_wall(each, share) for each in (False, True) for share in (0.65, 0.45)]
     head = "structure | β exact | β first order | β simulation | failures | solved again, undecided | "
     head += "processor s (clock)"
@@ -147,7 +143,6 @@ class Planes:
 
 
 def probabilities(dice: np.random.Generator) -> Floats:
-    """Return the probability of each of 1 to 12 mechanisms of a system; the largest is 1e-2 to 1e-8."""
     largest, count = 10.0 ** dice.uniform(-8.0, -2.0), int(dice.integers(1, 13))
     return np.asarray(largest * 10.0 ** np.append(0.0, -dice.uniform(0.0, 2.0, count - 1)))
 
@@ -192,12 +187,7 @@ def of_blocks(dice: np.random.Generator, options: ReliabilityOptions) -> tuple[R
         push = [0.4, 0.0] if slides else {"mean": [1.0 / most, 0.0], "cov": 0.1, "kind": "lognormal"}
         faces.append({"between": ["g", f"b{k}"], "dry": {"friction_coefficient": friction}})
         live.append({"element": f"b{k}", "force": push, "at": [left + 1, 0.01 if slides else 1.0]})
-    document = {
-        "elements": elements,
-        "materials": {"dry": {"friction_coefficient": 9.0}, "faces": faces},
-        "loads": {"live": live},
-    }
-    structure = random_structure(parse_scene(document))
+    structure = random_structure(parse_scene(stones(elements, live, 9.0, faces=faces)))
     return analyse(structure, structure.assembly.labels, options), -math.expm1(float(np.log1p(-p).sum()))
 
 

@@ -40,35 +40,17 @@ def bonded(rows: list[str], length: int = 2) -> list[str]:
 
 
 def grid(
-    rows: list[str],
-    live: list[dict[str, Any]] | None = None,
-    inner: dict[str, float] = STRENGTH,
-    search: dict[str, Any] | None = None,
-    *,
-    cell: tuple[float, float] = (0.1, 0.1),
-    thickness: float = 0.1,
-    density: float = 1400,
-    dry: dict[str, float] = ANGLE,
-    name: str = "",
+    rows: list[str], live: Any = None, inner: Any = STRENGTH, search: Any = None, *, dry: Any = ANGLE, **keys: Any
 ) -> Scene:
     """Cells of the paper's stone unless other values are given. live: default a horizontal body load."""
-    loads = {"live": live or [{"body": [1, 0]}]}
-    own: dict[str, Any] = {"thickness": thickness, "density": density, "search": search or {}}
-    return parse_scene(cells(rows, list(cell), dry, inner, loads, name=name or f"grid of {len(rows) - 1} rows", **own))
+    own = {"cell": (0.1, 0.1), "name": f"grid of {len(rows) - 1} rows", "search": search or {}} | keys
+    cell, loads = list(own.pop("cell")), {"live": live or [{"body": [1, 0]}]}
+    return parse_scene(cells(rows, cell, dry, inner, loads, **own))
 
 
 def cells(
-    rows: list[str],
-    cell: list[float],
-    dry: Any,
-    inner: Any,
-    loads: Any,
-    *,
-    thickness: float = 0.1,
-    density: float = 1400,
-    **keys: Any,
+    rows: list[str], cell: Any, dry: Any, inner: Any, loads: Any, thickness: Any = 0.1, density: Any = 1400, **keys: Any
 ) -> dict[str, Any]:
-    """Document of a grid of cells."""
     materials = {"density": density, "dry": dry, "inner": inner}
     return {
         "grid": {"cell": cell, "thickness": thickness, "rows": rows},
@@ -83,24 +65,14 @@ def names_of(rows: Sequence[Sequence[str]]) -> list[str]:
     return [f"c{x}r{y}" for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "a"]
 
 
-def stones(
-    elements: list[dict[str, Any]],
-    live: list[dict[str, Any]],
-    dry: float | dict[str, float] = 0.6,
-    inner: dict[str, float] | None = None,
-    **materials: Any,
-) -> dict[str, Any]:
+def stones(elements: list[Any], live: Any, dry: Any = 0.6, inner: Any = None, **materials: Any) -> dict[str, Any]:
     """Document of elements under live loads. dry: friction coefficient, or values. materials: others, as density."""
     own = {"dry": dry if isinstance(dry, dict) else {"friction_coefficient": dry}, **materials}
-    return {
-        "elements": elements,
-        "materials": own | ({} if inner is None else {"inner": inner}),
-        "loads": {"live": live},
-    }
+    own |= {} if inner is None else {"inner": inner}
+    return {"elements": elements, "materials": own, "loads": {"live": live}}
 
 
 def strength(value: float) -> dict[str, float]:
-    """Equal tensile and shear strength of inner faces, Pa."""
     return {"tensile_strength": value, "shear_strength": value}
 
 
@@ -132,12 +104,7 @@ def brick_wall(courses: int, bricks: int, length: float = 1.0, force: float = 1.
     return parse_scene({"name": f"brick wall of {len(elements) - 1} blocks, out of plane", **document})
 
 
-def cubes(
-    side: int = 3,
-    inner: float = 2e4,
-    load: tuple[float, float, float] = (1.0, 0.3, 0.0),
-    search: dict[str, Any] | None = None,
-) -> Scene:
+def cubes(side: int = 3, inner: float = 2e4, load: Any = (1.0, 0.3, 0.0), search: Any = None) -> Scene:
     """side³ cubes of 0.1 m on a slab, pushed at an upper corner; inner: σt = τ, Pa."""
     elements = stacked(side, side, side)
     live = [{"element": f"c00{side - 1}", "force": list(load)}]
@@ -195,7 +162,6 @@ def middle(*columns: int) -> list[dict[str, Any]]:
 
 
 def searched(rows: list[str], cells: list[int], live: list[dict[str, Any]] | None = None) -> Callable[[], Scene]:
-    """A grid whose blocks have so many cells."""
     return lambda: grid(rows, live, search={"block_cells": cells})
 
 

@@ -54,6 +54,10 @@ class Way:
     run: Callable[[Assembly], Found]
 
 
+def any_scene(assembly: Assembly) -> bool:
+    return True
+
+
 def planar(assembly: Assembly) -> bool:
     return assembly.dimension == 2
 
@@ -72,11 +76,7 @@ def default(assembly: Assembly) -> Found:
 
 
 def ours(
-    assembly: Assembly,
-    route: Solver | None = None,
-    solver: str = "clarabel",
-    gap: float = 1e-6,
-    margin: float | None = None,
+    assembly: Assembly, route: Solver | None = None, solver: str = "clarabel", gap: float = 1e-6, margin: Any = None
 ) -> Found:
     """Our path by another route, or with another width asked for; margin: see `Template.program`."""
     analysis = LimitAnalysis(assembly, solver=solver, gap=gap, margin=margin, reference=assembly.labels)
@@ -93,7 +93,6 @@ def forced(assembly: Assembly, method: str) -> Found:
 
 
 def of_size(assembly: Assembly, size: float, gap: float, refine: bool = False) -> Found:
-    """Tolerance and margin of one size, and a width to go with them."""
     return ours(assembly, ClarabelSolver(size, iterative_refinement_enable=refine), gap=gap, margin=size)
 
 
@@ -117,21 +116,14 @@ def by_cvxpy(assembly: Assembly, solver: str) -> Found:
     return Found(stated(assembly, assembly.labels, solver))
 
 
-def any_scene(assembly: Assembly) -> bool:
-    return True
-
-
-def linear(name: str) -> Callable[[Assembly], bool]:
-    """What a solver takes: HiGHS linear programs only."""
-    return planar if name.startswith("highs") else any_scene
-
-
-# what `jld_core.solvers` knows beside Clarabel, each with bracket; "auto" is the default's own choice
-NAMED: Final = [name for name in KNOWN if name not in ("auto", "clarabel", "cvxpy")]
+# what `jld_core.solvers` knows beside Clarabel, each with bracket, and what it takes: HiGHS linear programs;
+# "auto" is the default's own choice
+OTHERS: Final = [name for name in KNOWN if name not in ("auto", "clarabel", "cvxpy")]
+NAMED: Final = {name: planar if name.startswith("highs") else any_scene for name in OTHERS}
 Ways = tuple[Way, ...]
 DEFAULT: Final = "jld, default"
+# families whose λ comes with proven bounds
 BRACKETED: Final = ("jld, default", "jld, Clarabel", "jld, other solver", "jld, condensed")
-"""Families whose λ comes with proven bounds."""
 
 SOLVERS: Final[Ways] = (
     Way(DEFAULT, DEFAULT, any_scene, default),
@@ -139,7 +131,7 @@ SOLVERS: Final[Ways] = (
     Way("jld, tight", "jld, Clarabel", any_scene, partial(of_size, size=1e-12, gap=1e-9, refine=True)),
     Way("jld, qdldl", "jld, Clarabel", any_scene, partial(forced, method="qdldl")),
     Way("jld, faer", "jld, Clarabel", any_scene, partial(forced, method="faer")),
-    *(Way(f"jld, {name}", "jld, other solver", linear(name), partial(ours, solver=name)) for name in NAMED),
+    *(Way(f"jld, {name}", "jld, other solver", takes, partial(ours, solver=name)) for name, takes in NAMED.items()),
     Way("jld, condensed", "jld, condensed", has_blocks, condensed),
     Way("Clarabel, bare", "Clarabel, bare", any_scene, bare),
     *(Way(f"CVXPY, {s}", "CVXPY", any_scene, partial(by_cvxpy, solver=s)) for s in ("CLARABEL", "ECOS", "SCS")),
@@ -285,7 +277,6 @@ MARKS: Final = {  # marker, colour and size by family; bracketed families are fi
 
 
 def draw(results: dict[str, tuple[list[Measured], Reference]]) -> Figure:
-    """The figure. results: by scene, the routes measured and the reference their errors are taken to."""
     columns = min(3, len(results))
     figure = Figure(figsize=(5.6 * columns, 4.3 * -(-len(results) // columns) + 1.0), dpi=110, layout="constrained")
     handles: dict[str, Any] = {}

@@ -46,9 +46,8 @@ from jld_samples import box
 
 ROUTE = Route("a benchmark")
 GROUPS: Final = ("space", "plane", "effective areas")
+# relative difference that the second statement in scene units may show: rounding of sums of a few hundred terms
 CLOSE: Final = 1e-7
-"""Relative difference that the second statement in scene units may show: rounding of sums of a few hundred terms."""
-
 Document = dict[str, Any]
 Array = NDArray[np.float64]
 
@@ -101,9 +100,6 @@ def drawn_document(seed: int) -> tuple[Document, NDArray[np.bool_]]:
         return document, rng.random(len(assembly.interfaces)) < share
 
 
-# --- scenes -------------------------------------------------------------------------------------------------
-
-
 def _materials(rng: np.random.Generator, friction: float, crushing: float) -> Document:
     strength = float(rng.choice([0.0, 2e2, 5e3, 1e6], p=[0.1, 0.3, 0.4, 0.2]))
     dry: Document = {"friction_coefficient": friction}
@@ -118,7 +114,6 @@ def _materials(rng: np.random.Generator, friction: float, crushing: float) -> Do
 
 
 def _prism(name: str, places: list[tuple[int, int]], x: Array, z: Array, low: float, high: float) -> Document:
-    """A prism along y over places (column, course) that share edges."""
     rings = [[(i, k), (i + 1, k), (i + 1, k + 1), (i, k + 1)] for i, k in places]
     edges = {edge for ring in rings for edge in itertools.pairwise([*ring, ring[0]])}
     following = dict(sorted((a, b) for a, b in edges if (b, a) not in edges))
@@ -211,7 +206,6 @@ def _planar(rng: np.random.Generator) -> Document:
 
 
 def _bonded(rng: np.random.Generator) -> Document:
-    """Boxes in running bond, in one or two wythes, on a floor."""
     across, courses, wythes = (int(rng.integers(low, high)) for low, high in ((1, 4), (1, 4), (1, 3)))
     length, depth, height = (float(rng.choice([0.1, 0.15, 0.2])) for _ in range(3))
     shift = 0.5 * length if rng.random() < 0.7 else 0.0
@@ -231,9 +225,6 @@ def _bonded(rng: np.random.Generator) -> Document:
     if rng.random() < 0.3 and "element" in live[0]:
         live[0]["at"] = [float(v) for v in rng.uniform([0.0, 0.0, 0.0], [across * length, wythes * depth, height])]
     return {"elements": elements, "materials": _materials(rng, friction, 0.0), "loads": {"live": live}}
-
-
-# --- weighed again ------------------------------------------------------------------------------------------
 
 
 def weighed(assembly: Assembly, labels: NDArray[np.bool_], result: LimitAnalysisResult, effective: bool) -> str:
@@ -287,20 +278,14 @@ def _arms(assembly: Assembly) -> tuple[Array, Array, Array]:
     return push, couple, arms
 
 
-def _cross(arm: Array, force: Array) -> Array:
-    if arm.shape[-1] == 2:
-        return (arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0])[..., None]
-    return np.cross(arm, force)
-
-
 def _left(assembly: Assembly, forces: Array, load: float) -> Array:
     push, couple, arms = _arms(assembly)
     force = np.einsum("mq,mqd->md", forces, push)
     moment = np.einsum("mq,mqr->mr", forces, couple)
-    left = assembly.dead + load * assembly.live
+    left, planar = assembly.dead + load * assembly.live, assembly.dimension == 2
     for arm, ends, sign in zip(arms, (assembly.interfaces.a, assembly.interfaces.b), (-1.0, 1.0), strict=True):
-        acting = sign * np.column_stack([force, moment + _cross(arm, force)])
-        np.add.at(left, ends, acting)
+        turn = (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])[:, None] if planar else np.cross(arm, force)
+        np.add.at(left, ends, sign * np.column_stack([force, moment + turn]))
     left[:, assembly.dimension :] /= assembly.size
     return np.asarray(left[assembly.elements.free])
 
@@ -375,7 +360,10 @@ def _work_converged(assembly: Assembly, labels: NDArray[np.bool_], velocity: Arr
         stuck = (s.cohesion[k] if labels[k] else s.shear[k]) * faces.area[k] * slip[k]
         limit = crush_dry[k] if labels[k] else crush[k]
         if labels[k]:
-            work = 0.0 if lack <= 0.0 or math.isinf(limit) else _crushing(lack, turned[k], limit)
+            # max N lack − N² turned / N_c over 0 ≤ N ≤ N_c
+            normal = 0.0 if lack <= 0.0 or math.isinf(limit) else limit
+            normal = min(normal, 0.5 * lack * normal / turned[k]) if turned[k] > 0.0 else normal
+            work = normal * lack - (normal * normal * turned[k] / limit if normal else 0.0)
         else:
             cracked = opening[k] - s.inner_friction[k] * slip[k]
             # corners of the set in N and m: the tip in tension, both edges and the tip in compression
@@ -400,12 +388,6 @@ def _bent(assembly: Assembly, k: int, jump: Array) -> float:
     faces = assembly.interfaces
     corners = np.column_stack([(faces.polygon[k] - faces.origin[k]) @ axis[k] for axis in (faces.e1, faces.e2)])
     return float(-(jump[3] * corners[:, 1] - jump[4] * corners[:, 0]).min())
-
-
-def _crushing(lack: float, turned: float, limit: float) -> float:
-    """max N lack − N² turned / N_c over 0 ≤ N ≤ N_c."""
-    normal = limit if turned <= 0.0 else min(limit, 0.5 * lack * limit / turned)
-    return normal * lack - normal * normal * turned / limit
 
 
 ALIKE: Final = 1e-9  # largest relative difference of λ in other units
@@ -451,7 +433,6 @@ def drawn_units(seed: int) -> tuple[Document, np.ndarray]:
 
 
 def changes(document: Document, seed: int) -> dict[str, Document]:
-    """Return the same scene in other units, elsewhere, and in another order, by name of the change."""
     found = {name: in_units(document, length, force) for name, (length, force) in UNITS.items()}
     if "elements" in document:
         found["moved"] = in_units(document, 1.0, 1.0, (FAR, -0.7 * FAR, 0.4 * FAR))
@@ -668,7 +649,6 @@ def _problem(found: dict[str, list[Answer]], name: str, floor: float) -> str:
 
 
 def _place(seed: int) -> int:
-    """Return which refined sample a seed takes, the first that is small; 0 for other scenes."""
     if seed % 5 not in (1, 2):
         return 0
     return next(k for k in range(1000) if len(_refined(seed, k)[1].elements) <= _CELLS)
@@ -727,7 +707,6 @@ def disturbed(assembly: Assembly, rng: np.random.Generator) -> Assembly:
 
 
 def answers_of(seed: int, place: int) -> dict[str, Any]:
-    """Return the answers to one scene and to its disturbances, under the kernel of this process."""
     name, assembly, labels = scene_of_digits(seed, place)
     rng = np.random.default_rng(seed)
     results = [solve(one, labels) for one in (assembly, *(disturbed(assembly, rng) for _ in range(DISTURBANCES)))]
@@ -742,7 +721,6 @@ def answers_of(seed: int, place: int) -> dict[str, Any]:
 
 
 def _work_digits(places: dict[str, int], seconds: float) -> None:
-    """Print the answers to scenes as lines of JSON, until the time is up."""
     warnings.simplefilter("ignore")
     end = time.perf_counter() + seconds
     for seed, place in places.items():
@@ -753,8 +731,8 @@ def _work_digits(places: dict[str, int], seconds: float) -> None:
 
 _LAYOUTS: Final = 3  # random layouts of one scene
 DIGITS: Final = 1e-9  # largest relative difference of both bounds by faces and by cells
+# largest difference of both bounds by fields, relative to the upper one, which solvers know less accurately
 FIELD_DIGITS: Final = 1e-6
-"""Largest difference of both bounds by fields, relative to the upper one, which solvers know less accurately."""
 
 
 def case_symmetry(seed: int, tally: Tally) -> str:
@@ -788,7 +766,6 @@ def case_symmetry(seed: int, tally: Tally) -> str:
 
 
 def _differs(scene: Scene, assembly: Assembly, images: Bits, kind: str) -> str:
-    """Return how λ of the images (k, m) of a layout differs; "" where it does not."""
     found = [_bracket(scene, assembly, labels) for labels in images]
     for status, bracket in found[1:]:
         if status != found[0][0]:

@@ -15,13 +15,16 @@ import scipy.sparse as sp
 
 from benchmarks.claims import Tally
 from benchmarks.claims.geometry import Move, document, planar_grid, polygon_entry, random_move
+from benchmarks.scenes import stones
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import CoarseBounds, FieldBounds, FieldSetting
+from jld_samples import box
 
+Dice = np.random.Generator
 SAME: Final = 1e-6  # relative difference of bounds that two statements of one scene may show
+# relative amount by which a bound may fall back on an adaptive mesh, where opening a field may cost 1e-4 of it
 ADAPTED: Final = 2e-4
-"""Relative amount by which a bound may fall back on an adaptive mesh, where opening a field may cost 1e-4 of it."""
 _TRIANGLES: Final = 400
 
 
@@ -58,7 +61,7 @@ def case_fields(seed: int, tally: Tally) -> str:
     return _transferred(one, rng) or _against_rigid(one, found)
 
 
-def random_scenes(rng: np.random.Generator, moves: list[Move]) -> list[dict[str, Any]] | None:
+def random_scenes(rng: Dice, moves: list[Move]) -> list[dict[str, Any]] | None:
     """One random structure, moved in several ways; None where it has a single element."""
     labels, nodes, straight = planar_grid(rng)
     names = [label for label in np.unique(labels).tolist() if label > 0]
@@ -98,7 +101,7 @@ def random_scenes(rng: np.random.Generator, moves: list[Move]) -> list[dict[str,
     return scenes
 
 
-def _transferred(assembly: Assembly, rng: np.random.Generator) -> str:
+def _transferred(assembly: Assembly, rng: Dice) -> str:
     """What the fields of one labelling prove for another agrees with the bounds of the other."""
     coarse = CoarseBounds(FieldSetting.of(assembly))
     other = assembly.labels ^ (rng.random(len(assembly.labels)) < 0.4)
@@ -127,8 +130,8 @@ def _against_rigid(assembly: Assembly, found: FieldBounds) -> str:
 
 Array = np.ndarray[Any, Any]
 Pull = Callable[[Array, Array], Array]  # force per area (d,) at a point (d,) of a free face with an outward normal (d,)
+# entries of a symmetric 3 × 3 matrix in the order of the solver, which counts those off the diagonal √2 times
 _PSD: Final = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-"""Entries of a symmetric 3 × 3 matrix in the order of the solver, which counts those off the diagonal √2 times."""
 
 
 @dataclass(frozen=True)
@@ -238,16 +241,13 @@ class _Program:
         self.rows["zero", 1].append((terms, right))
 
     def least(self, terms: Terms, right: float = 0.0) -> None:
-        """Append terms ≤ right."""
         self.rows["least", 1].append((terms, right))
 
     def cone(self, parts: list[tuple[Terms, float]]) -> None:
-        """Append that the first of some affine functions is at least the length of the others."""
         rows = self.rows.setdefault(("soc", len(parts)), [])
         rows += [([(column, -value) for column, value in terms], constant) for terms, constant in parts]
 
     def semidefinite(self, entries: dict[tuple[int, int], Terms]) -> None:
-        """Append that a symmetric 3 × 3 matrix of linear functions is positive semidefinite."""
         rows = self.rows.setdefault(("psd", 6), [])
         for i, j in _PSD:
             rows.append(([(c, -v * (1.0 if i == j else math.sqrt(2.0))) for c, v in entries[i, j]], 0.0))
@@ -283,7 +283,6 @@ def _value(status: str, cost: float, sign: float, unbounded: float) -> float | N
 
 
 def _gradients(mesh: Simplices) -> tuple[Array, Array]:
-    """Return gradients (t, d + 1, d) of the linear functions of corners, and volumes (t,)."""
     d = int(mesh.nodes.shape[1])
     edges = mesh.nodes[mesh.cells[:, 1:]] - mesh.nodes[mesh.cells[:, :1]]
     inner = np.linalg.inv(edges).transpose(0, 2, 1)
@@ -418,7 +417,6 @@ def upper_bound(lattice: Lattice) -> float | None:
 
 
 def _multipliers(program: _Program, lattice: Lattice, size: float) -> list[int]:
-    """Return the unknowns y ≥ 0 of the yield lines, which cost a y times a size."""
     found = []
     for a, _ in lattice.lines:
         found.append(program.unknowns(1, a * size))
@@ -448,7 +446,6 @@ def _strain(program: _Program, lattice: Lattice, rate: Callable[[int, int], Term
 
 
 def _jump(program: _Program, lattice: Lattice, jump: list[Terms], normal: Array, size: float, dry: bool) -> None:
-    """Add the dissipation of a velocity jump at one corner of a facet."""
     opening = _along(jump, normal)
     if not dry:
         y = _multipliers(program, lattice, size)
@@ -468,8 +465,8 @@ def _jump(program: _Program, lattice: Lattice, jump: list[Terms], normal: Array,
 _IN_SPACE: Final = (9, 18, 27)  # seeds modulo 28 whose scenes are in space: 60 of 560
 _SLACK: Final = 1e-5  # relative amount by which bounds may cross: the own ones are the solver's
 _MOST: Final = {2: 200, 3: 60}  # most triangles or tetrahedra of the meshes of the program
+# load entry of a scene; its traction, where it acts, and its force per weight
 _Load = tuple[dict[str, Any], Pull | None, Callable[[Array], bool], Array]
-"""Load entry of a scene; its traction, where it acts, and its force per weight."""
 
 
 def case_loads(seed: int, tally: Tally) -> str:
@@ -500,7 +497,7 @@ def case_loads(seed: int, tally: Tally) -> str:
     return "" if max(low, own_low) <= min(high, own_high) + slack else f"{where}: {bounds}"
 
 
-def random_scene(rng: np.random.Generator, d: int) -> tuple[dict[str, Any], Lattice]:
+def random_scene(rng: Dice, d: int) -> tuple[dict[str, Any], Lattice]:
     """Return a structure of lattice boxes as a scene, and as its own lattice."""
     shape = rng.integers(2, [7, 4] if d == 2 else [4, 3, 3]) if d == 2 else rng.integers([1, 1, 1], [4, 3, 3])
     step = rng.uniform(0.4, 1.0, d)
@@ -538,13 +535,10 @@ def random_scene(rng: np.random.Generator, d: int) -> tuple[dict[str, Any], Latt
         joint["compressive_strength"] = soft
     dry, inner_pairs = _labels(rng, block, {tuple(cell) for low, high in feet for cell in _cells(low, high)}, feet)
     gravity = -np.eye(d)[-1]
-    scene = {
-        "elements": elements,
-        "materials": {"density": density, "gravity": gravity.tolist(), "dry": joint, "inner": inner},
-        "loads": {"dead": [one[0] for one in dead], "live": [one[0] for one in live]},
-        "labels": {"default": "dry", "inner": inner_pairs},
-        **({"thickness": thickness} if d == 2 else {}),
-    }
+    pushes = [one[0] for one in live]
+    scene = stones(elements, pushes, joint, inner, density=density, gravity=gravity.tolist())
+    scene |= {"labels": {"default": "dry", "inner": inner_pairs}, **({"thickness": thickness} if d == 2 else {})}
+    scene["loads"]["dead"] = [one[0] for one in dead]
     cosine = 1.0 / math.hypot(1.0, rough)
     tension = min(strength, inner["shear_strength"] / rough) if rough else strength
     lines = [(inner["shear_strength"] * cosine, -rough * cosine), (tension, -1.0)]
@@ -562,8 +556,7 @@ def _cells(low: Array, high: Array) -> list[tuple[int, ...]]:
     return [tuple(int(x) for x in cell) for cell in np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, len(axes))]
 
 
-def _cut(rng: np.random.Generator, low: Array, high: Array, times: int) -> list[tuple[Array, Array]]:
-    """Cut a box of the lattice in two, again and again, at random."""
+def _cut(rng: Dice, low: Array, high: Array, times: int) -> list[tuple[Array, Array]]:
     wide = np.flatnonzero(high - low > 1)
     if not times or not wide.size:
         return [(low, np.array(high))]
@@ -579,14 +572,11 @@ def _entry(name: str, low: Array, high: Array, **more: Any) -> dict[str, Any]:
     if len(low) == 2:
         (a, b), (c, d) = low.tolist(), high.tolist()
         return {"id": name, "polygon": [[a, b], [c, b], [c, d], [a, d]], **more}
-    ends = (low.tolist(), high.tolist())
-    vertices = [[ends[i][0], ends[j][1], ends[k][2]] for k in (0, 1) for j in (0, 1) for i in (0, 1)]
-    faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-    return {"id": name, "vertices": vertices, "faces": faces, **more}
+    return box(name, low.tolist(), high.tolist(), **more)
 
 
 def _labels(
-    rng: np.random.Generator, block: dict[tuple[int, ...], int], support: set[tuple[int, ...]], feet: list[Any]
+    rng: Dice, block: dict[tuple[int, ...], int], support: set[tuple[int, ...]], feet: list[Any]
 ) -> tuple[frozenset[frozenset[int]], list[list[str]]]:
     """Return the dry pairs of blocks, −1 for supports, and the pairs of ids that are inner."""
     touching = set[frozenset[int]]()
@@ -607,9 +597,7 @@ def _labels(
     return frozenset(touching - inner), pairs
 
 
-def _load(
-    rng: np.random.Generator, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float
-) -> _Load:
+def _load(rng: Dice, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float) -> _Load:
     d, none = len(step), np.zeros(len(step))
     kind = str(rng.choice(["pressure", "pressure", "line", "force", "force", "body", "around"]))
     if kind == "body":
@@ -617,8 +605,8 @@ def _load(
         return {"body": vector.tolist()}, None, lambda _: False, vector
     if kind == "around":
         number, pressure = int(rng.integers(len(boxes))), float(rng.uniform(-0.5, 1.0))
-        free = _free_surface(boxes, number, shape)
-        if free:
+        low, high = boxes[number]
+        if high[-1] == shape[-1] or low[0] == 0 or high[0] == shape[0]:  # its boundary is free somewhere
             entry = {"face": {"between": [f"b{number}", "outside"]}, "pressure": pressure}
             return entry, lambda _, normal: -pressure * normal, lambda at: at[-1] == number, none
         kind = "pressure"
@@ -630,11 +618,7 @@ def _load(
         ends = np.sort(rng.choice(int(shape[axis]) + 1, 2, replace=False))
         low[axis], high[axis] = ends
     top, first, last = float(shape[-1] * step[-1]), low * step[:-1], high * step[:-1]
-
-    def acts(at: Array) -> bool:
-        inside = (first - 1e-9 <= at[: d - 1]) & (at[: d - 1] <= last + 1e-9)
-        return bool(inside.all() and abs(at[d - 1] - top) < 1e-9)
-
+    acts = _above(first, last, top)
     if d == 2:
         points = [[float(first[0]), top], [float(last[0]), top]]
         if kind == "line":
@@ -660,15 +644,7 @@ def _load(
     return {"face": {"patch": patch}, "pressure": pressure}, lambda _, normal: -pressure * normal, acts, none
 
 
-def _free_surface(boxes: list[tuple[Array, Array]], number: int, shape: Array) -> bool:
-    """Return True if part of a block's boundary is certainly free: at the top or the sides of the structure."""
-    low, high = boxes[number]
-    return bool(high[-1] == shape[-1] or low[0] == 0 or high[0] == shape[0])
-
-
-def _force(
-    rng: np.random.Generator, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float
-) -> _Load:
+def _force(rng: Dice, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float) -> _Load:
     d = len(step)
     upper = [k for k, (_, high) in enumerate(boxes) if high[-1] == shape[-1]]
     number = int(rng.choice(upper))
@@ -680,14 +656,13 @@ def _force(
     vector = np.append(rng.uniform(-0.4, 0.4, d - 1), rng.uniform(-1.0, 0.2)) * width
     value = vector / (width * thickness if d == 2 else width**2)
     at = [*(0.5 * (first + last)).tolist(), top]
+    entry = {"element": f"b{number}", "force": vector.tolist(), "at": at, "width": width}
+    return entry, lambda *_: value, _above(first, last, top), np.zeros(d)
 
-    def acts(place: Array) -> bool:
-        inside = (first - 1e-9 <= place[: d - 1]) & (place[: d - 1] <= last + 1e-9)
-        return bool(inside.all() and abs(place[d - 1] - top) < 1e-9)
 
-    return (
-        {"element": f"b{number}", "force": vector.tolist(), "at": at, "width": width},
-        lambda *_: value,
-        acts,
-        (np.zeros(d)),
-    )
+def _above(first: Array, last: Array, top: float) -> Callable[[Array], bool]:
+    """Whether a place lies on a part of the upper surface, between two corners."""
+    return lambda at: bool(
+        (first - 1e-9 <= at[: len(first)]).all() and (at[: len(first)] <= last + 1e-9).all()
+        and abs(at[len(first)] - top) < 1e-9
+    )  # fmt: skip

@@ -14,6 +14,7 @@ import shapely
 from scipy.spatial import ConvexHull, cKDTree
 
 from benchmarks.claims import Tally
+from benchmarks.scenes import stones
 from jld_core import Assembly, InputError, Status, build_assembly, geometry_sensitivities, parse_scene, samples, solve
 from jld_core.arrays import Floats, Ints
 from jld_core.mechanics import scaling_of, yield_set
@@ -77,8 +78,8 @@ def grown(rng: np.random.Generator, shape: tuple[int, ...], first: set[Cell], co
         element = [tuple(free[rng.integers(len(free))].tolist())]
         for _ in range(int(rng.integers(1, 9))):
             labels[element[-1]] = label
-            inside = [c for cell in element for c in neighbours(cell) if _within(c, shape)]
-            open_cells = sorted({cell for cell in inside if labels[cell] == 0})
+            left = {tuple(cell) for cell in np.argwhere(labels == 0).tolist()}
+            open_cells = sorted(left & {beside for cell in element for beside in neighbours(cell)})
             if not open_cells:
                 break
             element.append(open_cells[rng.integers(len(open_cells))])
@@ -88,10 +89,6 @@ def grown(rng: np.random.Generator, shape: tuple[int, ...], first: set[Cell], co
         reached |= {b for a, b in touching if a in reached}
     labels[~np.isin(labels, sorted(reached))] = 0
     return labels
-
-
-def _within(cell: Cell, shape: tuple[int, ...]) -> bool:
-    return all(0 <= place < count for place, count in zip(cell, shape, strict=True))
 
 
 def with_hole(rng: np.random.Generator, shape: tuple[int, ...]) -> set[Cell]:
@@ -183,7 +180,6 @@ def _edges(cells: set[Cell]) -> dict[Cell, list[Cell]]:
 
 
 def _traced(edges: dict[Cell, list[Cell]]) -> list[list[Cell]]:
-    """Loops of directed edges with the area on the left; where two meet, each stays with its own square."""
     loops = []
     while edges:
         start = min(edges)
@@ -201,19 +197,14 @@ def _traced(edges: dict[Cell, list[Cell]]) -> list[list[Cell]]:
 
 
 def _bridged(loops: list[list[Cell]]) -> list[Cell]:
-    """One loop of several, joined by bridges between their nearest nodes."""
-
     def area(loop: list[Cell]) -> float:
         return 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(loop, loop[1:] + loop[:1], strict=True))
 
     whole, *holes = sorted(loops, key=area, reverse=True)
     while holes:
-        _, number, i, j = min(
-            (abs(p[0] - q[0]) + abs(p[1] - q[1]), number, i, j)
-            for number, hole in enumerate(holes)
-            for i, p in enumerate(whole)
-            for j, q in enumerate(hole)
-        )
+        nodes = [(number, j, q) for number, hole in enumerate(holes) for j, q in enumerate(hole)]
+        pairs = itertools.product(enumerate(whole), nodes)
+        _, number, i, j = min((abs(p[0] - q[0]) + abs(p[1] - q[1]), n, i, j) for (i, p), (n, j, q) in pairs)
         hole = holes.pop(number)
         around = [*hole[j:], *hole[: j + 1]]
         bridge = whole[i:] if whole[i] != hole[j] else whole[i + 1 :]
@@ -296,8 +287,8 @@ def case_geometry(seed: int, tally: Tally) -> str:
 
 
 Placed = tuple[list[dict[str, Any]], Move]  # elements, and how they were moved
+# labels of elements; these as drawn and moved; number of contacts; and what compares these with an assembly
 Drawn = tuple[list[int], Placed, Placed, int, Callable[[Assembly, Move], str]]
-"""Labels of elements; these as drawn and moved; number of contacts; and what compares these with an assembly."""
 
 
 def random_move(rng: np.random.Generator, dimension: int) -> Move:
@@ -312,18 +303,10 @@ def document(elements: list[dict[str, Any]], move: Move, **keys: Any) -> dict[st
     planar, weight = len(move.shift) == 2, 1000.0 * 9.81 * move.scale
     down = np.array([0.0, -9.81]) if planar else np.array([0.0, 0.0, -9.81])
     live = np.array([1.0, 0.1]) if planar else np.array([0.6, 0.8, 0.1])
-    return {
-        "elements": elements,
-        "materials": {
-            "density": 1000.0,
-            "gravity": (move.turn @ down).tolist(),
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 0.8 * weight, "shear_strength": 1.1 * weight},
-        },
-        "loads": {"live": [{"body": (move.turn @ live).tolist()}]},
-        **({"thickness": move.scale} if planar else {}),
-        **keys,
-    }
+    inner = {"tensile_strength": 0.8 * weight, "shear_strength": 1.1 * weight}
+    body, gravity = (move.turn @ live).tolist(), (move.turn @ down).tolist()
+    found = stones(elements, [{"body": body}], 0.6, inner, density=1000.0, gravity=gravity)
+    return found | ({"thickness": move.scale} if planar else {}) | keys
 
 
 def _spatial_case(rng: np.random.Generator) -> Drawn | None:
@@ -349,7 +332,6 @@ def _labels(labels: Ints) -> list[int]:
 
 
 def _compare(built: Assembly, known: list[Known], move: Move, rng: np.random.Generator) -> str:
-    """Return what differs between the interfaces of an assembly and the contacts known from the grid."""
     pairs = _pairs(built)
     if len(pairs) != len(known):
         return f"{len(pairs)} interfaces, expected {len(known)}"
@@ -400,15 +382,10 @@ class _Section:
         extent = high.max(axis=0) - low.min(axis=0)
         filled = abs(area - extent.prod()) <= 1e-12 * area
         scale = move.scale
-        return cls(
-            normal=move.turn @ contact.normal,
-            corners=move.points(squares.reshape(-1, 3)),
-            area=area * scale**2,
-            centroid=move.points(place),
-            moments=move.turn @ whole @ move.turn.T * scale**4,
-            torsion=radial / area * scale,
-            sides=(float(extent.min()) * scale, float(extent.max()) * scale) if filled else None,
-        )
+        corners, moments = move.points(squares.reshape(-1, 3)), move.turn @ whole @ move.turn.T * scale**4
+        sides = (float(extent.min()) * scale, float(extent.max()) * scale) if filled else None
+        normal, torsion = move.turn @ contact.normal, radial / area * scale
+        return cls(normal, corners, area * scale**2, move.points(place), moments, torsion, sides)
 
 
 def _radial(low: Floats, high: Floats) -> float:
@@ -568,11 +545,9 @@ def _compare_planar(built: Assembly, known: Sequence[tuple[int, int, Floats]], m
             return f"no interface left for e{a} and e{b}"
         length = float(np.hypot(*(ends[1] - ends[0])))
         allowed = max(EXACT, 1e-12 * float(abs(ends).max()) / length)
-        off = max(
-            abs(faces.l1[face] - length) / length,
-            float(np.linalg.norm(faces.origin[face] - ends.mean(axis=0))) / length,
-            abs(float(faces.normal[face] @ (ends[1] - ends[0]))) / length,
-        )
+        away = float(np.linalg.norm(faces.origin[face] - ends.mean(axis=0)))
+        turned = abs(float(faces.normal[face] @ (ends[1] - ends[0])))
+        off = max(abs(faces.l1[face] - length), away, turned) / length
         if not off <= allowed:
             return f"interface {pairs[face]} differs by {off:.2g}"
     return ""

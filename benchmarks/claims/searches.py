@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import math
 import os
@@ -13,9 +14,9 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -41,12 +42,14 @@ from jld_explore.space.search_space import SearchSpace
 from jld_explore.verification import verify
 from jld_samples import box
 
+Document = dict[str, Any]
+Known = list[tuple[Any, Evaluation]]  # labellings and what they come to
 MOST: Final = 11  # faces that may change, at the most: 2 048 labellings
+# faces below which a scene is drawn again, the oftener the fewer: one or two leave little to be wrong about
 _FEW: Final = 6
-"""Faces below which a scene is drawn again, the oftener the fewer: one or two leave little to be wrong about."""
 
 
-def drawn_trials(seed: int) -> tuple[Scene, SearchSpace, list[str], np.random.Generator, dict[str, Any]]:
+def drawn_trials(seed: int) -> tuple[Scene, SearchSpace, list[str], np.random.Generator, Document]:
     """The scene of a seed: the first that its numbers draw which is a scene, and small enough."""
     rng = np.random.default_rng(seed)
     while True:
@@ -61,13 +64,12 @@ def drawn_trials(seed: int) -> tuple[Scene, SearchSpace, list[str], np.random.Ge
             return scene, space, kinds, rng, document
 
 
-def draw(rng: np.random.Generator) -> tuple[dict[str, Any], list[str]]:
-    """A scene document, and words for what it has."""
+def draw(rng: np.random.Generator) -> tuple[Document, list[str]]:
     kinds: list[str] = []
     spatial = rng.random() < 0.15
-    dry: dict[str, Any] = {"friction_coefficient": float(rng.choice([0.0, 0.3, 0.75, 1.5], p=[0.05, 0.25, 0.6, 0.1]))}
+    dry: Document = {"friction_coefficient": float(rng.choice([0.0, 0.3, 0.75, 1.5], p=[0.05, 0.25, 0.6, 0.1]))}
     strength = float(rng.choice([0.0, 5e2, 2e3, 1e4, 1e6], p=[0.1, 0.25, 0.3, 0.25, 0.1]))
-    inner: dict[str, Any] = {"tensile_strength": strength}
+    inner: Document = {"tensile_strength": strength}
     inner["shear_strength"] = strength * float(rng.choice([0.5, 1.0, 2.0]))
     if rng.random() < 0.2:
         dry["cohesion"] = 500.0
@@ -114,13 +116,13 @@ def _rows(rng: np.random.Generator, kinds: list[str]) -> list[str]:
     return ["".join(row) for row in [*rows, foot]]
 
 
-def _cubes(name: str, low: Sequence[int], size: Sequence[int] = (1, 1, 1), **keys: Any) -> dict[str, Any]:
+def _cubes(name: str, low: Sequence[int], size: Sequence[int] = (1, 1, 1), **keys: Any) -> Document:
     """An element of so many cubes of 0.1 m."""
     return box(name, [0.1 * v for v in low], [0.1 * (v + s) for v, s in zip(low, size, strict=True)], **keys)
 
 
-def random_loads(rng: np.random.Generator, names: list[str], spatial: bool, kinds: list[str]) -> dict[str, Any]:
-    def live() -> list[dict[str, Any]]:
+def random_loads(rng: np.random.Generator, names: list[str], spatial: bool, kinds: list[str]) -> Document:
+    def live() -> list[Document]:
         if rng.random() < 0.6:
             body = [float(rng.choice([-1.0, 1.0])), float(rng.choice([0.0, 0.0, 0.4, -0.5]))]
             return [{"body": [*body, 0.0] if spatial else body}]
@@ -134,11 +136,11 @@ def random_loads(rng: np.random.Generator, names: list[str], spatial: bool, kind
     return {"live": live()}
 
 
-def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> Document:
+    found: Document = {}
     low, high = sorted(int(v) for v in rng.integers(1, 5, 2))
     unit = 0.001 if spatial else 0.0005
-    known: dict[str, Any] = {
+    known: Document = {
         "block_cells": [None if rng.random() < 0.6 else low, high],
         "block_extent": [None, float(rng.choice([0.1, 0.2, 0.3]))],
         "block_mass": [None, 1400 * unit * high * 2.0],
@@ -153,12 +155,10 @@ def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> dict[s
         if not (spatial and key in ("block_aspect", "convex_blocks")):
             found[key] = known[key]
             kinds.append(key)
-    if rng.random() < 0.15:
-        found["segmentation"] = False
-        kinds.append("slits")
-    if rng.random() < 0.15:
-        found["candidates"] = "all+supports"
-        kinds.append("supports")
+    for kind, key, value in (("slits", "segmentation", False), ("supports", "candidates", "all+supports")):
+        if rng.random() < 0.15:
+            found[key] = value
+            kinds.append(kind)
     if rng.random() < 0.2:
         found["symmetry"] = "none"
     if rng.random() < 0.1 and "segmentation" not in found:
@@ -191,16 +191,16 @@ def case_trials(seed: int, tally: Tally) -> str:
     had.
     """
     scene, space, kinds, rng, document = drawn_trials(seed)
-    options: dict[str, Any] = {
+    options: Document = {
         "by_blocks": str(rng.choice(["auto", "on", "off"])),
         "list_blocks": bool(rng.random() < 0.7) or "blocks" in kinds,
         "search": int(rng.choice([0, 1, 10])),
         "aim": "front" if rng.random() < 0.15 else "best",
     }
-    stopped = int(rng.integers(1, 25)) if rng.random() < 0.25 else None
+    stopped = int(rng.integers(1, 25)) if rng.random() < 0.25 else 0
     jobs = 2 if rng.random() < 0.1 else 1
     rng.random()  # Formerly the choice of an option; drawn so that a seed means the same scene as before.
-    had = (("front", options["aim"] == "front"), ("stopped", stopped is not None), ("two jobs", jobs > 1))
+    had = (("front", options["aim"] == "front"), ("stopped", stopped > 0), ("two jobs", jobs > 1))
     kinds += [name for name, on in had if on]
     known = list(every(space))
     required = _required(rng, document, known) if rng.random() < 0.1 else None
@@ -221,14 +221,14 @@ def case_trials(seed: int, tally: Tally) -> str:
 def _compare(
     scene: Scene,
     space: SearchSpace,
-    known: list[tuple[Any, Evaluation]],
-    options: dict[str, Any],
-    stopped: int | None,
+    known: Known,
+    options: Document,
+    stopped: int,
     jobs: int,
     kinds: list[str],
-    folder: Path,
+    at: Path,
 ) -> str:
-    path = folder / "proof.jld"
+    folder, path = at, at / "proof.jld"
     settings = ExploreSettings(pictures=False, jobs=jobs, small=0)
     if jobs > 1:
         options = {**options, "solo_relaxations": 0}
@@ -239,9 +239,9 @@ def _compare(
         certified = False
     driver = Exact(space, **options)
     try:
-        if stopped is not None:
+        if stopped:
             explore(scene, folder / "out", settings, driver=Exact(space, **options, programs=stopped))
-        again = replace(settings, resume=stopped is not None)
+        again = replace(settings, resume=stopped > 0)
         facts = explore(scene, folder / "out", again, driver=driver).summary.facts
     except InputError as error:
         if not known and "no labelling" in str(error):
@@ -280,10 +280,7 @@ def _compare(
     return ""
 
 
-def _required(
-    rng: np.random.Generator, document: dict[str, Any], known: list[tuple[Any, Evaluation]]
-) -> dict[str, Any] | None:
-    """The scene with a load factor required that some labellings have and others do not, or none has."""
+def _required(rng: np.random.Generator, document: Document, known: Known) -> Document | None:
     loads = np.unique([found.load_factor for _, found in known if found.status is Status.COLLAPSE])
     loads = loads[loads > 1e-3]
     apart = np.flatnonzero(np.diff(loads) > 1e-3 * loads[1:])
@@ -295,7 +292,7 @@ def _required(
     return {**document, "search": {**document["search"], "front": front, "require": require}}
 
 
-def _compare_required(document: dict[str, Any], known: list[tuple[Any, Evaluation]], jobs: int, folder: Path) -> str:
+def _compare_required(document: Document, known: Known, jobs: int, folder: Path) -> str:
     """The best count of what carries enough, proven, against all that does."""
     scene = parse_scene(document)
     space = search_space(scene, build_assembly(scene))
@@ -318,7 +315,7 @@ def _compare_required(document: dict[str, Any], known: list[tuple[Any, Evaluatio
     return ""
 
 
-def _fronts(space: SearchSpace, values: list[tuple[Any, Evaluation]], rows: list[dict[str, Any]], room: float) -> str:
+def _fronts(space: SearchSpace, values: list[tuple[Any, Evaluation]], rows: list[Document], room: float) -> str:
     rows_of_labels = np.array([labels for labels, _ in values])
     counts = values_of(count_named(space.search.front.count), space.assembly, rows_of_labels)
     best: dict[int, float] = {}
@@ -334,9 +331,8 @@ def _fronts(space: SearchSpace, values: list[tuple[Any, Evaluation]], rows: list
 MOST_CLASSES: Final = 1000  # classes up to which a space is enumerated
 SECONDS_PROOFS: Final = 1.5  # time for one proof, s; a proof that takes longer claims nothing
 TOGETHER: Final = 64  # layouts evaluated together: between two such portions the time is looked at
+# multiple of its time after which a search that lists all layouts is given up; it then claims nothing
 LATE: Final = 4.0
-"""Multiple of its time after which a search that lists all layouts is given up; it then claims nothing."""
-
 EVERY: Final = 10  # one scene in this number is proven by real processes as well
 PROCESS_SECONDS: Final = 40.0  # time for a proof by real processes, s; most of it passes before they have started
 PROCESSES: Final = 3  # number of real worker processes
@@ -380,7 +376,7 @@ def case_proofs(seed: int, tally: Tally) -> str:
     tally.count("enumerated", truth is not None)
     first = None
     for jobs, threads in ((1, True), (int(rng.integers(2, 5)), bool(rng.random() < 0.7))):
-        options: dict[str, Any] = {"search": int(rng.choice([0, 0, 1]))}
+        options: Document = {"search": int(rng.choice([0, 0, 1]))}
         if aim != "require":
             options |= {"step_after": [None, 1, 5][int(rng.integers(3))], "aim": aim}
             options["by_blocks"] = str(rng.choice(["off", "off", "auto", "on"]))
@@ -411,9 +407,9 @@ def case_proofs(seed: int, tally: Tally) -> str:
 def _by_processes(space: SearchSpace, evaluator: Any, aim: str, seed: int, tally: Tally) -> Proof:
     """Prove with real worker processes from the start; in every other such scene kill one that has worked."""
     own = {} if aim == "require" else {"aim": aim, "by_blocks": "off"}
-    options: dict[str, Any] = {"search": 0, "solo_relaxations": 0, **own}
+    options: Document = {"search": 0, "solo_relaxations": 0, **own}
     killer = _WorkerKiller(seed // EVERY % 2)
-    found = _prove(space, evaluator, aim, PROCESSES, options, PROCESS_SECONDS, nullcontext(), killer)
+    found = _prove(space, evaluator, aim, PROCESSES, options, killer)
     tally.count("by processes")
     tally.count("by processes, proven", found.proven)
     tally.count("tasks of processes", found.tasks)
@@ -447,7 +443,7 @@ def _tasks_of(driver: Any) -> Sequence[float]:
     return [] if cube_workers is None else cube_workers.task_seconds
 
 
-def _scene_proofs(rng: np.random.Generator) -> tuple[SearchSpace, dict[str, Any], str]:
+def _scene_proofs(rng: np.random.Generator) -> tuple[SearchSpace, Document, str]:
     """A random space, its scene, and what is to be proven: "best", "front" or "require"."""
     while True:
         document, aim = _document(rng)
@@ -460,29 +456,23 @@ def _scene_proofs(rng: np.random.Generator) -> tuple[SearchSpace, dict[str, Any]
             return space, document, aim
 
 
-def _document(rng: np.random.Generator) -> tuple[dict[str, Any], str]:
+def _document(rng: np.random.Generator) -> tuple[Document, str]:
     across, up = int(rng.integers(3, 5)), int(rng.integers(2, 5))
     rows = [["a"] * across for _ in range(up)]
     if rng.random() < 0.2:
         rows[int(rng.integers(up))][int(rng.integers(across))] = "."
     foot = ["#"] * across if rng.random() < 0.7 else ["#", *["."] * (across - 2), "#"]
     strength = float(rng.choice([0.0, 1e3, 4e3, 1e4, 1e6]))
-    dry: dict[str, Any] = {"friction_coefficient": float(rng.choice([0.3, 0.6, 0.75, 1.0]))}
-    inner: dict[str, Any] = {"tensile_strength": strength, "shear_strength": strength}
+    dry: Document = {"friction_coefficient": float(rng.choice([0.3, 0.6, 0.75, 1.0]))}
+    inner: Document = {"tensile_strength": strength, "shear_strength": strength}
     if rng.random() < 0.15:
         dry["cohesion"] = 300.0
     if rng.random() < 0.15:
-        dry["compressive_strength"] = 2e5
-        inner["compressive_strength"] = 2e5
-    search: dict[str, Any] = {"block_cells": [1, int(rng.choice([2, 3, 4, 4]))]}
-    limits: dict[str, Any] = {
-        "blocks": [None, int(rng.integers(5, 9))],
-        "shapes": [None, int(rng.integers(2, 4))],
-        "dry_faces": [int(rng.integers(0, 6)), None],
-        "convex_blocks": True,
-        "assemble": "translation",
-        "block_extent": [None, 0.35],
-    }
+        dry["compressive_strength"] = inner["compressive_strength"] = 2e5
+    search: Document = {"block_cells": [1, int(rng.choice([2, 3, 4, 4]))]}
+    limits: Document = {"blocks": [None, int(rng.integers(5, 9))], "shapes": [None, int(rng.integers(2, 4))]}
+    limits |= {"dry_faces": [int(rng.integers(0, 6)), None], "convex_blocks": True, "assemble": "translation"}
+    limits["block_extent"] = [None, 0.35]
     for name in rng.permutation(list(limits)).tolist()[: int(rng.choice([0, 0, 1, 1, 2]))]:
         search[name] = limits[name]
     if "shapes" in search and rng.random() < 0.5:
@@ -500,7 +490,6 @@ def _document(rng: np.random.Generator) -> tuple[dict[str, Any], str]:
 
 
 def _enumerate(space: SearchSpace, evaluator: Any, aim: str) -> Proof | None:
-    """The truth by evaluating every class; None where there are too many, or where one is not certain."""
     rows: list[np.ndarray[Any, Any]] = []
     count = 0
     end = time.perf_counter() + SECONDS_PROOFS
@@ -538,26 +527,17 @@ def _best_of(space: SearchSpace, labellings: Any, found: Sequence[Evaluation], a
 
 
 def _prove(
-    space: SearchSpace,
-    evaluator: Any,
-    aim: str,
-    jobs: int,
-    options: dict[str, Any],
-    seconds: float = SECONDS_PROOFS,
-    workers: AbstractContextManager[object] | None = None,
-    disturb: Callable[[Any], None] = lambda driver: None,
+    space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: Document, killer: _WorkerKiller | None = None
 ) -> Proof:
-    """Let the exact driver prove a scene.
-
-    workers: context that provides them, by default threads for processes. disturb: called with the driver as it works.
-    """
+    """Let the exact driver prove a scene, by threads for processes unless one is given that kills processes."""
+    seconds = PROCESS_SECONDS if killer else SECONDS_PROOFS
     driver: Any = (MinimumCount if aim == "require" else Exact)(space, 0, **options)
     rows: list[Any] = []
     evaluations: list[Evaluation] = []
     start, whole = time.perf_counter(), True
-    with workers or _threads_for_processes():
+    with nullcontext() if killer else _threads_for_processes():
         driver.set_workers(jobs)
-        driver.start(Deadline(seconds), lambda: disturb(driver))
+        driver.start(Deadline(seconds), lambda: killer(driver) if killer else None)
         try:
             while len(asked := driver.ask(None)):
                 answers = []
@@ -576,10 +556,9 @@ def _prove(
             driver.close()
     labellings = np.concatenate(rows) if rows else np.empty((0, len(space.fixed)), dtype=bool)
     found = _best_of(space, labellings, evaluations, aim)
-    found.seconds = time.perf_counter() - start
     check = getattr(driver, "proof_check", None)
+    found.seconds, found.tasks = time.perf_counter() - start, tasks
     found.check_seconds = 0.0 if check is None else check.seconds
-    found.tasks = tasks
     found.proven = whole and bool(driver.finished or driver.exhaustive)
     found.bound = None if driver.exhaustive or aim == "require" else driver.bound
     if aim == "front" and not driver.exhaustive:
@@ -588,9 +567,7 @@ def _prove(
     return found
 
 
-def _stop_and_resume(
-    space: SearchSpace, scene: Scene, aim: str, jobs: int, options: dict[str, Any], programs: int
-) -> Proof:
+def _stop_and_resume(space: SearchSpace, scene: Scene, aim: str, jobs: int, options: Document, programs: int) -> Proof:
     """Let the exact driver prove through `explore`, stop it after some programs, and go on from the record."""
     settings = ExploreSettings(pictures=False, jobs=jobs, small=0, seconds=2.0 * SECONDS_PROOFS)
     with _threads_for_processes(), tempfile.TemporaryDirectory() as place:
@@ -644,27 +621,20 @@ def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
 def _delays(seed: int) -> Iterator[None]:
     rng = np.random.default_rng([seed, 7])
     delays = rng.exponential(0.002, 997) * (rng.random(997) < 0.3)
-    number = 0
-
-    def random_delay(_: str) -> None:
-        nonlocal number
-        number += 1
-        time.sleep(float(delays[number % 997]))
-
-    with patch("jld_explore.drivers.exact.cube_workers.delay_point", random_delay):
+    waits = itertools.cycle(delays.tolist())
+    with patch("jld_explore.drivers.exact.cube_workers.delay_point", lambda _: time.sleep(next(waits))):
         yield
 
 
 CLOSE_MEMBERS: Final = 1e-6  # largest relative difference of both optima
 ABOVE: Final = 1e-5  # largest relative distance of the bound of a certificate above the optimum
 _INSIDE: Final = [["c0r0", "c1r0"], ["c0r0", "c0r1"], ["c1r0", "c1r1"], ["c0r1", "c1r1"]]
-SEARCHES: Final[list[dict[str, Any]]] = [  # searches that scenes take in turn; certificates know the first one
+SEARCHES: Final[list[Document]] = [  # searches that scenes take in turn; certificates know the first one
     {"block_cells": [1, 2]},
     {"block_cells": [1, 2], "candidates": "all+supports"},
     {"block_cells": [1, 2], "segmentation": False, "candidates": _INSIDE},
     {"block_cells": [1, 3], "front": {"count": "blocks", "sense": "min"}, "require": {"load_factor": 0.4}},
 ]
-Document = dict[str, Any]
 
 
 def case_members(seed: int, tally: Tally) -> str:
@@ -678,7 +648,7 @@ def case_members(seed: int, tally: Tally) -> str:
     scene = parse_scene(drawn_members(seed))
     with tempfile.TemporaryDirectory() as folder:
         out, file = Path(folder), Path(folder) / "proof"
-        common: dict[str, Any] = {"pictures": False, "check_fields": 0, "seconds": 60.0}
+        common: Document = {"pictures": False, "check_fields": 0, "seconds": 60.0}
         every = explore(scene, out / "every", ExploreSettings(driver="enumeration", **common)).summary
         certificate = file if seed % len(SEARCHES) == 0 else None
         exact = ExploreSettings(driver="exact", certificate=certificate, **common)
@@ -737,8 +707,8 @@ def _member(rng: np.random.Generator) -> Document | None:
 
 
 _MUTATIONS: Final = 30
+# share of λ by which the best layout of an enumeration may exceed a bound: width of brackets, gap of proofs
 _TOLERANCE: Final = 2e-6
-"""Share of λ by which the best layout of an enumeration may exceed a bound: width of brackets, gap of proofs."""
 
 
 def case_certificates(seed: int, tally: Tally) -> str:
@@ -790,21 +760,21 @@ def _judged(path: Path, folder: Path, is_whole: bool, tally: Tally) -> str:
     return ""
 
 
-def _scene_certificates(rng: random.Random) -> dict[str, Any]:
+def _scene_certificates(rng: random.Random) -> Document:
     """Return a random wall of at most six cells on supports."""
     width, height = rng.choice([(2, 1), (3, 1), (2, 2), (3, 2), (2, 3)])
     dry: dict[str, float] = {"friction_coefficient": rng.choice([0.3, 0.75, 1.2])}
     inner: dict[str, float] = {key: rng.choice([1e3, 2e3, 2e4]) for key in ("tensile_strength", "shear_strength")}
     if rng.random() < 0.3:
         dry["compressive_strength"] = inner["compressive_strength"] = rng.choice([2e4, 1e6])
-    search: dict[str, Any] = {"block_cells": rng.choice([[1, 2], [1, 3], [2, 4], [None, None]])}
+    search: Document = {"block_cells": rng.choice([[1, 2], [1, 3], [2, 4], [None, None]])}
     if rng.random() < 0.2:
         search["segmentation"] = False
     if rng.random() < 0.2:
         search["candidates"] = "all+supports"
     if rng.random() < 0.3:
         search["dry_faces"] = [1, None]
-    loads: dict[str, Any] = {"live": [{"body": [1, rng.choice([0, -0.4, 0.3])]}]}
+    loads: Document = {"live": [{"body": [1, rng.choice([0, -0.4, 0.3])]}]}
     if rng.random() < 0.2:
         sides = (("left", 1), ("right", -1))
         loads = {"cases": [{"name": side, "live": [{"body": [sign, 0]}]} for side, sign in sides]}
@@ -832,7 +802,6 @@ def _changed(whole: bytes, rng: random.Random) -> bytes:
 
 
 def _change_lines(lines: list[Any], rng: random.Random) -> None:
-    """Change one field, or leave out, repeat or exchange lines."""
     kind = rng.random()
     place = rng.randrange(len(lines))
     if kind < 0.08:
@@ -875,24 +844,19 @@ def _other_value(value: Any, rng: random.Random) -> Any:
     return rng.choice(near if near and rng.random() < 0.7 else strange)
 
 
+# drivers by name, "" for the one that is chosen where none is named
 DRIVERS: Final = ("", "enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
-"""Drivers by name, "" for the one that is chosen where none is named."""
-
 SECONDS_TIME_LIMITS: Final = (2.0, 3.0, 4.0)  # time limits, s
 HANGS: Final = 90.0  # seconds after which a search is killed
 TURNS: Final = 3  # how often a search that ends late is run at the most
+# bounds of the classes in which the seconds past the limit S are counted
 STEPS: Final = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
-"""Bounds of the classes in which the seconds past the limit S are counted."""
-
-
+# words of the message of a search that neither found a layout in time nor proved that there is none
 UNDECIDED: Final = "nor a proof that there is none"
-"""Words of the message of a search that neither found a layout in time nor proved that there is none."""
-
+# time by the clock over processor time of one start of the program below which a machine counts as idle
 IDLE_BELOW: Final = 1.1
-"""Time by the clock over processor time of one start of the program below which a machine counts as idle."""
-
+# file with the times, ns, that a process ran and that it waited for a processor, on systems that have it
 WAITED: Final = Path("/proc/self/schedstat")
-"""File with the times, ns, that a process ran and that it waited for a processor, on systems that have it."""
 
 IDLE: Final = """
 import atexit, os, sys, time
@@ -905,10 +869,6 @@ from jld_explore.__main__ import main
 main()
 """
 """Program that runs the command line by a clock that stands still while the main thread waits for a processor."""
-
-
-def allowed(seconds: float) -> float:
-    return 1.1 * seconds + 2.0
 
 
 def run_time_limits(claim: str, first_seed: int, cases: int, seconds: float) -> Tally:
@@ -944,7 +904,7 @@ def _case_time_limits(folder: Path, seed: int, tally: Tally) -> str:
     for turn in range(TURNS):
         out = folder / f"out-{seed}-{turn}"
         seconds, undecided, wrong = _ended(file, out, options)
-        late = seconds > allowed(limit)
+        late = seconds > 1.1 * limit + 2.0
         if not late or wrong:
             break
     if turn and not late:
@@ -962,7 +922,7 @@ def _case_time_limits(folder: Path, seed: int, tally: Tally) -> str:
         if WAITED.exists():
             idle = _ended(file, folder / f"out-{seed}-idle", options, idle=True)[0]
             wrong.append(f"{idle:.1f} s by the clock of an idle machine")
-            tally.count("late by the clock of an idle machine", idle > allowed(limit))
+            tally.count("late by the clock of an idle machine", idle > 1.1 * limit + 2.0)
     return f"{' '.join(options)}: {'; '.join(wrong)}" if wrong else ""
 
 
@@ -984,15 +944,9 @@ def _ended(file: Path, out: Path, options: list[str], *, idle: bool = False) -> 
     command = [sys.executable, *program, "explore", str(file), "--out", str(out), *options]
     start = time.perf_counter()
     try:
-        done = subprocess.run(
-            command,
-            cwd=file.parent,
-            capture_output=True,
-            text=True,
-            timeout=HANGS,
-            check=False,
-            env={**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"},
-        )
+        environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
+        how: Document = {"cwd": file.parent, "capture_output": True, "text": True, "env": environment}
+        done = subprocess.run(command, timeout=HANGS, check=False, **how)
     except subprocess.TimeoutExpired:
         return HANGS, False, [f"not ended after {HANGS:g} s"]
     seconds = float(clock.read_text(encoding="ascii")) if idle else time.perf_counter() - start
@@ -1001,7 +955,6 @@ def _ended(file: Path, out: Path, options: list[str], *, idle: bool = False) -> 
 
 
 def _wrong(done: subprocess.CompletedProcess[str], out: Path) -> list[str]:
-    """What is wrong with the end of a search, in words."""
     if done.returncode == 2 and done.stderr.count("\n") == 1:
         # a space that is provably empty or not decided, or a driver that says what it is not for
         if "within --seconds" in done.stderr and UNDECIDED not in done.stderr:
@@ -1031,9 +984,8 @@ def _options(rng: np.random.Generator, driver: str) -> list[str]:
     return options
 
 
-def random_scene(rng: np.random.Generator) -> dict[str, Any]:
-    """A sample of a random kind and size with random loads and limits, as the document of a scene file."""
-    document: dict[str, Any] = _sample(rng).model_dump(mode="json", exclude_defaults=True, by_alias=True)
+def random_scene(rng: np.random.Generator) -> Document:
+    document: Document = _sample(rng).model_dump(mode="json", exclude_defaults=True, by_alias=True)
     document["search"] = _search(rng)
     if rng.random() < 0.25:
         live = document["loads"].pop("live")
@@ -1065,9 +1017,9 @@ def _sample(rng: np.random.Generator) -> Any:
     return samples.dome(meridians=int(whole(4, 9)), parallels=int(whole(2, 4)), load=push)
 
 
-def _search(rng: np.random.Generator) -> dict[str, Any]:
-    search: dict[str, Any] = {"block_cells": [1, int(rng.integers(2, 7))]}
-    more: list[dict[str, Any]] = [
+def _search(rng: np.random.Generator) -> Document:
+    search: Document = {"block_cells": [1, int(rng.integers(2, 7))]}
+    more: list[Document] = [
         {"shapes": [None, int(rng.integers(1, 5))]},
         {"shapes": [None, 3], "moulds": {"rotate": True, "flip": True}},
         {"block_cells": [2, int(rng.integers(3, 9))]},

@@ -128,18 +128,10 @@ def crown_thrust(count: int, thickness: float) -> Interval:
     return low, high
 
 
-def cubes(
-    count: int,
-    tension: float,
-    shear: float,
-    friction: float = 0.7,
-    base: str = "dry",
-    bending: Any = "uncoupled",
-    degrees: float | None = None,
-) -> Interval:
-    """λ of unit cubes on one another under a horizontal body load."""
+def cubes(count: int, bending: Any = "uncoupled", degrees: float | None = None, **joint: Any) -> Interval:
+    """λ of unit cubes on one another under a horizontal body load. joint: tension, shear, friction, base."""
     direction = None if degrees is None else math.radians(degrees)
-    scene = stacked_cubes(count, friction=friction, tension=tension, shear=shear, base=base, direction=direction)
+    scene = stacked_cubes(count, direction=direction, **{"friction": 0.7, **joint})
     return _solved(scene, inner_bending=bending)
 
 
@@ -244,11 +236,10 @@ QUANTITIES: Final[dict[str, Callable[..., Interval]]] = {  # functions by the na
 
 SOURCES: Final = HERE / "sources"
 TIERS: Final = ("closed form", "independent program", "experiment", "ours")  # kinds of evidence, the strongest first
+# how a published value compares with ours: equal, inside our proven interval, above or below λ, or a collapse
 RELATIONS: Final = ("equal", "inside", "above", "below", "falls")
-"""How a published value compares with ours: equal, inside our proven interval, above or below λ, or a collapse."""
-
+# why a published value and ours differ: what the scene leaves out, or an error of the source
 CLASSES: Final = ("bond", "strength of fill", "deformation", "printed value")
-"""Why a published value and ours differ: what the scene leaves out, or an error of the source."""
 
 
 @dataclass(frozen=True)

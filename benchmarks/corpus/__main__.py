@@ -20,12 +20,10 @@ from jld_views.figures import save_figure
 
 PAGE: Final = ROOT / "docs" / "validation.md"
 PICTURE: Final = ROOT / "docs" / "images" / "corpus.png"
+# mark of each tier in the picture
 MARKS: Final = {"closed form": "o", "independent program": "s", "experiment": "^", "ours": "x"}
-"""Mark of each tier in the picture."""
-
+# text of the page above and below its tables
 HEAD, END = (Path(__file__).parent / "page.md").read_text(encoding="utf-8").split("{rows}\n")
-"""Text of the page above and below its tables."""
-
 Pair = tuple[Value, tuple[float, float]]
 
 
@@ -59,21 +57,16 @@ def classified(pairs: list[Pair]) -> str:
     counts = {relation: sum(value.relation == relation for value, _ in pairs) for relation in RELATIONS}
     said = ", ".join(f"{count} {relation}" for relation, count in counts.items() if count)
     listed = "\n".join(f"- {what}" for what in wrong)
-    differ = "\n".join(
-        f"- *{kind}*: {value.what}: published {f'{value.published:.6g} {value.unit}'.strip()}; {value.why}"
-        for kind in CLASSES
-        for value, _ in pairs
-        if value.kind == kind
+    listed = f"{len(wrong)} of {len(pairs)}:\n\n{listed}\n" if wrong else f"None of {len(pairs)} ({said}).\n"
+    lines = [f"## Rows that disagree\n\n{listed}\n## Rows that differ for a reason, by class\n"]
+    lines.append(
+        "*Bond*, *strength of fill* and *deformation* are what the scene leaves out. *Printed value*: the source"
     )
-    return (
-        "## Rows that disagree\n\n"
-        + (f"{len(wrong)} of {len(pairs)}:\n\n{listed}\n" if wrong else f"None of {len(pairs)} ({said}).\n")
-        + "\n## Rows that differ for a reason, by class\n\n"
-        "*Bond*, *strength of fill* and *deformation* are what the scene leaves out. *Printed value*: the source\n"
-        "prints, beside or instead of the value, one that its own equations or matrices do not give.\n\n"
-        + differ
-        + "\n"
-    )
+    lines.append("prints, beside or instead of the value, one that its own equations or matrices do not give.\n")
+    for value in sorted((value for value, _ in pairs if value.kind), key=lambda value: CLASSES.index(value.kind)):
+        published = f"{value.published:.6g} {value.unit}".strip()
+        lines.append(f"- *{value.kind}*: {value.what}: published {published}; {value.why}")
+    return "\n".join([*lines, ""])
 
 
 def of_others(values: list[Value]) -> str:
@@ -88,7 +81,6 @@ def of_others(values: list[Value]) -> str:
 
 
 def page(pairs: list[Pair]) -> str:
-    """Return the page, with one table for each source, the strongest evidence first."""
     count = {tier: sum(value.source.tier == tier for value, _ in pairs) for tier in TIERS}
     parts = [
         HEAD,
@@ -113,7 +105,7 @@ def picture(pairs: list[Pair]) -> Figure:
         shown = [(value, ours) for value, ours in pairs if value.source.tier == tier and value.relation != "falls"]
         if not shown:
             continue
-        x, y, left, right = [], [], [], []
+        marks: list[tuple[float, ...]] = []
         for value, ours in shown:
             published = abs(value.published)
             low, high = sorted(math.copysign(end, end * value.published) for end in ours)
@@ -121,19 +113,14 @@ def picture(pairs: list[Pair]) -> Figure:
                 # An end far away, or without bound, is drawn at 1/30 or 3 times the published value.
                 low, high = (min(max(end, published / 30.0), 3.0 * published) for end in (low, high))
             middle = min(max(published, low), high)
-            x.append(middle)
-            y.append(published)
-            left.append(middle - low)
-            right.append(high - middle)
+            marks.append((middle, published, middle - low, high - middle))
+        x, y, *bars = np.array(marks).T
         ax.errorbar(
-            x, y, xerr=np.array([left, right]), fmt=MARKS[tier], markersize=6, markerfacecolor="none", capsize=2,
+            x, y, xerr=np.array(bars), fmt=MARKS[tier], markersize=6, markerfacecolor="none", capsize=2,
             linewidth=1.0, label=f"{tier} ({len(shown)})",
         )  # fmt: skip
-    far = [
-        (value, ours[1])
-        for value, ours in pairs
-        if value.relation in ("above", "below") and not 0.5 < value.published / ours[1] < 2.0
-    ]
+    far = [(value, ours[1]) for value, ours in pairs if value.relation in ("above", "below")]
+    far = [(value, own) for value, own in far if not 0.5 < value.published / own < 2.0]
     for k, (value, own) in enumerate(sorted(far, key=lambda one: one[0].published)):
         name = value.what.partition(":")[0].removeprefix("arch ")
         # The lowest label stands below its mark, as marks of one series lie close together.
