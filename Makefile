@@ -101,7 +101,7 @@ sanitize: setup
 		tests/core/test_batch_solver.py tests/core/test_kernel_interface.py
 	$(BIN)/python src/jld_core/batch/build.py --thread-sanitized out/sanitized/threads
 	LD_PRELOAD=$$(gcc -print-file-name=libtsan.so) TSAN_OPTIONS="exitcode=66 report_signal_unsafe=0" \
-		JLD_KERNEL=$(CURDIR)/out/sanitized/threads/_base.so $(BIN)/python -m benchmarks.claims.answers threads
+		JLD_KERNEL=$(CURDIR)/out/sanitized/threads/_base.so $(BIN)/python -m tools.solver_threads
 
 studies: setup
 	$(BIN)/python -m studies

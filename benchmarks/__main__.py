@@ -15,48 +15,24 @@ import time
 from contextlib import redirect_stdout, suppress
 from typing import Any, Final
 
-BENCHMARKS: Final = (
-    "corpus",
-    "zero_dilation",
-    "exact",
-    "fields",
-    "claims",
-    "drivers",
-    "speed_error",
-    "hard_cases",
-    "commands",
-    "large",
-    "batch_solver",
-    "experiment",
-    "designs",
-    "reliability",
-)
-"""Modules of this package in the order in which they run."""
+from benchmarks import timed
 
-
+# modules of this package in the order in which they run
+BENCHMARKS: Final = ("corpus", "zero_dilation", "exact", "fields", "claims", "drivers", "speed_error", "hard_cases",
+                     "commands", "large", "batch_solver", "experiment", "designs", "reliability")  # fmt: skip
+# calls of the compiled library that solve
 COMPILED: Final = ("jld_solve", "jld_minimize", "jld_solve_blocks", "jld_solve_cones")
-"""Calls of the compiled library that solve."""
 
 
 class Timed:
     """A compiled library whose solving calls are timed."""
 
     def __init__(self, library: Any) -> None:
-        self._library, self.seconds = library, 0.0
+        self._library, self.spent = library, [0.0]
 
     def __getattr__(self, name: str) -> Any:
         function = getattr(self._library, name)
-        if name not in COMPILED:
-            return function
-
-        def timed(*arguments: Any) -> Any:
-            start = time.thread_time()
-            try:
-                return function(*arguments)
-            finally:
-                self.seconds += time.thread_time() - start
-
-        return timed
+        return timed(function, time.thread_time, self.spent) if name in COMPILED else function
 
 
 def spent() -> None:
@@ -69,27 +45,17 @@ def spent() -> None:
     library.library = lambda variant: made.setdefault(variant, Timed(real(variant)))
     if sys.argv[1] == "explore":
         study = importlib.import_module("jld_explore.search.study").Study
-        run = study.run
-
-        def timed(self: Any) -> Any:
-            start = time.process_time()
-            try:
-                return run(self)
-            finally:
-                searched[0] = time.process_time() - start
-
-        study.run = timed
+        study.run = timed(study.run, time.process_time, searched)
     with redirect_stdout(io.StringIO()), suppress(SystemExit):
         program.main()
     own, others = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     children = others.ru_utime + others.ru_stime
     total = own.ru_utime + own.ru_stime + children
-    solver = sum(one.seconds for one in made.values())
+    solver = sum(one.spent[0] for one in made.values())
     print(json.dumps({"total": total, "children": children, "search": searched[0], "solver": solver}))
 
 
 def main() -> None:
-    """Run the benchmarks named on the command line, or all."""
     wanted = sys.argv[1:] or BENCHMARKS
     del sys.argv[1:]  # names of benchmarks are no options of theirs
     for name in wanted:

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 import time
-import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ import numpy as np
 from studies.scenes import corner
 
 from benchmarks import large
-from benchmarks.common import about, random_segmentations, run_parts, scene, stated, table, write
-from benchmarks.scenes import ENUMERATED, LARGE, box, built, cubes, grid, strength, wall
+from benchmarks.common import about, plainly, random_segmentations, run_parts, scene, table, write
+from benchmarks.scenes import ENUMERATED, LARGE, built, cubes, grid, prism, stones, strength, wall
 from jld_core import Assembly, Scene, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
 from jld_core.batch.library import described
@@ -33,11 +33,10 @@ from jld_core.refinement import refine
 from jld_explore import search_space
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
-from jld_samples import Stone
+from jld_samples import Stone, box
 
 HARD_MANY: Final = 512
-FEW: Final = 6
-"""Of what is left, solved to say what it is."""
+FEW: Final = 6  # of what is left, solved to say what it is
 
 
 @dataclass(frozen=True)
@@ -64,51 +63,32 @@ def cells_of(
 
 
 def cut(what: Scene, size: tuple[float, ...], kind: str = "voronoi") -> Assembly:
-    """A scene cut into cells, every face free to be dry or inner."""
     return build_assembly(refine(what, size, kind=kind).scene)
 
 
 def drum(stone: Stone) -> Assembly:
-    """A wall of one leaf that is cut into polygons, about 60."""
     return cut(samples.grid(columns=1, rows=1, cell=1.6, height=1.2, stone=stone), (0.2, 0.2))
 
 
 def cubes_of(*options: Any) -> Assembly:
-    """Cubes of 0.1 m on a base, pushed at a top corner."""
     return build_assembly(cubes(*options))
 
 
 def corner_of_studies() -> Assembly:
-    """The corner of two walls, every cell by itself, pushed outwards."""
     return build_assembly(corner(4, np.radians(225.0), None))
 
 
 def prisms(sides: int, wide: int, high: int, strong: float = 2e4) -> Assembly:
     """Columns of prisms over regular polygons that touch along their sides (six) or not at all, on a slab."""
     apothem = 0.1
-    radius = apothem / np.cos(np.pi / sides)
-    turn = np.pi / sides
-    angles = turn + 2.0 * np.pi * np.arange(sides) / sides
-    outline = radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    elements: list[dict[str, Any]] = []
-    for i in range(wide):
-        for k in range(high):
-            low, top = 0.15 * k, 0.15 * (k + 1)
-            placed = outline + np.array([2.0 * apothem * i, 0.0])
-            points = np.concatenate([np.column_stack([placed, np.full(sides, z)]) for z in (low, top)])
-            ring = list(range(sides))
-            faces = [
-                ring[::-1],
-                [sides + j for j in ring],
-                *([j, (j + 1) % sides, sides + (j + 1) % sides, sides + j] for j in ring),
-            ]
-            elements.append({"id": f"p{i}.{k}", "vertices": points.tolist(), "faces": faces})
+    angles = np.pi / sides + 2.0 * np.pi * np.arange(sides) / sides
+    outline = apothem / np.cos(np.pi / sides) * np.column_stack([np.cos(angles), np.sin(angles)])
+    elements = [
+        prism(f"p{i}.{k}", outline + np.array([2.0 * apothem * i, 0.0]), 0.15 * k, 0.15 * (k + 1))
+        for i, k in itertools.product(range(wide), range(high))
+    ]
     elements.append(box("slab", (-1.0, -1.0, -0.2), (2.0 * apothem * wide + 1.0, 1.0, 0.0), support=True))
-    document = {
-        "elements": elements,
-        "materials": {"density": 2000, "dry": {"friction_coefficient": 0.6}, "inner": strength(strong)},
-        "loads": {"live": [{"body": [1.0, 0.4, 0.0]}]},
-    }
+    document = stones(elements, [{"body": [1.0, 0.4, 0.0]}], 0.6, strength(strong), density=2000)
     return build_assembly(parse_scene(document))
 
 
@@ -162,23 +142,25 @@ SPATIAL: Final[dict[str, Hard]] = {
 }
 
 
+def machine_code() -> str:
+    return f"{described().capitalize()}."
+
+
 def labellings_of(assembly: Assembly, hard: Hard) -> Bits:
-    """Segmentations, or labels face by face."""
     if not hard.any_label:
         return random_segmentations(assembly, hard.count, seed=7)
     dice = np.random.default_rng(7)
     return dice.random((hard.count, len(assembly.interfaces))) < dice.random((hard.count, 1))
 
 
-def measure_hard(name: str, hard: Hard) -> list[str]:
-    """One row of the table."""
+def measure_hard(name: str, hard: Hard) -> str:
     assembly = hard.make()
     analysis = limit_analysis(assembly, SolveOptions(inner_bending="kern") if hard.kern else SolveOptions())
     labellings = labellings_of(assembly, hard)
     batch = BatchAnalysis.of(analysis)
     faces = str(len(assembly.interfaces))
     if batch is None:
-        return [name, faces, str(len(labellings)), *["–"] * 4, "100", "rows of another shape", *["–"] * 3]
+        return f"{name} | {faces} | {len(labellings)} | – | – | – | – | 100 | rows of another shape | – | – | –"
     batch.prove(labellings[:8])
     start = time.process_time()
     raw = batch.batch.solve(labellings)
@@ -196,18 +178,11 @@ def measure_hard(name: str, hard: Hard) -> list[str]:
     whole = kernel + each * len(left) / len(labellings)
     count = len(labellings)
     collapse = found.settled & ~found.falls & ~found.locked
-    return [
-        name,
-        faces,
-        str(count),
-        f"{100.0 * (raw.tries == 1).mean():.0f}",
-        *(f"{100.0 * share.mean():.1f}" for share in (collapse, found.locked, found.falls)),
-        f"**{100.0 * len(left) / count:.1f}**",
-        ", ".join(f"{number} {status}" for status, number in sorted(known.items())) or "–",
-        f"{1e3 * alone:.2f}",
-        f"{1e6 * whole:.0f}",
-        f"{alone / whole:.0f}",
-    ]
+    shares = [f"{100.0 * share.mean():.1f}" for share in (collapse, found.locked, found.falls)]
+    said = ", ".join(f"{number} {status}" for status, number in sorted(known.items())) or "–"
+    times = f"{1e3 * alone:.2f} | {1e6 * whole:.0f} | {alone / whole:.0f}"
+    first, rest = f"{100.0 * (raw.tries == 1).mean():.0f}", f"**{100.0 * len(left) / count:.1f}**"
+    return " | ".join([name, faces, str(count), first, *shares, rest, said, times])
 
 
 def hard_labellings() -> None:
@@ -226,17 +201,16 @@ def hard_labellings() -> None:
     rows = []
     for title, scenes in (("", SEGMENTED), ("**hard**", HARD), ("**spatial**", SPATIAL)):
         if title:
-            rows.append([title, *[""] * head.count(" | ")])
+            rows.append(title + " | " * head.count(" | "))
         for name, hard in scenes.items():
             rows.append(measure_hard(name, hard))
-            print(" | ".join(rows[-1]), flush=True)
-    parts = ["# Hard labellings by the batch solver", about(hard_labellings.__doc__), table(head, rows)]
-    write("batch_solver_hard", "\n\n".join([*parts, f"{described().capitalize()}."]))
+            print(rows[-1], flush=True)
+    words = about(hard_labellings.__doc__)
+    write("batch_solver_hard", "# Hard labellings by the batch solver", words, table(head, rows), machine_code())
 
 
 TURNS: Final = 3
-TURN: Final = 1024
-"""Labellings of a turn of the batch solver."""
+TURN: Final = 1024  # labellings of a turn of the batch solver
 
 
 @dataclass(frozen=True)
@@ -260,7 +234,6 @@ def drawn(name: str, one: int, plain: int = 6, driver: str = "random", count: in
 
 
 def walled(edge: int, one: int, count: int, plain: int = 1) -> Case:
-    """Layouts of a square wall of benchmarks/large.py in blocks of up to four cells, from the random driver."""
     scene = parse_scene(large.document("planar", edge))
     assembly = build_assembly(scene)
     source = make_driver("random", search_space(scene, assembly), 0)
@@ -269,7 +242,6 @@ def walled(edge: int, one: int, count: int, plain: int = 1) -> Case:
 
 
 def segmented(assembly: Assembly, one: int, count: int = TURN, plain: int = 6) -> Case:
-    """Random segmentations of any assembly."""
     return Case(assembly, random_segmentations(assembly, count, seed=7), one, plain)
 
 
@@ -293,8 +265,7 @@ HELD_OUT: Final[dict[str, Callable[[], Case]]] = {
 }
 
 
-def measure_many(name: str, case: Case) -> list[str]:
-    """One row of the table."""
+def measure_many(name: str, case: Case) -> str:
     assembly, labellings = case.assembly, case.labellings
     evaluator = Evaluator(assembly, EvaluatorSettings())
     analysis = LimitAnalysis(assembly)
@@ -320,36 +291,18 @@ def measure_many(name: str, case: Case) -> list[str]:
             if one.status is other.status is Status.COLLAPSE:
                 size = max(abs(one.load_factor), load_scale(assembly))
                 differ = max(differ, abs(one.load_factor - other.load_factor) / size)
-    start = time.process_time()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of inaccurate answers, which are among what it costs
-        for labels in labellings[: case.plain]:
-            try:
-                stated(assembly, labels)
-            except Exception:  # an unstable labelling may be a solver's failure
-                continue
-    plain = (time.process_time() - start) / case.plain
+    plain = float(np.mean([plainly(assembly, labels)[0] for labels in labellings[: case.plain]]))
     raw = batch.batch.solve(labellings)
     settled = batch.prove(labellings)
     bracket = settled.settled & ~settled.falls & ~settled.locked
     sizes = np.maximum(abs(settled.low), analysis.load_scale)
     width = ((settled.high - settled.low) / sizes)[bracket]
     spread = " / ".join(f"{value:.0e}" for value in np.quantile(width, [0.5, 0.99, 1.0])) if width.size else "–"
-    return [
-        name,
-        str(len(assembly.interfaces)),
-        f"{1e3 * plain:.1f}",
-        f"{1e3 * np.median(times_alone):.2f}",
-        f"{1e6 * np.median(alls):.1f}",
-        f"**{np.median(ratios):.0f}**",
-        f"{plain / np.median(alls):.0f}",
-        f"{100.0 * (raw.tries == 1).mean():.1f}",
-        f"{100.0 * (~settled.settled).mean():.2f}",
-        f"{raw.iterations.mean():.1f}",
-        spread,
-        f"{same} of {TURNS * case.one}",
-        f"{differ:.0e}",
-    ]
+    alone, together = np.median(times_alone), np.median(alls)
+    times = f"{1e3 * plain:.1f} | {1e3 * alone:.2f} | {1e6 * together:.1f} | **{np.median(ratios):.0f}**"
+    shares = f"{100.0 * (raw.tries == 1).mean():.1f} | {100.0 * (~settled.settled).mean():.2f}"
+    rest = f"{raw.iterations.mean():.1f} | {spread} | {same} of {TURNS * case.one} | {differ:.0e}"
+    return f"{name} | {len(assembly.interfaces)} | {times} | {plain / together:.0f} | {shares} | {rest}"
 
 
 def many_labellings() -> None:
@@ -368,11 +321,10 @@ def many_labellings() -> None:
         print(table(head, [measure_many(name, (CASES | HELD_OUT)[name]()) for name in wanted]))
         return
     rows = [measure_many(name, make()) for name, make in CASES.items()]
-    rows.append(["**held out**", *[""] * head.count(" | ")])
+    rows.append("**held out**" + " | " * head.count(" | "))
     rows += [measure_many(name, make()) for name, make in HELD_OUT.items()]
     text = about(many_labellings.__doc__).rpartition(" Scenes named")[0]
-    parts = ["# Labellings by the batch solver", text, table(head, rows), f"{described().capitalize()}."]
-    write("batch_solver", "\n\n".join(parts))
+    write("batch_solver", "# Labellings by the batch solver", text, table(head, rows), machine_code())
 
 
 ALONE: Final[dict[str, Callable[[], Assembly]]] = {
@@ -387,8 +339,7 @@ NO_SIZE: Final = (1, 0)  # faces for which the batch solver is asked
 ALL_SIZES: Final = (0, 10**6)
 
 
-def measure_single(name: str, assembly: Assembly) -> list[str]:
-    """One row of the table."""
+def measure_single(name: str, assembly: Assembly) -> str:
     labellings = random_segmentations(assembly, LABELLINGS + 1, seed=7)
     times, widths, differ, same, left = [], [], 0.0, 0, 0
     for k, labels in enumerate(labellings):
@@ -407,17 +358,9 @@ def measure_single(name: str, assembly: Assembly) -> list[str]:
         differ = max(differ, abs(usual.load_factor - kernel.load_factor) / abs(usual.load_factor))
     before, after = np.median(times, axis=0)
     wide, narrow = np.nanmedian(widths, axis=0)
-    return [
-        name,
-        str(len(assembly.interfaces)),
-        f"{1e3 * before:.1f}",
-        f"{1e3 * after:.1f}",
-        f"**{np.median([one / other for one, other in times]):.1f}**",
-        f"{left} of {LABELLINGS}",
-        f"{wide:.0e} / {narrow:.0e}",
-        f"{same} of {LABELLINGS}",
-        f"{differ:.0e}",
-    ]
+    ratio = np.median([one / other for one, other in times])
+    shown = f"{name} | {len(assembly.interfaces)} | {1e3 * before:.1f} | {1e3 * after:.1f} | **{ratio:.1f}**"
+    return f"{shown} | {left} of {LABELLINGS} | {wide:.0e} / {narrow:.0e} | {same} of {LABELLINGS} | {differ:.0e}"
 
 
 def one_labelling() -> None:
@@ -430,8 +373,9 @@ def one_labelling() -> None:
     head = "scene | faces | usual way, ms | batch solver, ms | times | left | bracket, usual / batch solver | "
     head += "same status | λ differs by, relative, at most"
     rows = [measure_single(name, make()) for name, make in ALONE.items()]
-    parts = ["# One labelling alone", about(one_labelling.__doc__), table(head, rows), f"{described().capitalize()}."]
-    write("batch_solver_single", "\n\n".join(parts))
+    write(
+        "batch_solver_single", "# One labelling alone", about(one_labelling.__doc__), table(head, rows), machine_code()
+    )
 
 
 if __name__ == "__main__":

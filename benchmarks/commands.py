@@ -14,7 +14,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,19 +26,20 @@ import joblib
 import numpy as np
 from matplotlib.figure import Figure
 
+from benchmarks import timed
 from benchmarks.common import (
     RESULTS,
     ROOT,
     about,
     apart,
     load_of_machine,
+    plainly,
     random_segmentations,
     run_parts,
-    stated,
     table,
     write,
 )
-from benchmarks.scenes import ENUMERATED, GRIDS, bonded, column, cubes, grid
+from benchmarks.scenes import ENUMERATED, GRIDS, bonded, column, cubes, searched
 from jld_core import Assembly, Scene, Status, build_assembly, parse_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_explore import explore
@@ -58,29 +58,26 @@ class Command:
     budget: int | None = None
 
 
-def cells(columns: int, rows: int, most: int) -> Scene:
+def cells(columns: int, rows: int, most: int) -> Callable[[], Scene]:
     """A wall of cells on a row of supports, in blocks of up to `most`."""
-    return grid(["a" * columns] * rows + ["#" * columns], search={"block_cells": [1, most]})
+    return searched(["a" * columns] * rows + ["#" * columns], [1, most])
 
 
 def wall(side: int) -> Scene:
-    """A wall of side × side cells in blocks of two on a row of supports."""
-    return grid([*bonded(["a" * side] * side), "#" * side], search={"block_cells": [1, 6]})
+    return searched([*bonded(["a" * side] * side), "#" * side], [1, 6])()
 
 
 def of_faces(faces: int) -> Callable[[], Scene]:
-    """Return what makes a grid in blocks of two to six cells."""
-    return lambda: grid(GRIDS[faces], search={"block_cells": [2, 6]})
+    return searched(GRIDS[faces], [2, 6])
 
 
-SHARES: Final[dict[str, Command]] = {
+SHARES: Final[dict[str, Command]] = {  # commands by name
     "`jld solve`, beam-arch": Command(ENUMERATED["flagship"]),
     "all 6 382 layouts of the beam-arch": Command(ENUMERATED["flagship"], "enumeration"),
-    "exact, 4 × 4 cells in blocks of two": Command(lambda: cells(4, 4, 2), "exact"),
-    **{f"random, 78 faces, {n} layouts": Command(lambda: cells(7, 6, 6), "random", n) for n in (6000, 10000, 60000)},
+    "exact, 4 × 4 cells in blocks of two": Command(cells(4, 4, 2), "exact"),
+    **{f"random, 78 faces, {n} layouts": Command(cells(7, 6, 6), "random", n) for n in (6000, 10000, 60000)},
     "random, 1 128 faces, 256 layouts": Command(lambda: wall(24), "random", 256),
 }
-"""Commands by name."""
 
 
 def spent(name: str) -> dict[str, float]:
@@ -92,13 +89,8 @@ def spent(name: str) -> dict[str, float]:
         options = [] if command.budget is None else ["--budget", str(command.budget)]
         search = ["explore", str(file), "--driver", command.driver, *options, "--jobs", "1", "-o", f"{folder}/out"]
         words = search if command.driver else ["solve", str(file)]
-        answer = subprocess.run(
-            [sys.executable, "-m", "benchmarks", "spent", *words],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            text=True,
-            check=True,
-        )
+        run = [sys.executable, "-m", "benchmarks", "spent", *words]
+        answer = subprocess.run(run, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     found: dict[str, float] = json.loads(answer.stdout)
     return found
 
@@ -117,21 +109,20 @@ def shares() -> None:
         rows.append([name, *times, f"{one['solver'] / one['total']:.2f}", of_search])
         print(rows[-1], flush=True)
     head = "command | whole, s | of it pictures, s | search, s | compiled solver, s | of the whole | of the search"
-    parts = ["# The compiled solver's share of whole commands", about(shares.__doc__), table(head, rows)]
-    write("shares", "\n\n".join([*parts, load_of_machine()]))
+    title = "# The compiled solver's share of whole commands"
+    write("shares", title, about(shares.__doc__), table(head, rows), load_of_machine())
 
 
-JOBS: Final[dict[str, tuple[Command, float]]] = {
+JOBS: Final[dict[str, tuple[Command, float]]] = {  # searches by name, and what the second job is to be worth
     "enumeration, 88 faces": (Command(of_faces(88), "enumeration", 60_000), 1.7),
     "random, 88 faces": (Command(of_faces(88), "random", 80_000), 1.7),
     "random, 946 faces": (Command(lambda: wall(22), "random", 1_000), 1.7),
-    "exact, 6 × 8 cells in blocks of up to three": (Command(lambda: cells(6, 8, 3), "exact"), 1.7),
+    "exact, 6 × 8 cells in blocks of up to three": (Command(cells(6, 8, 3), "exact"), 1.7),
     "genetic, 88 faces": (Command(of_faces(88), "genetic", 20_000), 1.5),
     "genetic, 946 faces": (Command(lambda: wall(22), "genetic", 800), 1.5),
     "portfolio, 278 faces": (Command(of_faces(278), "portfolio", 4_000), 1.5),
     "portfolio, 946 faces": (Command(lambda: wall(22), "portfolio", 800), 1.5),
 }
-"""Searches by name, and what the second job is to be worth."""
 
 TURNS: Final = 2
 FILE: Final = RESULTS / "jobs.csv"
@@ -140,21 +131,12 @@ FILE: Final = RESULTS / "jobs.csv"
 @contextmanager
 def search_timed(clock: Callable[[], float]) -> Iterator[list[float]]:
     """Yield a list that then holds the seconds of a search, from the first labelling asked to the last one on disk."""
-    run, alone = Study.run, [0.0]
-
-    def timed(study: Study) -> Any:
-        start = clock()
-        try:
-            return run(study)
-        finally:
-            alone[0] = clock() - start
-
-    with patch.object(Study, "run", timed):
+    alone = [0.0]
+    with patch.object(Study, "run", timed(Study.run, clock, alone)):
         yield alone
 
 
 def by_clock(name: str, jobs: int) -> tuple[float, float, str]:
-    """Seconds of a search by the clock, from the scene to its tables and alone; and its table without times."""
     command = JOBS[name][0]
     with tempfile.TemporaryDirectory() as folder, search_timed(time.perf_counter) as alone:
         start = time.perf_counter()
@@ -193,28 +175,21 @@ def jobs() -> None:
     head = (
         "search | layouts | one job, s | two, s | times | search, one job, s | two, s | times | to reach | same table"
     )
-    parts = ["# A second job by the clock", about(jobs.__doc__), table(head, rows), load_of_machine()]
-    write("jobs", "\n\n".join(parts))
+    write("jobs", "# A second job by the clock", about(jobs.__doc__), table(head, rows), load_of_machine())
 
 
-SIDES: Final = (10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 32, 36, 40)
-"""Cells along a side of a wall."""
-EDGES: Final = (3, 4, 5, 6, 7, 8, 9, 10)
-"""Cubes along an edge of a stack."""
-REPEATED: Final = 2.0
-"""Processor seconds up to which a size is measured again."""
-MOST: Final = 1.6
-"""Largest ratio of the time of a size to that of the next larger one."""
+SIDES: Final = (10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 32, 36, 40)  # cells along a side of a wall
+EDGES: Final = (3, 4, 5, 6, 7, 8, 9, 10)  # cubes along an edge of a stack
+REPEATED: Final = 2.0  # processor seconds up to which a size is measured again
+MOST: Final = 1.6  # largest ratio of the time of a size to that of the next larger one
 
 
 def explored(scene: Scene) -> None:
-    """A study of random layouts, from the start to the page."""
     with tempfile.TemporaryDirectory() as folder:
         explore(scene, Path(folder) / "out", driver="random", budget=256, jobs=1)
 
 
 def least_time(run: Callable[[Scene], object], scene: Scene) -> float:
-    """Processor seconds, the least of as many runs as fit into `REPEATED`."""
     found: list[float] = []
     while not found or sum(found) < REPEATED:
         start = time.process_time()
@@ -252,8 +227,8 @@ def by_size(name: str, run: Callable[[Scene], object], sides: tuple[int, ...], e
     save_figure(figure, RESULTS / f"monotony_{name}.png")
     verdict = f"Largest ratio {worst:.2f} (at most {MOST}: {'yes' if worst <= MOST else 'no'}); slopes: "
     body = table("family | size | faces | s | over the next larger", rows)
-    parts = [f"# Time against size: {name}", about(by_size.__doc__), f"{verdict}{', '.join(slopes)}.", body]
-    write(f"monotony_{name}", "\n\n".join(parts))
+    said = f"{verdict}{', '.join(slopes)}."
+    write(f"monotony_{name}", f"# Time against size: {name}", about(by_size.__doc__), said, body)
 
 
 LAYOUTS: Final = 24
@@ -311,7 +286,7 @@ def cliffs() -> None:
         rows.append([name, f"{1e3 * one:.3g}", f"{1e3 * other:.3g}", f"{other / one:.2f}", f"{second / first:.9f}"])
         print(rows[-1], flush=True)
     head = "pair | ms without | ms with | ratio | λ with / without"
-    write("cliffs", f"# Where the batch solver ends\n\n{about(cliffs.__doc__)}\n\n{table(head, rows)}")
+    write("cliffs", "# Where the batch solver ends", about(cliffs.__doc__), table(head, rows))
 
 
 RATES: Final[dict[str, tuple[Callable[[], Scene], int, int]]] = {
@@ -324,7 +299,7 @@ RATES: Final[dict[str, tuple[Callable[[], Scene], int, int]]] = {
 """Scene, labellings, and how many of them for the plain way."""
 
 
-def searched(scene: Scene, asked: int) -> tuple[float, Bits, Floats]:
+def studied(scene: Scene, asked: int) -> tuple[float, Bits, Floats]:
     """Processor seconds of a study, its labellings (k, m), and their λ, NaN where they do not collapse."""
     with tempfile.TemporaryDirectory() as folder, search_timed(time.process_time) as alone:
         done = explore(scene, Path(folder) / "out", driver="random", budget=asked, jobs=1, pictures=False)
@@ -332,18 +307,6 @@ def searched(scene: Scene, asked: int) -> tuple[float, Bits, Floats]:
     labellings = np.array([from_string(str(text)) for text in found["labelling"]])
     values = np.where(found["status"].astype(str) == str(Status.COLLAPSE), found["load_factor"], np.nan)
     return alone[0], labellings, values.astype(float)
-
-
-def _plainly(assembly: Assembly, labels: Bits) -> tuple[float, float]:
-    """Processor seconds and λ of the plain way."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of inaccurate answers, which are among what it costs
-        start = time.process_time()
-        try:
-            value = stated(assembly, labels)
-        except Exception:  # an unstable labelling may be a solver's failure
-            value = np.nan
-        return time.process_time() - start, value
 
 
 def throughput() -> None:
@@ -358,12 +321,12 @@ def throughput() -> None:
     for name, (make, asked, sample) in RATES.items():
         scene = make()
         assembly = build_assembly(scene)
-        searched(scene, min(asked, 8))
-        spent, labellings, values = searched(scene, asked)
+        studied(scene, min(asked, 8))
+        spent, labellings, values = studied(scene, asked)
         chosen = np.linspace(0, len(labellings) - 1, min(sample, len(labellings))).astype(int)
         with joblib.Parallel(n_jobs=jobs) as pool:
-            pool(joblib.delayed(_plainly)(assembly, labellings[0]) for _ in range(2 * jobs))
-            times, others = np.array(pool(joblib.delayed(_plainly)(assembly, labellings[k]) for k in chosen)).T
+            pool(joblib.delayed(plainly)(assembly, labellings[0]) for _ in range(2 * jobs))
+            times, others = np.array(pool(joblib.delayed(plainly)(assembly, labellings[k]) for k in chosen)).T
         known = np.isfinite(values[chosen]) & np.isfinite(others)
         ours, theirs = values[chosen][known], others[known]
         apart = float((abs(ours - theirs) / abs(ours)).max()) if known.any() else np.nan
@@ -374,8 +337,7 @@ def throughput() -> None:
     head = "scene | faces | labellings | ours, 1/s and core | plain CVXPY, 1/s and core | ours / plain | "
     head += "λ differs by, at most"
     note = f"Plain: {jobs} joblib workers. Blocks of 2 to 6 cells (cubes: any)."
-    parts = ["# Search throughput", about(throughput.__doc__), table(head, rows), note]
-    write("throughput", "\n\n".join(parts), also=("joblib",))
+    write("throughput", "# Search throughput", about(throughput.__doc__), table(head, rows), note, also=("joblib",))
 
 
 if __name__ == "__main__":

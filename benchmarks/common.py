@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import os
 import platform
 import subprocess
 import sys
+import time
+import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
@@ -68,10 +72,10 @@ def load_of_machine() -> str:
 
 
 def table(head: Sequence[str] | str, rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown; head: names of columns, or one text with " | " between them."""
-    head = head.split(" | ") if isinstance(head, str) else head
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    """A table in Markdown; head and each row: cells, or one text with " | " between them."""
+    lines = [line if isinstance(line, str) else " | ".join(line) for line in (head, *rows)]
+    rule = " | ".join(["---"] * (1 + lines[0].count(" | ")))
+    return "\n".join(f"| {line} |" for line in (lines[0], rule, *lines[1:]))
 
 
 def about(doc: str | None) -> str:
@@ -81,11 +85,8 @@ def about(doc: str | None) -> str:
 
 def machine() -> str:
     """The processor and how many of its cores there are, in words."""
-    names = [
-        line.partition(":")[2].strip()
-        for line in (CPUINFO.read_text(encoding="utf-8").splitlines() if CPUINFO.exists() else [])
-        if line.startswith("model name")
-    ]
+    lines = CPUINFO.read_text(encoding="utf-8").splitlines() if CPUINFO.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return f"{names[0] if names else platform.processor() or platform.machine()}, {os.cpu_count()} cores"
 
 
@@ -93,27 +94,25 @@ def versions(packages: Sequence[str]) -> str:
     """Names and versions of packages, those that are not installed left out."""
     found = []
     for package in packages:
-        try:
+        with suppress(PackageNotFoundError):
             found.append(f"{package} {version(package)}")
-        except PackageNotFoundError:
-            continue
     return ", ".join(found)
 
 
-def write(name: str, text: str, also: Sequence[str] = ()) -> None:
-    """Print a result and keep it in benchmarks/results, with machine and versions that it depends on.
+def write(name: str, *parts: str, also: Sequence[str] = ()) -> None:
+    """Print a result, paragraph by paragraph, and keep it in benchmarks/results, with machine and versions.
 
     also: packages to name beside the usual ones.
     """
     packages = versions(("clarabel", "highspy", "cvxpy", "numpy", "scipy", *also))
-    text = f"{text}\n\n{machine()}; Python {platform.python_version()}, {packages}, one thread.\n"
+    last = f"{machine()}; Python {platform.python_version()}, {packages}, one thread.\n"
+    text = "\n\n".join([*parts, last])
     print(text)
     RESULTS.mkdir(parents=True, exist_ok=True)
     (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
 
 
 ROUTE = Route("a benchmark")
-
 CLARABEL_DEFAULT: Final = {"tol_gap_abs": 1e-8, "tol_gap_rel": 1e-8, "tol_feas": 1e-8}
 
 
@@ -134,6 +133,15 @@ def stated(assembly: Assembly, labels: Bits, solver: str = "CLARABEL", **options
         options = {**CLARABEL_DEFAULT, **options}
     problem.solve(solver=solver, **options)
     return float("nan") if load.value is None else float(load.value)
+
+
+def plainly(assembly: Assembly, labels: Bits) -> tuple[float, float]:
+    """Processor seconds and λ of the plain way; NaN where its solver fails, as an unstable labelling makes it."""
+    start, value = time.process_time(), math.nan
+    with warnings.catch_warnings(), suppress(Exception):
+        warnings.simplefilter("ignore")  # of inaccurate answers, which are among what it costs
+        value = stated(assembly, labels)
+    return time.process_time() - start, value
 
 
 def _planar(cp: Any, assembly: Assembly, labels: Bits, forces: Any) -> list[Any]:

@@ -1,11 +1,10 @@
 """Designs: `jld design` on four outlines, and what moved joints gain.
 
-`python -m benchmarks.designs [examples [NAME…] [--draw]|joints]` writes a table for each part.
+`python -m benchmarks.designs [examples [NAME…|--table]|joints]` writes a table for each part.
 """
 
 from __future__ import annotations
 
-import io
 import itertools
 import json
 import shlex
@@ -13,38 +12,27 @@ import shutil
 import subprocess
 import sys
 import time
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
-from PIL import Image, ImageChops
 
 from benchmarks.common import ROOT, about, run_parts, table, write
 from jld_core import build_assembly, parse_scene, samples, solve
 from jld_core.threads import one_thread
 from jld_geometry import GeometrySearch, check_proof, move_joints, prove_box
 from jld_geometry.search import MovedJoints
-from jld_practice import pages_of
-from jld_practice.design import DesignOptions, read_outline
-from jld_practice.printing import content_of
 
+# options of the stone, the same for all outlines
 STONE: Final = "--friction 0.6 --density 2000 --tension 3e5 --shear 5e5"
-"""Options of the stone, the same for all outlines."""
 
-COMMANDS: Final = {
+COMMANDS: Final = {  # outline and options of each example
     "wall": f'wall.svg --load "10 kN" --places 0.25 --push 0.05 --block-mass 56 --thickness 0.3 {STONE} --seconds 480',
     "bridge": f'bridge.csv --load "40 kN" --places 0.25,0.5 --block-mass 2500 --thickness 1 {STONE} --seconds 240',
     "jack_arch": f'jack_arch.csv --load "20 kN" --places 0.25,0.5 --block-mass 60 --thickness .3 {STONE} --seconds 120',
     "vault": f'vault.obj --load "5 kN" --places 0.25 --block-mass 600 {STONE} --seconds 240',
 }
-"""Outline and options of each example."""
 
 RUNS: Final = ROOT / "out" / "examples"
-IMAGES: Final = ROOT / "docs" / "images"
-
-_SIZE: Final = (7.2, 4.8)
-"""Size of a frame of the recording, inches; at 100 dots per inch."""
 
 
 def run(name: str) -> None:
@@ -66,11 +54,9 @@ def run(name: str) -> None:
 
 
 def row_of(name: str) -> list[str]:
-    """Return the row of the table of one finished run."""
     facts: dict[str, Any] = json.loads((RUNS / name / "summary.json").read_text(encoding="utf-8"))
 
     def span(bounds: list[float | None] | None) -> str:
-        """Return bounds by fields as text."""
         low, high = bounds or [None, None]
         if low is None:
             return "–" if high is None else "does not stand" if high < 0.0 else f"at most {high:.4g}"
@@ -85,113 +71,30 @@ def row_of(name: str) -> list[str]:
     return [name.replace("_", " "), *numbers, "–" if gain is None else f"{gain:.3g}", asked, f"{facts['seconds']:.0f}"]
 
 
-def frame(figure: Figure) -> Image.Image:
-    """Return a figure as a picture of the size of a frame, on white."""
-    stream = io.BytesIO()
-    figure.savefig(stream, dpi=100, facecolor="white")
-    return fitted(Image.open(stream))
-
-
-def page_frame(figure: Figure) -> Image.Image:
-    """Return what a printed page shows above its foot, as large as a frame allows."""
-    stream = io.BytesIO()
-    figure.savefig(stream, dpi=200, facecolor="white")
-    page = Image.open(stream).convert("RGB")
-    page = page.crop((0, 0, page.width, round(0.95 * page.height)))
-    left, top, right, low = ImageChops.invert(page).getbbox() or (0, 0, *page.size)
-    return fitted(page.crop((left - 20, top - 20, right + 20, low + 20)))
-
-
-def fitted(picture: Image.Image) -> Image.Image:
-    """Return a picture scaled into a frame, on white."""
-    size = (round(100 * _SIZE[0]), round(100 * _SIZE[1]))
-    picture = picture.convert("RGB")
-    picture.thumbnail(size, Image.Resampling.LANCZOS)
-    page = Image.new("RGB", size, "white")
-    page.paste(picture, ((size[0] - picture.width) // 2, (size[1] - picture.height) // 2))
-    return page
-
-
-def drawing_frame(file: Path) -> Image.Image:
-    """Return a frame of the outline as it is read."""
-    figure = Figure(figsize=_SIZE, layout="constrained")
-    ax = figure.subplots()
-    for one in read_outline(file, DesignOptions(thickness=0.3, friction=0.6)).scene.elements or ():
-        if not one.support:
-            points = np.array(one.polygon)
-            ax.fill(*points.T, facecolor="#e8e2d4", edgecolor="#333333", linewidth=1.2)
-    ax.set_aspect("equal")
-    ax.set_title(f"{file.name}: the drawing", fontsize=12)
-    ax.set_xlabel("m")
-    return frame(figure)
-
-
-def terminal_frame(command: str, lines: list[tuple[float, str]]) -> Image.Image:
-    """Return a frame of a terminal: the command, and the last lines with their times in seconds."""
-    figure = Figure(figsize=_SIZE, facecolor="white")
-    shown = [f"$ {command}", "", *(f"{at:6.0f} s  {line}" for at, line in lines[-17:])]
-    for place, line in enumerate(shown):
-        text = line if len(line) <= 92 else line[:91] + "…"
-        figure.text(0.02, 0.95 - 0.048 * place, text, family="monospace", fontsize=8.5, va="top", parse_math=False)
-    return frame(figure)
-
-
-def record(name: str, path: Path) -> None:
-    """Write a recording of a finished run: drawing, lines of the terminal, the best layout, and the printed pages."""
-    folder = RUNS / name
-    lines: list[tuple[float, str]] = [(at, line) for at, line in json.loads((folder / "log.json").read_text())]
-    file, *options = shlex.split(COMMANDS[name])
-    command = f"jld design {file} -o out/{name} {shlex.join(options)}"
-    frames = [(drawing_frame(ROOT / "scenes" / "outlines" / file), 2500)]
-    for count in range(0, len(lines) + 1, 2):
-        frames.append((terminal_frame(command, lines[:count]), 600))
-    frames.append((terminal_frame(command, lines), 2500))
-    frames.append((fitted(Image.open(folder / "best.png")), 4000))
-    frames.append((terminal_frame(f"jld report out/{name} --pdf", []), 1000))
-    frames += [(page_frame(page), 3500) for page in pages_of(content_of(folder, None))]
-    pictures = [picture.quantize(40, dither=Image.Dither.NONE) for picture, _ in frames]
-    times = [lasting for _, lasting in frames]
-    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=times, loop=0, optimize=True)
-
-
 def examples() -> None:
     """Four designs by one command each.
 
-    Each outline of `scenes/outlines` is designed by one command and printed by another. Pictures go to `docs/images`,
-    with a recording of the wall from the drawing to the printed pages. `--draw` writes them again from runs in
-    `out/examples`.
+    Each outline of `scenes/outlines` is designed by one command and printed by another; `tools/record_design.py` draws
+    their pictures and the recording of the wall. `--table` writes the table of the runs in `out/examples`.
     """
-    names = [name for name in sys.argv[1:] if not name.startswith("-")] or list(COMMANDS)
-    for name in names:
-        if "--draw" not in sys.argv:
-            run(name)
-        picture = Image.open(RUNS / name / "best.png").convert("RGB").quantize(64, dither=Image.Dither.NONE)
-        picture.save(IMAGES / f"design_{name}.png", optimize=True)
-    if "wall" in names:
-        record("wall", IMAGES / "design.gif")
+    for name in [] if "--table" in sys.argv else sys.argv[1:] or COMMANDS:
+        run(name)
     done = [name for name in COMMANDS if (RUNS / name / "summary.json").exists()]
-    head = ["outline", "usual bond by faces", "by fields", "best", "blocks", "by faces", "by fields", "proven gain"]
+    head = "outline | usual bond by faces | by fields | best | blocks | by faces | by fields | proven gain | "
     words = f"Written by `python -m benchmarks.designs`, beside other work. {about(examples.__doc__)}"
     rows = [row_of(name) for name in done]
     lines = "\n".join(f"jld design scenes/outlines/{COMMANDS[name]} -o out/{name}" for name in done)
     text = f"# Four designs by one command each\n\n{words}\n\n```sh\n{lines}\n```\n\n"
-    write("design_examples", text + table(rows=rows, head=[*head, "time asked, s", "time, s"]))
+    write("design_examples", text + table(head + "time asked, s | time, s", rows))
 
 
 Document = dict[str, Any]
-
-CIRCLE: Final = [{"circle": [0.0, 0.0]}]
-"""Joints that slide on the circles of an arch about the origin."""
-
-SECONDS: Final = 60.0
-"""Time limit of one search, s."""
-
-TRIED: Final = 8
-"""Number of steps of which times are taken."""
+CIRCLE: Final = [{"circle": [0.0, 0.0]}]  # joints that slide on the circles of an arch about the origin
+SECONDS: Final = 60.0  # time limit of one search, s
+TRIED: Final = 8  # number of steps of which times are taken
 
 
 def arch(voussoirs: int, thickness: float, friction: float, load: str, **move: Any) -> Document:
-    """Return a semicircular arch of centreline radius 1, under a load at 45° or a push."""
     scene = samples.arch(voussoirs=voussoirs, thickness=thickness, load="push")
     document = json.loads(scene.model_dump_json(exclude_defaults=True))
     document["thickness"] = 1.0
@@ -219,44 +122,7 @@ def wall(friction: float, courses: int = 6, bricks: int = 4, **move: Any) -> Doc
     return {"name": "wall", "elements": elements, "materials": materials, "loads": {"cases": cases}, "move": move}
 
 
-def key(width: float, depth: float, lean: float) -> Document:
-    """Return a block with a tooth in a socket of another, sheared at the level of the joint under 4 kN."""
-    root, tip = 0.5 * width, 0.5 * width - lean
-    outlines = {
-        "top": [[-0.2, 0.0], [-root, 0.0], [root, 0.0], [0.2, 0.0], [0.2, 0.2], [-0.2, 0.2]],
-        "tooth": [[-tip, -depth], [tip, -depth], [root, 0.0], [-root, 0.0]],
-        "left": [[-0.2, -depth], [-tip, -depth], [-root, 0.0], [-0.2, 0.0]],
-        "right": [[tip, -depth], [0.2, -depth], [0.2, 0.0], [root, 0.0]],
-        "base": [[-0.2, -0.2], [0.2, -0.2], [0.2, -depth], [tip, -depth], [-tip, -depth], [-0.2, -depth]],
-        "ground": [[-0.2, -0.3], [0.2, -0.3], [0.2, -0.2], [-0.2, -0.2]],
-    }
-    strong = {"tensile_strength": 1e5, "shear_strength": 1e5}
-    along = [{"at": [s * root, 0.0], "direction": [s, 0.0]} for s in (-1, 1)]
-    along += [{"at": [s * tip, -depth], "direction": way} for s in (-1, 1) for way in ([s, 0.0], [0.0, -1.0])]
-    along += [{"at": [s * 0.2, -depth], "direction": [0.0, -1.0]} for s in (-1, 1)]
-    limits = {"vertices": "along", "ties": "mirror-x", "edge": 0.005, "angle": [10, 170]}
-    return {
-        "name": "key",
-        "units": {"length": "m", "force": "kN"},
-        "thickness": 0.2,
-        "elements": [{"id": k, "polygon": v, "support": k == "ground"} for k, v in outlines.items()],
-        "labels": {"inner": [["top", "tooth"], ["left", "base"], ["right", "base"], ["base", "ground"]]},
-        "materials": {
-            "density": 2.0,
-            "dry": {"friction_coefficient": 0.4},
-            "inner": {"tensile_strength": 200.0, "shear_strength": 400.0},
-            "faces": [{"between": ["base", "ground"], "inner": strong}],
-        },
-        "loads": {
-            "dead": [{"element": "top", "force": [0.0, -4.0]}],
-            "live": [{"element": "top", "force": [1.0, 0.0], "at": [0.0, 0.0]}],
-        },
-        "move": {"along": along, **limits},
-    }
-
-
 SPAN, HEIGHT, WIDE, DEEP = 2.0, 0.4, 1.0, 5.0
-"""Flat arch on piers, as in the tests: clear span, height, width and height of a pier, m."""
 
 
 def flat_arch(parameters: int, angle: float = 15.0) -> Document:
@@ -286,7 +152,6 @@ def flat_arch(parameters: int, angle: float = 15.0) -> Document:
 
 
 def searches() -> list[tuple[str, Document, int, str]]:
-    """Return name, scene, number of starts and the number to reach of every search."""
     found = []
     for friction, wanted in ((0.35, "≥ 286"), (0.45, "≥ 605"), (0.70, "≥ 840")):
         found.append((f"semicircle n = 18, t/R .18, μ {friction:g}: λ", arch(18, 0.18, friction, "quarter"), 4, wanted))
@@ -297,12 +162,12 @@ def searches() -> list[tuple[str, Document, int, str]]:
     thin = arch(28, 0.12, 0.8, "push", maximise="least_thickness")
     found.append(("thickness of a semicircle, μ .8: t/R", thin, 1, "3 % below .10671"))
     found.append(("shear wall, μ .8, two ways: λ", wall(0.8), 1, ".8000"))
-    found.append(("key, cracks by faces: kN", key(0.14, 0.04, 0.01), 1, "≥ 13.1"))
+    key = json.loads((ROOT / "benchmarks" / "corpus" / "scenes" / "key.json").read_text(encoding="utf-8"))
+    found.append(("key, cracks by faces: kN", key, 1, "≥ 13.1"))
     return found
 
 
 def search(document: Document, starts: int) -> tuple[MovedJoints, float]:
-    """Return the result of one search and its processor time, s."""
     scene = parse_scene(document)
     assembly = build_assembly(scene)
     start = time.process_time()
@@ -311,7 +176,6 @@ def search(document: Document, starts: int) -> tuple[MovedJoints, float]:
 
 
 def proofs() -> list[list[str]]:
-    """Return the rows of the table of proofs."""
     rows = []
     boxes = {1: ([-0.15], [0.3]), 2: ([-0.15, -0.05], [0.3, 0.25]), 3: ([-0.1, -0.05, -0.05], [0.3, 0.2, 0.1])}
     for count, (low, high) in boxes.items():
@@ -329,7 +193,6 @@ def proofs() -> list[list[str]]:
 
 
 def step_times() -> list[list[str]]:
-    """Return the rows of the table of steps: a program over forces and positions, and a proven solve."""
     rows = []
     scenes = [("semicircle of 23 voussoirs, quarter load", arch(23, 0.18, 0.35, "quarter"))]
     scenes += [("wall of 11 courses of 6 bricks, two ways", wall(0.8, 11, 6))]

@@ -21,8 +21,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial import Voronoi
 
+from benchmarks import timed
 from benchmarks.common import RESULTS, about, load_of_machine, table, write
-from benchmarks.scenes import ANGLE, box, built, cubes, grid, middle, strength, vault
+from benchmarks.scenes import ANGLE, STRENGTH, built, cubes, grid, middle, stacked, stones, strength, vault
 from jld_core import Scene, parse_scene
 from jld_core.arrays import Bits
 from jld_core.limit.options import Status
@@ -39,7 +40,6 @@ BATCH: Final = 32  # layouts that pymoo and nevergrad ask for at a time
 
 
 def opened(across: int, up: int, *holes: tuple[int, int, int, int]) -> list[str]:
-    """Rows of a wall with holes, each from column to column and row to row."""
     rows = [["a"] * across for _ in range(up)]
     for left, right, top, low in holes:
         for row in rows[top:low]:
@@ -58,18 +58,10 @@ def viaduct(across: int, deck: int, pier: int) -> list[str]:
 
 
 def searched(
-    name: str,
-    elements: list[dict[str, Any]],
-    inner: dict[str, float],
-    live: dict[str, Any],
-    cells: list[int],
-    **keys: Any,
+    name: str, elements: list[dict[str, Any]], inner: dict[str, float], live: Any, cells: list[int], **keys: Any
 ) -> Scene:
-    materials = {"density": 1400, "dry": ANGLE, "inner": inner}
-    return parse_scene(
-        {"name": name, "elements": elements, "materials": materials, "loads": {"live": [live]}}
-        | {"search": {"block_cells": cells}, **keys}
-    )
+    document = stones(elements, [live], ANGLE, inner, density=1400)
+    return parse_scene({"name": name, "search": {"block_cells": cells}, **document, **keys})
 
 
 def arch(along: int, rings: int, load: float, cells: list[int]) -> Scene:
@@ -89,12 +81,10 @@ def arch(along: int, rings: int, load: float, cells: list[int]) -> Scene:
     for name, at in (("left", float(angles[0]) + step), ("right", float(angles[-1]))):
         elements.append({"id": name, "polygon": cell(radii[0], radii[-1], at, at - step), "support": True})
     live = {"element": f"v{int(along * load)}r{rings - 1}", "force": [0, -1]}
-    inner = {"tensile_strength": 2e6, "shear_strength": 2e5}
-    return searched(f"arch {along} x {rings}", elements, inner, live, cells, thickness=0.3)
+    return searched(f"arch {along} x {rings}", elements, STRENGTH, live, cells, thickness=0.3)
 
 
 def voronoi(count: int, seed: int, width: float, height: float) -> Scene:
-    """A wall of relaxed Voronoi cells, pushed at its top."""
     points = np.random.default_rng(seed).random((count, 2)) * [width, height]
     for _ in range(31):
         images = [points, points * [-1, 1], points * [1, -1], [2 * width, 0] - points * [1, -1]]
@@ -114,14 +104,8 @@ def voronoi(count: int, seed: int, width: float, height: float) -> Scene:
 
 
 def stack(nx: int, ny: int, nz: int) -> Scene:
-    places = [(x, y, z) for z in range(nz) for y in range(ny) for x in range(nx)]
-    elements = [
-        box(f"c{x}.{y}.{z}", (0.1 * x, 0.1 * y, 0.1 * z), (0.1 * (x + 1), 0.1 * (y + 1), 0.1 * (z + 1)))
-        for x, y, z in places
-    ]
-    elements.append(box("base", (0.0, 0.0, -0.1), (0.1 * nx, 0.1 * ny, 0.0), support=True))
     live = {"element": f"c0.0.{nz - 1}", "force": [1, 0.3, 0]}
-    return searched(f"stack {nx} x {ny} x {nz}", elements, WEAK, live, [1, 6])
+    return searched(f"stack {nx} x {ny} x {nz}", stacked(nx, ny, nz, "."), WEAK, live, [1, 6])
 
 
 def wall(rows: int, across: int, cells: list[int], live: list[dict[str, Any]] | None = None, **keys: Any) -> Scene:
@@ -170,7 +154,6 @@ Told = Callable[[NDArray[np.float64]], None]  # takes the values (k,) of labelli
 
 
 def of_driver(name: str, space: SearchSpace, evaluator: Evaluator, seed: int) -> Iterator[tuple[Bits, Told]]:
-    """Portions of labellings (k, m) of a driver of jld, "NAME" or "genetic:AIM"."""
     name, _, aim = name.partition(":")
     driver = make_driver(name, space, seed, **({"aim": aim} if aim else {}))
     while len(rows := driver.ask()):
@@ -234,15 +217,8 @@ def run(name: str, method: str, times: list[float], seed: int) -> Iterator[dict[
     assembly, space = built(SCENES[name]())
     evaluator = Evaluator(assembly, EvaluatorSettings())
     evaluator.evaluate_all(assembly.labels[None])
-    inner, solve = [0.0], evaluator.evaluate_all
-
-    def timed(*given: Any, **others: Any) -> Any:
-        start = time.process_time()
-        found = solve(*given, **others)
-        inner[0] += time.process_time() - start
-        return found
-
-    evaluator.evaluate_all = timed  # type: ignore[method-assign]
+    inner = [0.0]
+    evaluator.evaluate_all = timed(evaluator.evaluate_all, time.process_time, inner)  # type: ignore[method-assign]
     start, evaluated, left = time.process_time(), 0, sorted(times)
     front = np.full(int(space.candidates.sum()) + 1, 0.0)
     for rows, values in (of_peer if method in PEERS else of_driver)(method, space, evaluator, seed):
@@ -302,12 +278,11 @@ def draw(rows: pd.DataFrame) -> None:
         axes[0].set_ylabel("share of scenes")
         axes[1].legend(fontsize=7)
     figure.savefig(RESULTS / "drivers.png", dpi=130)
-    text = "\n".join(["# What drivers reach in the same time", "", about(__doc__), "", *parts, load_of_machine()])
-    write("drivers", text, ("pymoo", "nevergrad", "ortools"))
+    also, text = ("pymoo", "nevergrad", "ortools"), "\n".join([*parts, load_of_machine()])
+    write("drivers", "# What drivers reach in the same time", about(__doc__), text, also=also)
 
 
 def main() -> None:
-    """Add runs, if any are asked for, and draw what is known."""
     path = RESULTS / "drivers.csv"
     if len(sys.argv) > 2:
         methods = sys.argv[3].split(",") if len(sys.argv) > 3 else METHODS

@@ -27,7 +27,7 @@ from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers.choice import bound_of_all
 from jld_explore.drivers.enumeration import Enumeration
 
-WALLS: Final = (
+WALLS: Final = (  # cells across and up, cells in a block, σt = τ in Pa, time asked for
     (4, 6, 2, 2e4, "3 s"),
     (4, 6, 3, 2e4, "3 s"),
     (5, 7, 2, 2e4, "6 s"),
@@ -39,20 +39,13 @@ WALLS: Final = (
     (4, 6, 3, 5e3, "10 s"),
     (5, 7, 3, 5e3, "3 s"),
 )
-"""Cells across and up, cells in a block, σt = τ in Pa, time asked for."""
 
-LARGE: Final = ((10, 12, 2, 2e4, "30 s"), (8, 10, 3, 2e4, "240 s, to 5 %"))
-"""The same of walls that get `LONG` seconds."""
-
+LARGE: Final = ((10, 12, 2, 2e4, "30 s"), (8, 10, 3, 2e4, "240 s, to 5 %"))  # the same of walls that get `LONG` seconds
 SECONDS: Final = 120.0
-LONG: Final = 600.0
-"""Seconds for the scenes that are no walls of the list, unless another number is given."""
-
-_RATE: Final = 1000.0
-"""Labellings a second that enumeration is taken to evaluate."""
-
+LONG: Final = 600.0  # seconds for the scenes that are no walls of the list, unless another number is given
+_RATE: Final = 1000.0  # labellings a second that enumeration is taken to evaluate
 _COUNTED: Final = 300_000
-FRONTS: Final = (
+FRONTS: Final = (  # scenes whose whole front is proven
     "4 × 6, s = 2, 20 kPa",
     "4 × 6, s = 3, 20 kPa",
     "5 × 7, s = 2, 20 kPa",
@@ -60,9 +53,8 @@ FRONTS: Final = (
     "6 × 8, s = 2, 20 kPa",
     "beam on bearings (flagship), blocks of 2–6",
 )
-"""Scenes whose whole front is proven."""
 
-TWO: Final = {
+TWO: Final = {  # scenes that two jobs prove, and seconds by the clock for each
     "6 × 8, s = 3, 20 kPa": 60.0,
     "6 × 8, s = 3, 20 kPa, two cases": 60.0,
     "5 × 7, s = 3, 5 kPa": 60.0,
@@ -71,7 +63,6 @@ TWO: Final = {
     "8 × 10, s = 3, 20 kPa": 240.0,
     "flat arch, 67 faces, σc = 5 MPa, blocks of 2–6": 600.0,
 }
-"""Scenes that two jobs prove, and seconds by the clock for each."""
 
 NOTE: Final = (
     "At most {:g} s for a wall, {:g} s for a large one and the others, of one processor. Conflicts: partial "
@@ -87,7 +78,6 @@ def wall(across: int, up: int, cells: int, strong: float) -> Scene:
 
 
 def arch() -> Scene:
-    """A flat arch of 67 faces between abutments, all of it crushable, under a force on its middle."""
     load = [{"element": "c5r0", "force": [0, -1000]}]
     crush, search = {"compressive_strength": 5e6}, {"block_cells": [2, 6]}
     rows = ["#aaaaaaaaa#"] * 4
@@ -95,14 +85,12 @@ def arch() -> Scene:
 
 
 def winds() -> Scene:
-    """The wall of 6 × 8 cells in blocks of up to three, pushed from either side, nine tenths as hard from the right."""
     document = wall(6, 8, 3, 2e4).model_dump(mode="json", exclude_defaults=True)
     left, right = ({"name": name, "live": [{"body": [push, 0]}]} for name, push in (("left", 1), ("right", -0.9)))
     return parse_scene(document | {"loads": {"cases": [left, right]}})
 
 
 def in_space() -> dict[str, Scene]:
-    """Spatial scenes by name."""
     document = corner(5, math.radians(225.0), None).model_dump(mode="json", exclude_defaults=True)
     limit = {"block_cells": [1, 4]}
     return {
@@ -113,7 +101,6 @@ def in_space() -> dict[str, Scene]:
 
 
 def scenes() -> dict[str, tuple[Scene, float, str]]:
-    """Scenes by name, with the seconds each may take and the time asked for."""
     found: dict[str, tuple[Scene, float, str]] = {
         f"{across} × {up}, s = {cells}, {strength / 1e3:g} kPa": (wall(across, up, cells, strength), most, asked)
         for walls, most in ((WALLS, SECONDS), (LARGE, LONG))
@@ -144,37 +131,23 @@ def summary_of(scene: Scene, **settings: Any) -> dict[str, Any]:
         return explore(scene, Path(folder) / "out", ExploreSettings(jobs=1, pictures=False, **settings)).summary.facts
 
 
-def proofs(most: float, long: float) -> list[list[str]]:
-    """Rows of the table. most, long: seconds for a wall, others."""
-    return [proof(name, most, long) for name in scenes()]
-
-
 def proof(name: str, most: float, long: float) -> list[str]:
-    """The row of one scene."""
+    """The row of one scene. most, long: seconds for a wall, others."""
     scene, seconds, asked = scenes()[name]
     size = _size(scene)
     facts = summary_of(scene, driver="exact", seconds=min(seconds, most if seconds == SECONDS else long))
     bound, gap = facts["bound"], facts["gap"]
-    row = [
-        name,
-        f"more than {_COUNTED:.0e}" if size is None else str(size),
-        "none" if facts["best"] is None else f"{facts['best']:.7g}",
-        "none" if bound is None else f"{bound:.7g}",
-        "–" if gap is None else f"{gap:.0e}",
-        str(facts["stop_reason"]),
-        str(facts["conflicts"]),
-        str(facts["relaxations"]),
-        str(facts["solved"]),
-        f"{facts['seconds']:.1f}",
-        asked,
-        ("more than " if size is None else "") + f"{(size or _COUNTED) / _RATE:.0f}",
-    ]
+    more, size = ("more than ", _COUNTED) if size is None else ("", size)
+    ends = ["none" if value is None else f"{value:.7g}" for value in (facts["best"], bound)]
+    counts = [str(facts[key]) for key in ("stop_reason", "conflicts", "relaxations", "solved")]
+    space = f"{more}{size:.0e}" if more else str(size)
+    row = [name, space, *ends, "–" if gap is None else f"{gap:.0e}", *counts]
+    row += [f"{facts['seconds']:.1f}", asked, f"{more}{size / _RATE:.0f}"]
     print(row, flush=True)
     return row
 
 
 def by_two() -> list[list[str]]:
-    """Rows of the table of two jobs, by the clock."""
     rows = []
     for name, most in TWO.items():
         scene, _, asked = scenes()[name]
@@ -188,31 +161,20 @@ def by_two() -> list[list[str]]:
     return rows
 
 
-def fronts() -> list[list[str]]:
-    """Rows of the table of whole fronts."""
+def fronts() -> list[str]:
     rows = []
     for name in FRONTS:
         facts = summary_of(scenes()[name][0], driver="exact", options={"aim": "front"}, seconds=SECONDS)
         points = facts["front"]
         proven = sum(bool(point["proven"]) for point in points)
         counts = [point["count"] for point in points]
-        rows.append(
-            [
-                name,
-                f"{min(counts)}–{max(counts)}",
-                f"{proven} of {len(points)}",
-                f"{facts['best']:.7g}",
-                str(facts["conflicts"]),
-                str(facts["relaxations"]),
-                f"{facts['seconds']:.1f}",
-            ]
-        )
+        found = f"{min(counts)}–{max(counts)} | {proven} of {len(points)} | {facts['best']:.7g}"
+        rows.append(f"{name} | {found} | {facts['conflicts']} | {facts['relaxations']} | {facts['seconds']:.1f}")
         print(rows[-1], flush=True)
     return rows
 
 
 def bounds() -> list[list[str]]:
-    """Rows of the table of bounds on arches and a viaduct, which time does not suffice to prove."""
     rows = []
     for name, scene in (
         ("arch 19 × 3, blocks of 2–5", drivers.arch(19, 3, 0.3, [2, 5])),
@@ -230,18 +192,13 @@ def bounds() -> list[list[str]]:
     return rows
 
 
+# sections behind the first, `proofs`, by the word that asks for them
 HEADS: Final = {"two": "Two jobs", "fronts": "Whole fronts", "bounds": "Arches and a viaduct"}
-"""Sections behind the first, `proofs`, by the word that asks for them."""
 
 
 def sections(text: str) -> dict[str, str]:
-    """The sections of a file of results, by head, the first under its own."""
     first, *others = text.split("\n\n## ")
-    kept = {"": first}
-    for part in others:
-        head, _, body = part.partition("\n\n")
-        kept[head] = body
-    return kept
+    return {"": first, **dict(part.split("\n\n", 1) for part in others)}
 
 
 def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
@@ -254,15 +211,14 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
     parts = sections(path.read_text(encoding="utf-8").rpartition("\n\n")[0]) if path.exists() else {}
     head = "scene | space | λ | bound | gap | stopped | conflicts | relaxations | solves | s | asked | s to enumerate"
     if "proofs" in wanted:
-        rows = proofs(seconds, long)
+        rows = [proof(name, seconds, long) for name in scenes()]
         said = parts.get("", "").rpartition("\n\n")[2]  # what was found, by hand
         parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), said))
     if "two" in wanted:
-        found = table(["scene", "λ", "bound", "gap", "stopped", "s by the clock", "asked"], by_two())
+        found = table("scene | λ | bound | gap | stopped | s by the clock | asked", by_two())
         parts[HEADS["two"]] = f"The whole command with `--jobs 2`, on a machine with nothing else to do.\n\n{found}"
     if "fronts" in wanted:
-        columns = ["scene", "dry faces", "points proven", "best λ", "conflicts", "relaxations", "s"]
-        found = table(columns, fronts())
+        found = table("scene | dry faces | points proven | best λ | conflicts | relaxations | s", fronts())
         words = (
             "The best labelling for every number of dry faces at which anything stands, each with its bound. What a "
             "conflict rules out it rules out at every number that is to exceed its bound: all points share them, and "
@@ -270,9 +226,9 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
         )
         parts[HEADS["fronts"]] = f"{words}\n\n{found}"
     if "bounds" in wanted:
-        columns = ["scene", "faces", "λ", "bound face by face", "bound", "bound over λ", "s"]
+        found = table("scene | faces | λ | bound face by face | bound | bound over λ | s", bounds())
         words = "The process beside a search alone: what the exact driver proves in that time of one processor."
-        parts[HEADS["bounds"]] = f"{words}\n\n{table(columns, bounds())}"
+        parts[HEADS["bounds"]] = f"{words}\n\n{found}"
     write("exact", "\n\n## ".join([parts.pop(""), *(f"{head}\n\n{body}" for head, body in parts.items())]))
 
 

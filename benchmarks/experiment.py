@@ -30,31 +30,25 @@ def pushed(specimen: Specimen, scale: float, periods: float) -> Push:
 
 
 def plateau(found: Push) -> float:
-    """Mean λ over the last quarter of the way."""
     return float(found.load_factor[found.distance > 0.75 * found.distance[-1]].mean())
 
 
 def walls() -> str:
-    """Plateaus at several rates."""
     rows = []
     for number, (lowest, expected, length, short) in WALLS.items():
         assembly = scene(f"ferris_tinloi_{number}")
         exact = solve(assembly).load_factor
         found = []
-        for joints, gaps, most, periods in (
-            (ASSOCIATIVE, "plastic", length, 5000.0),
-            (NO_DILATION, "free", short, 1000.0),
-            (NO_DILATION, "free", short, 5000.0),
-            (NO_DILATION, "free", short, 20000.0),
-        ):
+        rates = [(NO_DILATION, "free", short, periods) for periods in (1000.0, 5000.0, 20000.0)]
+        for joints, gaps, most, periods in ((ASSOCIATIVE, "plastic", length, 5000.0), *rates):
             settings = Settings(scheme="limit", gaps=gaps, length=most, hasten=1e9)  # type: ignore[arg-type]
             specimen = specimen_of(assembly, assembly.labels, joints, settings)
             run = pushed(specimen, exact, periods)
             found.append(plateau(run) if joints is ASSOCIATIVE else float(run.load_factor.max()))
         shown = [f"{value:.6f}" for value in found]
         rows.append([str(number), f"{exact:.6f}", shown[0], " / ".join(shown[1:]), f"{expected:.4f}", f"{lowest:.6f}"])
-    head = ["wall", "λ", "with dilation, 5 000 periods, plateau", "without, 1 000 / 5 000 / 20 000, peak"]
-    return table([*head, "an earlier engine", "lowest known"], rows)
+    head = "wall | λ | with dilation, 5 000 periods, plateau | without, 1 000 / 5 000 / 20 000, peak"
+    return table(head + " | an earlier engine | lowest known", rows)
 
 
 def beam_arch() -> tuple[Assembly, Bits]:
@@ -97,29 +91,22 @@ def layouts() -> str:
 
 
 def arch() -> str:
-    """The flat arch, brittle and plastic."""
     assembly = build_assembly(leonardo_flat_arch())
     rows = []
-    for inner, dilation, expected in (
-        ("plastic", "friction", 2094.0),
-        ("plastic", 0.0, 1444.8),
-        ("brittle", "friction", 1588.0),
-        ("brittle", 0.0, 1443.0),
-    ):
+    cases = [("plastic", "friction", 2094.0), ("plastic", 0.0, 1444.8)]
+    cases += [("brittle", "friction", 1588.0), ("brittle", 0.0, 1443.0)]
+    for inner, dilation, expected in cases:
         joints = Joints(inner=inner, dilation=dilation)  # type: ignore[arg-type]
         curve = run_experiment(assembly, joints=joints, settings=Settings(periods=400.0))
-        value = f"{curve.collapse_load:.1f}"
-        rows.append([inner, str(dilation), value, f"{expected:.1f}", f"{curve.rate_error:.1e}"])
-    return table(["inner faces", "dilation", "collapse, N", "an earlier engine, N", "two rates differ by"], rows)
+        rows.append(f"{inner} | {dilation} | {curve.collapse_load:.1f} | {expected:.1f} | {curve.rate_error:.1e}")
+    return table("inner faces | dilation | collapse, N | an earlier engine, N | two rates differ by", rows)
 
 
 def speed() -> str:
-    """Nanoseconds per sub-contact and step."""
     rows = []
     for name, moving in (("flat_beam_arch", False), ("ferris_tinloi_2", False), ("flat_beam_arch", True)):
         assembly = scene(name)
-        labels = assembly.labels
-        specimen = specimen_of(assembly, labels, Joints(inner="plastic"), Settings(moving=moving))
+        specimen = specimen_of(assembly, assembly.labels, Joints(inner="plastic"), Settings(moving=moving))
         state, _ = specimen.settle()
         steps, best = 20_000, np.inf
         for _ in range(5):
@@ -132,17 +119,6 @@ def speed() -> str:
     return table(["scene", "geometry", "sub-contacts", "µs a step", "ns a sub-contact and step"], rows)
 
 
-def main() -> None:
-    """Run all parts and write benchmarks/results/experiment.md."""
-    parts = [
-        "# The virtual experiment against λ",
-        walls(),
-        layouts(),
-        "## Flat arch\n\n" + arch(),
-        "## Speed\n\n" + speed(),
-    ]
-    write("experiment", "\n\n".join(parts), ("numba",))
-
-
 if __name__ == "__main__":
-    main()
+    parts = [walls(), layouts(), "## Flat arch", arch(), "## Speed", speed()]
+    write("experiment", "# The virtual experiment against λ", *parts, also=("numba",))

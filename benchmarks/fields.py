@@ -10,50 +10,35 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from benchmarks.common import about, random_segmentations, run_parts, table, write
-from benchmarks.scenes import ENUMERATED, bonded, box, grid, strength
+from benchmarks.scenes import ENUMERATED, bonded, grid, stones, strength
 from jld_core import Assembly, build_assembly, parse_scene, samples, solve
 from jld_core.arrays import Bits
 from jld_core.fields import bounds_by_fields
-from jld_core.fields.bounds import CoarseBounds, FieldBounds, FieldSetting
+from jld_core.fields.bounds import CoarseBounds, FieldSetting
 from jld_core.scene.cracks import FieldCracks
 from jld_core.threads import one_thread
 from jld_explore import ExploreSettings, explore
 from jld_explore.space import from_string
+from jld_samples import box
 
-BLOCKWORK: Final[dict[str, Any]] = {
-    "cell": (0.4, 0.2),
-    "thickness": 0.2,
-    "density": 2000,
-    "dry": {"friction_coefficient": 0.75},
-}
-"""Cells of walls."""
-
-BEST: Final = "iiidididddddiididdidiiid"
-"""Labels of the flagship's layout that is strongest by its own faces."""
-WARM: Final = 100
-"""Layouts bounded before times are taken."""
-TIMED: Final = 100
-"""Layouts whose times are taken."""
-TOGETHER: Final = 16
-"""Layouts that are bounded together, as by an evaluator."""
+BEST: Final = "iiidididddddiididdidiiid"  # labels of the flagship's layout that is strongest by its own faces
+WARM: Final = 100  # layouts bounded before times are taken
+TIMED: Final = 100  # layouts whose times are taken
+TOGETHER: Final = 16  # layouts that are bounded together, as by an evaluator
 
 
 def masonry(strong: float = 20e3) -> Assembly:
     """A wall of 48 cells of 0.4 × 0.2 m in running bond under a horizontal body load; strength in Pa."""
     rows = bonded(["aaaaaaaa"] * 6 + ["########"])
-    return build_assembly(grid(rows, inner=strength(strong), **BLOCKWORK))
-
-
-def beam_arch() -> tuple[Assembly, Bits, Bits]:
-    """The beam-arch, labels of its best layout by faces, and labels without cuts."""
-    assembly = build_assembly(ENUMERATED["flagship"]())
-    return assembly, from_string(BEST), ~assembly.free_faces
+    dry = {"friction_coefficient": 0.75}
+    return build_assembly(grid(rows, None, strength(strong), cell=(0.4, 0.2), thickness=0.2, density=2000, dry=dry))
 
 
 def to_gap(name: str, assembly: Assembly, labels: Bits, gap: float, goal: float) -> list[str]:
@@ -67,17 +52,11 @@ def to_gap(name: str, assembly: Assembly, labels: Bits, gap: float, goal: float)
 
 
 def admissible() -> Bits:
-    """Layouts of the flagship's search, drawn at random."""
     with tempfile.TemporaryDirectory() as folder:
         settings = ExploreSettings(driver="enumeration", pictures=False, check_fields=0)
         done = explore(ENUMERATED["flagship"](), Path(folder) / "search", settings)
     timed_rows = np.random.default_rng(3).permutation(len(done.results))[: WARM + TIMED]
     return np.array([from_string(str(text)) for text in done.results["labelling"].iloc[timed_rows]])
-
-
-def of_wall(wall: Assembly) -> Bits:
-    """Layouts of the wall, drawn at random."""
-    return random_segmentations(wall, WARM + TIMED, seed=3)
 
 
 def race_all(goal: float) -> list[str]:
@@ -122,15 +101,14 @@ def bound_alone(name: str, assembly: Assembly, labellings: Bits, goal: float) ->
 
 
 def _row(name: str, assembly: Assembly, each: float, goal: float) -> list[str]:
-    """One row of many layouts: milliseconds for each, and the aim in seconds."""
     triangles = len(FieldSetting.of(assembly).coarse)
     return [name, "–", "–", f"{triangles} in 1 mesh", f"**{each:.1f} ms**", f"{1e3 * goal:g} ms"]
 
 
 def timed_rows() -> dict[str, Callable[[], list[str]]]:
-    """What is measured, by name."""
-    assembly, best, uncut = beam_arch()
-    wall = masonry()
+    assembly, wall = build_assembly(ENUMERATED["flagship"]()), masonry()
+    best, uncut = from_string(BEST), ~assembly.free_faces
+    drawn = partial(random_segmentations, count=WARM + TIMED, seed=3)
     return {
         "flagship, best by faces, to 5 %": lambda: to_gap("flagship, best by faces", assembly, best, 0.05, 5.0),
         "flagship, best by faces, to 2 %": lambda: to_gap("flagship, best by faces", assembly, best, 0.02, 60.0),
@@ -139,8 +117,8 @@ def timed_rows() -> dict[str, Callable[[], list[str]]]:
         "wall of 48 cells, to 5 %": lambda: to_gap("wall of 48 cells", wall, wall.labels, 0.05, 20.0),
         "flagship, many layouts": lambda: bound_many("flagship, a layout of many", assembly, admissible(), 0.01),
         "flagship, layouts alone": lambda: bound_alone("flagship, one layout at a time", assembly, admissible(), 0.01),
-        "wall, many layouts": lambda: bound_many("wall of 48 cells, a layout of many", wall, of_wall(wall), 0.032),
-        "wall, layouts alone": lambda: bound_alone("wall of 48 cells, one at a time", wall, of_wall(wall), 0.032),
+        "wall, many layouts": lambda: bound_many("wall of 48 cells, a layout of many", wall, drawn(wall), 0.032),
+        "wall, layouts alone": lambda: bound_alone("wall of 48 cells, one at a time", wall, drawn(wall), 0.032),
         "flagship, race": lambda: race_all(0.01),
     }
 
@@ -160,11 +138,10 @@ def speed() -> None:
     if wanted:
         print(text)
     else:
-        write("crack_fields", f"# Speed of bounds by fields\n\n{about(speed.__doc__)}\n\n{text}")
+        write("crack_fields", "# Speed of bounds by fields", about(speed.__doc__), text)
 
 
-SPACE_GAP: Final = 0.15
-"""Relative width at which refinement ends."""
+SPACE_GAP: Final = 0.15  # relative width at which refinement ends
 
 
 @dataclass(frozen=True)
@@ -179,13 +156,7 @@ class Case:
 
 
 def assembled(elements: list[dict[str, Any]], live: list[Any], inner: dict[str, float], label: str) -> Assembly:
-    """An assembly of elements of 2000 kg/m³."""
-    document = {
-        "elements": elements,
-        "materials": {"density": 2000.0, "dry": {"friction_coefficient": 0.6}, "inner": inner},
-        "loads": {"live": live},
-    }
-    built = build_assembly(parse_scene(document))
+    built = build_assembly(parse_scene(stones(elements, live, 0.6, inner, density=2000.0)))
     return replace(built, labels=np.full(len(built.interfaces), label == "dry"))
 
 
@@ -239,14 +210,6 @@ CASES: Final = (
 )
 
 
-@one_thread()
-def bounds_of(assembly: Assembly, most: int) -> tuple[FieldBounds, float]:
-    """Bounds of the labelling of a scene, and the processor time that they took."""
-    start = time.process_time()
-    found = bounds_by_fields(assembly, gap=SPACE_GAP, most=most)
-    return found, time.process_time() - start
-
-
 def space() -> None:
     """Bounds by fields in space: how wide after which time, for one layout of four structures, on one core.
 
@@ -257,21 +220,19 @@ def space() -> None:
     for case in CASES:
         assembly = case.build()
         faces = solve(assembly).load_factor
-        found, seconds = bounds_of(assembly, case.most)
+        start = time.process_time()
+        with one_thread():
+            found = bounds_by_fields(assembly, gap=SPACE_GAP, most=case.most)
+        seconds = time.process_time() - start
         numbers = [f"{found.lower:.5g}", f"{found.upper:.5g}", f"{100.0 * found.gap:.1f} %", str(found.simplices)]
         rows.append([case.name, case.what, f"{faces:.5g}", case.exact, *numbers, f"{seconds:.0f}"])
         print(rows[-1], flush=True)
         steps += [[case.name, str(s.simplices), f"{s.lower:.5g}", f"{s.upper:.5g}"] for s in found.history]
     head = "structure | what | λ by faces | closed form | lower | upper | gap | tetrahedra | processor s"
-    text = [
-        "# Bounds by fields in space",
-        about(space.__doc__),
-        f"One layout each, refined to a gap of {100 * SPACE_GAP:.0f} % or the most tetrahedra of its case.",
-        table(head, rows),
-        "All meshes:",
-        table("structure | tetrahedra | lower | upper", steps),
-    ]
-    write("space_fields", "\n\n".join(text))
+    said = f"One layout each, refined to a gap of {100 * SPACE_GAP:.0f} % or the most tetrahedra of its case."
+    meshes = table("structure | tetrahedra | lower | upper", steps)
+    title = "# Bounds by fields in space"
+    write("space_fields", title, about(space.__doc__), said, table(head, rows), "All meshes:", meshes)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ whose every face is dry.
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import resource
@@ -24,7 +23,7 @@ import numpy as np
 from studies.families import planar_running_bond, running_bond
 
 from benchmarks.common import ROOT, about, apart, run_parts, table, write
-from benchmarks.scenes import box, strength
+from benchmarks.scenes import stacked, strength
 from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_core.scene.schema import Scene
 from jld_core.threads import one_thread
@@ -40,24 +39,18 @@ DRY_WALLS: Final[dict[str, Callable[[int], Scene]]] = {
     "dry, in plane": lambda courses: running_bond(courses, direction=(1.0, 0.0, 0.0)),
     "dry, planar": planar_running_bond,
 }
-SIZES: Final = {
+SIZES: Final = {  # cells along an edge, up to 80 089 and 13 824 cells; courses of dry walls, up to 10 100 blocks
     "planar": (10, 32, 100, 178, 200, 224, 245, 283),
     "spatial": (5, 10, 16, 20, 24),
     **dict.fromkeys(DRY_WALLS, (10, 20, 40, 60, 100)),
 }
-"""Cells along an edge, up to 80 089 and 13 824 cells; courses of dry walls, up to 10 100 blocks."""
 
 PHASES: Final = ("scene", "contacts", "symmetry", "space", "driver", "λ")
-
-SECONDS: Final = 600
-"""Processor time of one size."""
-
-BYTES: Final = 16 << 30
-"""Address space of one size."""
+SECONDS: Final = 600  # processor time of one size
+BYTES: Final = 16 << 30  # address space of one size
 
 
 def document(kind: str, edge: int) -> dict[str, Any]:
-    """The scene of a kind with so many cells along an edge, supports beside them."""
     if kind in DRY_WALLS:
         return DRY_WALLS[kind](edge).model_dump(mode="json", exclude_unset=True)
     common = {
@@ -68,18 +61,10 @@ def document(kind: str, edge: int) -> dict[str, Any]:
     if kind == "planar":
         rows = ["a" * edge] * edge + ["#" * edge]
         return {"name": f"{edge} × {edge}", "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": rows}, **common}
-    cells = [_cube(at, np.add(at, 1)) for at in itertools.product(range(edge), repeat=3)]
-    slab = _cube((0, 0, -1), (edge, edge, 0)) | {"support": True}
-    return {"name": f"{edge} × {edge} × {edge}", "elements": [slab, *cells], **common}
-
-
-def _cube(low: Any, high: Any) -> dict[str, Any]:
-    ends = (tuple(0.1 * float(v) for v in end) for end in (low, high))
-    return box("-".join(str(v) for v in low), *ends)
+    return {"name": f"{edge} × {edge} × {edge}", "elements": stacked(edge, edge, edge, "-"), **common}
 
 
 def phases(file: Path, evaluate: bool = True) -> Iterator[Found]:
-    """What each phase takes, as it ends. evaluate: solve the first labelling too."""
     spent = time.process_time()
 
     def ended(name: str, **more: Any) -> Found:
@@ -134,16 +119,12 @@ def run(kind: str, edge: int, seconds: int = SECONDS, most: int = BYTES) -> Foun
 
 
 def row_of(found: Found) -> list[str]:
-    """A row of the table."""
     seconds, memory = found["seconds"], found["memory"]
-    return [
-        found["kind"],
-        f"{found.get('cells', 0):,}".replace(",", " "),
-        f"{found['faces']:,}".replace(",", " ") if "faces" in found else "–",
-        *(f"{seconds[phase]:.2f}" if phase in seconds else "–" for phase in PHASES),
-        f"{memory['driver']:.0f}" if "driver" in memory else "–",
-        f"{memory['λ']:.0f}" if "λ" in memory else f"over {found.get('ended', 'the limit')}",
-    ]
+    sizes = [f"{found.get(key, 0):,}".replace(",", " ") if key in found else "–" for key in ("cells", "faces")]
+    times = [f"{seconds[phase]:.2f}" if phase in seconds else "–" for phase in PHASES]
+    before = f"{memory['driver']:.0f}" if "driver" in memory else "–"
+    after = f"{memory['λ']:.0f}" if "λ" in memory else f"over {found.get('ended', 'the limit')}"
+    return [found["kind"], *sizes, *times, before, after]
 
 
 def exponent(series: list[Found], phase: str) -> str:
@@ -168,16 +149,11 @@ def growth() -> None:
     head = ["kind", "cells", "faces", *(f"{phase}, s" for phase in PHASES), "MB before λ", "MB with λ"]
     rows = [row_of(found) for series in results.values() for found in series]
     powers = [[kind, *(exponent(series, phase) for phase in PHASES)] for kind, series in results.items()]
-    parts = [
-        "# Growth with the number of cells",
-        about(growth.__doc__),
-        f"Limits of one size: {SECONDS} s and {BYTES / 2**30:g} GB, or what its row says. Memory is the highest so "
-        "far, of which Python and its libraries are some 200 MB.",
-        table(head, rows),
-        "Exponents of the number of cells, from 1 000 cells up (1: linear):",
-        table(["kind", *PHASES], powers),
-    ]
-    write("growth", "\n\n".join(parts))
+    limits = f"Limits of one size: {SECONDS} s and {BYTES / 2**30:g} GB, or what its row says. Memory is the highest "
+    limits += "so far, of which Python and its libraries are some 200 MB."
+    said = "Exponents of the number of cells, from 1 000 cells up (1: linear):"
+    head_of_all, words = "# Growth with the number of cells", about(growth.__doc__)
+    write("growth", head_of_all, words, limits, table(head, rows), said, table(["kind", *PHASES], powers))
 
 
 def _one(file: str, seconds: str, most: str) -> None:
@@ -187,103 +163,65 @@ def _one(file: str, seconds: str, most: str) -> None:
         print(json.dumps(phase), flush=True)
 
 
-ANSWER_EDGE: Final = 55
-"""Cells along an edge of the wall."""
-
+ANSWER_EDGE: Final = 55  # cells along an edge of the wall
 Content = dict[str, Any]
 
 
-def crushing(content: Content) -> None:
-    """Stone and joints crush at 2 MPa."""
-    content["materials"]["dry"]["compressive_strength"] = 2e6
-    content["materials"]["inner"]["compressive_strength"] = 2e6
+def live(*loads: int) -> Content:
+    return {"loads": {"live": [{"body": list(loads)}]}}
 
 
-def two_cases(content: Content) -> None:
-    """A push to each side."""
-    sides = {"right": [1, 0], "left": [-1, 0]}
-    content["loads"] = {"cases": [{"name": name, "live": [{"body": way}]} for name, way in sides.items()]}
+def held(rows: list[str], below: bool) -> Content:
+    """A wall held along both sides, and below or not."""
+    return {"grid": {"rows": ["#" + row + "#" for row in (rows if below else rows[:-1])]}}
 
 
-def locked(content: Content) -> None:
-    """A load straight down: no collapse at any λ."""
-    content["loads"] = {"live": [{"body": [0, -1]}]}
+CRUSH: Final = {"compressive_strength": 2e6}
+SIDES: Final = [{"name": name, "live": [{"body": way}]} for name, way in (("right", [1, 0]), ("left", [-1, 0]))]
+ROWS: Final = ["a" * ANSWER_EDGE] * ANSWER_EDGE + ["#" * ANSWER_EDGE]
 
-
-def unstable(content: Content) -> None:
-    """A dead load that pushes sideways by three times the weight: no λ ≥ 0 is admissible."""
-    content["materials"]["gravity"] = [30, -9.81]
-
-
-def frictionless(content: Content) -> None:
-    """No friction in dry joints: λ = 0."""
-    content["materials"]["dry"]["friction_coefficient"] = 0.0
-
-
-def _held(content: Content, below: bool, live: list[int]) -> None:
-    """Hold a wall along both sides, and below or not; live: body load."""
-    rows = ["#" + row + "#" for row in content["grid"]["rows"]]
-    content["grid"]["rows"] = rows if below else rows[:-1]
-    content["loads"] = {"live": [{"body": live}]}
-
-
-def lifted(content: Content) -> None:
-    """Supported on both sides and below, lifted: stones break."""
-    _held(content, True, [0, 1])
-
-
-def lifted_aslant(content: Content) -> None:
-    """The same, lifted at 45°."""
-    _held(content, True, [1, 1])
-
-
-def hung_lifted(content: Content) -> None:
-    """Supported on both sides alone, lifted."""
-    _held(content, False, [0, 1])
-
-
-def hung_pressed(content: Content) -> None:
-    """Supported on both sides alone, pressed down."""
-    _held(content, False, [0, -1])
-
-
-def hung_weightless(content: Content) -> None:
-    """Supported on both sides alone, without weight, lifted."""
-    _held(content, False, [0, 1])
-    content["loads"]["dead"] = [{"body": [0, 1]}]
-
-
-def surrounded(content: Content) -> None:
-    """Supported all around, lifted: no collapse at any λ."""
-    _held(content, True, [0, 1])
-    rows = content["grid"]["rows"]
-    content["grid"]["rows"] = [rows[-1], *rows]
-
-
-def weighed(content: Content) -> None:
-    """Supported on the left side alone, lifted by its own weight: λ = 1."""
-    content["grid"]["rows"] = ["#" + row for row in content["grid"]["rows"][:-1]]
-    content["loads"] = {"live": [{"body": [0, 1]}]}
-
-
-KINDS: Final[dict[str, Callable[[Content], None]]] = {
-    function.__name__: function
-    for function in (
-        *(crushing, two_cases, locked, unstable, frictionless),
-        *(lifted, lifted_aslant, hung_lifted, hung_pressed, hung_weightless, surrounded, weighed),
-    )
+KINDS: Final[dict[str, tuple[str, Content]]] = {  # what changes in the scene, and its keys, by name
+    "crushing": ("Stone and joints crush at 2 MPa", {"materials": {"dry": CRUSH, "inner": CRUSH}}),
+    "two_cases": ("A push to each side", {"loads": {"cases": SIDES, "live": None}}),
+    "locked": ("A load straight down: no collapse at any λ", live(0, -1)),
+    "unstable": (
+        "A dead load that pushes sideways by three times the weight: no λ ≥ 0 is admissible",
+        {"materials": {"gravity": [30, -9.81]}},
+    ),
+    "frictionless": ("No friction in dry joints: λ = 0", {"materials": {"dry": {"friction_coefficient": 0.0}}}),
+    "lifted": ("Supported on both sides and below, lifted: stones break", held(ROWS, True) | live(0, 1)),
+    "lifted_aslant": ("The same, lifted at 45°", held(ROWS, True) | live(1, 1)),
+    "hung_lifted": ("Supported on both sides alone, lifted", held(ROWS, False) | live(0, 1)),
+    "hung_pressed": ("Supported on both sides alone, pressed down", held(ROWS, False) | live(0, -1)),
+    "hung_weightless": (
+        "Supported on both sides alone, without weight, lifted",
+        held(ROWS, False) | {"loads": {"dead": [{"body": [0, 1]}], "live": [{"body": [0, 1]}]}},
+    ),
+    "surrounded": (
+        "Supported all around, lifted: no collapse at any λ",
+        held([ROWS[-1], *ROWS], True) | live(0, 1),
+    ),
+    "weighed": (
+        "Supported on the left side alone, lifted by its own weight: λ = 1",
+        {"grid": {"rows": ["#" + row for row in ROWS[:-1]]}} | live(0, 1),
+    ),
 }
-"""Changes of the scene by name."""
 
+# status of each kind where it is not collapse
 EXPECTED: Final = {"locked": "locked", "surrounded": "locked", "unstable": "unstable"}
-"""Status of each kind where it is not collapse."""
+
+
+def merged(content: Content, changes: Content) -> Content:
+    """A document with keys replaced at any depth; None removes one."""
+    found = dict(content)
+    for key, value in changes.items():
+        found[key] = merged(found.get(key, {}), value) if isinstance(value, dict) else value
+    return {key: value for key, value in found.items() if value is not None}
 
 
 def solve_kind(kind: str) -> dict[str, Any]:
     """Solve one kind in this process; return seconds, MB, status and bracket."""
-    content = document("planar", ANSWER_EDGE)
-    KINDS[kind](content)
-    scene = parse_scene(content)
+    scene = parse_scene(merged(document("planar", ANSWER_EDGE), KINDS[kind][1]))
     assembly = build_assembly(scene)
     labels = make_driver("random", search_space(scene, assembly), 0).ask(1)[0]
     start = time.process_time()
@@ -301,20 +239,15 @@ def answers() -> None:
     thread: processor time from the assembly to a checked answer, and the highest memory.
     """
     rows = []
-    for kind, change in KINDS.items():
+    for kind, (words, _) in KINDS.items():
         one = apart("large.solve_kind", kind)
         if one["status"] != EXPECTED.get(kind, "collapse"):
             raise SystemExit(f"{kind}: {one['status']}, expected {EXPECTED.get(kind, 'collapse')}")
         ends = ["–" if end is None or end != end else f"{end:.9g}" for end in one["bracket"]]
-        rows.append([_words(change), one["status"], *ends, f"{one['seconds']:.1f}", f"{one['memory']:.0f}"])
+        rows.append([words, one["status"], *ends, f"{one['seconds']:.1f}", f"{one['memory']:.0f}"])
         print(rows[-1], flush=True)
     found = table("scene | status | lower bound | upper bound | s | MB", rows)
-    write("large_answers", "\n\n".join(["# Answers of large scenes", about(answers.__doc__), found]))
-
-
-def _words(change: Callable[[Content], None]) -> str:
-    """What a change does, by its own first line."""
-    return (change.__doc__ or "").rstrip(".")
+    write("large_answers", "# Answers of large scenes", about(answers.__doc__), found)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """Forty problems of joint layout design for others to enter, from 9 to 900 faces: see docs/guide/benchmark.md.
 
-`python -m benchmarks.problems [NAME…] [--seconds S] [--scenes] [--drivers] [--layouts FILE]`. Without options the
-records of the problems named (default all) are sought anew, and kept where they are better. `--scenes` writes the
-scenes, `--drivers` the table of all drivers, `--layouts` random layouts with brackets as Parquet. Plain programs of
-planar layouts are stated as one writes them without this project, to compare with: a mixed-integer program (HiGHS),
-the same constraints in whole numbers (CP-SAT of OR-Tools) and a genetic algorithm on the labels (pymoo), the last two
-where their packages are installed.
+`python -m benchmarks.problems [NAME…] [--seconds S] [--drivers] [--layouts FILE]`. Without options the records of the
+problems named (default all) are sought anew, and kept where they are better. Scenes stand in the package `jld_maps`; a
+new one gets its record by its name; that of a changed one is taken out first. `--drivers` writes the table of all
+drivers, `--layouts` random layouts with brackets as Parquet. Plain programs of planar layouts are stated as one writes
+them without this project, to compare with: a mixed-integer program (HiGHS), the same constraints in whole numbers
+(CP-SAT of OR-Tools) and a genetic algorithm on the labels (pymoo), the last two where their packages are installed.
 """
 
 from __future__ import annotations
@@ -26,11 +26,8 @@ import pandas as pd
 import scipy.sparse as sp
 from scipy.optimize import Bounds, LinearConstraint
 from scipy.optimize import milp as solve_milp
-from studies import published_wall
-from studies.scenes import corner, leonardo_flat_arch, polar_grid_arch, wall_with_opening
 
-from benchmarks.common import RESULTS, ROOT, load_of_machine, machine, table, versions
-from benchmarks.scenes import cubes, grid, middle, strength, vault
+from benchmarks.common import RESULTS, load_of_machine, machine, table, versions
 from jld_core import (
     FACTS,
     Assembly,
@@ -43,8 +40,6 @@ from jld_core import (
     build_assembly,
     files,
     load_scene,
-    parse_scene,
-    samples,
     solve,
     solve_many,
 )
@@ -55,111 +50,7 @@ from jld_explore.space import feasible, from_string, to_string
 from jld_explore.space.counts import counts
 from jld_maps.benchmark import PROBLEMS as FOLDER
 
-TOP: Final = {"element": "c0r0", "force": [1, 0]}
-PUSH: Final = [{"body": [1, 0]}]
-
-
-def wall(
-    columns: int, rows: int, live: Any = None, base: str = "", weak: bool = True, **search: Any
-) -> Callable[[], Scene]:
-    """A wall of cells under a push at its top corner, or other loads.
-
-    weak: inner faces crack under some times their weight, μ = 0.75; else the paper's stone.
-    """
-    lines = ["a" * columns] * rows + [base or "#" * columns]
-    own: Any = {"inner": strength(2e4), "dry": {"friction_coefficient": 0.75}} if weak else {}
-    return lambda: grid(lines, live or [TOP], search=search, **own)
-
-
-def changed(make: Callable[[], Scene], name: str, **sections: Any) -> Callable[[], Scene]:
-    """A scene with sections added or replaced."""
-
-    def made() -> Scene:
-        document = make().model_dump(mode="json", exclude_unset=True)
-        own = document["materials"] | sections.get("materials", {})
-        return parse_scene(document | sections | {"name": name, "materials": own})
-
-    return made
-
-
-def cases(**loads: list[dict[str, Any]]) -> dict[str, Any]:
-    return {"cases": [{"name": name, "live": live} for name, live in loads.items()]}
-
-
-ARCH: Final = ROOT / "scenes" / "flat_beam_arch.json"
-OPENING: Final = ["aaaaaaa", "aaaaaaa", "aa...aa", "aa...aa", "#######"]
-WEAK: Final = {"dry": {"friction_angle": 30, "cohesion": 500}, "inner": {**strength(2e4), "friction_coefficient": 0.4}}
-AXLE: Final = {"name": "axle", "path": [[0.05, 0.3], [0.65, 0.3]], "axles": [{"weight": 1}], "steps": 4}
-AWAY: Final = [{"element": "c4r0", "force": [-1, -1]}]
-
-
-def pushed(course: int) -> dict[str, Any]:
-    """A push outwards at the free end of the upper course of a corner."""
-    return {"live": [{"element": f"p0k{course}", "force": [1, 0.3, 0]}]}
-
-
-def fields(gap: float) -> dict[str, Any]:
-    return {"kind": "fields", "gap": gap}
-
-
-PROBLEMS: Final[dict[str, Callable[[], Scene]]] = {
-    # one load
-    "lintel-3x2": wall(3, 2, middle(1), "#.#"),
-    "wall-3x3": wall(3, 3),
-    "wall-4x3-corner": wall(4, 3, [{"element": "c0r0", "force": [1, -2]}]),
-    "bridge-5x2": wall(5, 2, middle(2), "#...#"),
-    "bridge-7x2": wall(7, 2, middle(3), "##...##"),
-    "wall-4x4": wall(4, 4),
-    "wall-5x4": wall(5, 4, block_cells=[1, 5]),
-    "wall-6x5": wall(6, 5, block_cells=[1, 6]),
-    "wall-8x6": wall(8, 6, block_cells=[1, 6]),
-    "wall-12x8": wall(12, 8, block_cells=[2, 8]),
-    "wall-20x12": wall(20, 12, block_cells=[2, 8]),
-    "wall-30x15": wall(30, 15, block_cells=[2, 8]),
-    # limits on the cells of blocks
-    "beam-arch": lambda: load_scene(ARCH),
-    "bridge-7x3": wall(7, 3, middle(2, 3, 4), "##...##", weak=False, block_cells=[3, 6]),
-    "wall-6x4-corner": wall(6, 4, [{"element": "c1r0", "force": [1, -2]}], "##..##", weak=False, block_cells=[2, 3]),
-    "leonardo-9x2": lambda: leonardo_flat_arch(search={"block_cells": [2, 4]}),
-    "bridge-8x6": wall(8, 6, middle(3, 4), "###..###", weak=False, block_cells=[2, 6]),
-    "bridge-15x10": wall(15, 10, middle(3, 4, 10, 11), "#......#......#", weak=False, block_cells=[2, 6]),
-    "opening-7x4": lambda: wall_with_opening(OPENING, search={"block_cells": [1, 3]}),
-    "overhang-6x3": wall(6, 3, middle(5), "####..", block_cells=[1, 4]),
-    "cohesive-5x3": changed(wall(5, 3, block_cells=[1, 4]), "wall with cohesion", materials=WEAK),
-    # several load cases
-    "beam-arch-two-loads": changed(lambda: load_scene(ARCH), "beam-arch, two loads",
-                                   loads=cases(left=middle(1), right=middle(3))),
-    "wall-two-winds": lambda: load_scene(ROOT / "scenes" / "wall_in_two_winds.json"),
-    "bridge-7x3-moving": changed(wall(7, 3, base="##...##", block_cells=[2, 6]), "bridge under a moving load",
-                                 loads={"moving": [AXLE]}),
-    "wall-5x4-three": changed(wall(5, 4, block_cells=[1, 4]), "wall, three loads",
-                              loads=cases(right=[TOP], left=AWAY, both=[TOP, *AWAY])),
-    # other limits
-    "wall-4x4-two-shapes": wall(4, 4, block_cells=[2, 3], shapes=[1, 2]),
-    "wall-4x4-many-joints": wall(4, 4, dry_faces=[14, None]),
-    "bridge-7x3-five-blocks": wall(7, 3, middle(3), "##...##", blocks=[5, 5], block_cells=[2, 6]),
-    "bridge-7x3-convex": wall(7, 3, middle(3), "##...##", convex_blocks=True, block_cells=[1, 6]),
-    # others' structures
-    "cap-wall-4x4": published_wall.wall,
-    "arch-2x8": lambda: polar_grid_arch(2, 8, 0.16, [{"body": [1, 0]}], {"block_cells": [2, 4]}),
-    "arch-2-rings": lambda: samples.arch(rings=2, voussoirs=14, thickness=0.24, bond="running", load="quarter"),
-    # blocks that crack anywhere
-    "lintel-3x2-fields": changed(wall(3, 2, middle(1), "#.#"), "lintel, cracks by fields", cracks=fields(0.05)),
-    "wall-3x3-fields": changed(wall(3, 3, block_cells=[2, 4]), "wall, cracks by fields", cracks=fields(0.01)),
-    # space
-    "cubes-2": lambda: cubes(2),
-    "cubes-3": lambda: cubes(3, search={"block_cells": [2, 6]}),
-    "vault-9x3": vault,
-    "corner-2": changed(lambda: corner(2, 0.0, None, {"block_cells": [1, 3]}), "corner-2", loads=pushed(1)),
-    "corner-4": changed(lambda: corner(4, 0.0, None, {"block_cells": [1, 3]}), "corner-4", loads=pushed(3)),
-    "dome": lambda: samples.dome(load="crown"),
-}  # fmt: skip
-"""Name → scene of each problem."""
-
-
-Answer = tuple[float, float, bool]
-"""λ (NaN: none), seconds, and whether it is said to be optimal."""
-
+Answer = tuple[float, float, bool]  # λ (NaN: none), seconds, and whether it is said to be optimal
 NONE: Answer = (math.nan, 0.0, False)
 
 
@@ -325,7 +216,6 @@ def cp_sat(problem: Plain, seconds: float) -> Answer:
 
 
 def genetic(problem: Plain, seconds: float) -> Answer:
-    """pymoo's genetic algorithm on the labels; what violates a condition counts as far below zero."""
     from pymoo.algorithms.soo.nonconvex.ga import GA
     from pymoo.core.problem import Problem
     from pymoo.operators.crossover.ux import UniformCrossover
@@ -356,10 +246,8 @@ def genetic(problem: Plain, seconds: float) -> Answer:
     return (best if best > -1e11 else math.nan), time.perf_counter() - start, False
 
 
+# methods by name
 METHODS: dict[str, Callable[[Plain, float], Answer]] = {"MILP": milp, "CP-SAT": cp_sat, "pymoo GA": genetic}
-"""Methods by name."""
-
-
 RECORDS: Final = FOLDER / "records.json"
 CERTIFICATE: Final = 300_000  # largest size of a certificate that is kept, bytes
 COMPARED: Final = ("lintel-3x2", "bridge-5x2", "wall-3x3", "bridge-7x2", "wall-4x4", "wall-5x4", "wall-6x5",
@@ -376,16 +264,6 @@ TITLE: Final = """# What drivers reach
 
 """
 EACH: Final = 10_000  # layouts drawn of each
-
-
-def written(name: str) -> bool:
-    """Write the scene of a problem; whether it was missing or has changed."""
-    path = FOLDER / f"{name}.json"
-    text = json.dumps(PROBLEMS[name]().model_dump(mode="json", exclude_unset=True) | {"name": name}, ensure_ascii=False)
-    changed = not path.exists() or path.read_text("utf-8") != text + "\n"
-    if changed:
-        path.write_text(text + "\n", "utf-8")
-    return changed
 
 
 def record_of(name: str, seconds: float) -> dict[str, Any]:
@@ -502,11 +380,9 @@ def layouts(path: Path, each: int) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Do what the options ask for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="problems, default all")
     parser.add_argument("--seconds", type=float, default=10.0, help="time of each search")
-    parser.add_argument("--scenes", action="store_true", help="write the scenes alone")
     parser.add_argument("--drivers", action="store_true", help="compare all drivers")
     parser.add_argument("--layouts", type=Path, help="Parquet file of random layouts")
     parser.add_argument("--each", type=int, default=EACH, help="layouts of each problem")
@@ -517,14 +393,11 @@ def main() -> None:
     if given.drivers:
         drivers(given.names or COMPARED, given.seconds)
         return
-    records = json.loads(RECORDS.read_text("utf-8")) if RECORDS.exists() else {}
-    for name in given.names or PROBLEMS:
-        old = None if written(name) else records.get(name)  # a changed scene has no record yet
-        if not given.scenes:
-            records[name] = better(record_of(name, given.seconds), old)
-            print(name, {key: value for key, value in records[name].items() if key != "labels"}, flush=True)
-            ordered = {one: records[one] for one in PROBLEMS if one in records}
-            RECORDS.write_text(json.dumps(ordered, indent=1) + "\n", "utf-8")
+    records = json.loads(RECORDS.read_text("utf-8"))
+    for name in given.names or list(records):
+        records[name] = better(record_of(name, given.seconds), records.get(name))
+        print(name, {key: value for key, value in records[name].items() if key != "labels"}, flush=True)
+        RECORDS.write_text(json.dumps(records, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ for lognormal friction and push. The wall of 88 faces has shared values, or valu
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from dataclasses import dataclass
@@ -16,9 +17,9 @@ import numpy as np
 from scipy.stats import norm
 
 from benchmarks.common import about, table, write
-from benchmarks.scenes import LARGE
+from benchmarks.scenes import LARGE, stones
 from jld_core import build_assembly, parse_scene
-from jld_core.arrays import Floats
+from jld_core.arrays import Bits, Floats
 from jld_core.batch.library import described
 from jld_core.limit.analysis import LimitAnalysis
 from jld_explore import search_space
@@ -33,29 +34,23 @@ from jld_practice.reliability import (
     random_structure,
 )
 from jld_practice.reliability.monte_carlo import Reliability
+from jld_practice.reliability.structure import RandomStructure
 
-SAMPLES: Final = 100_000
-"""Samples of every row."""
-
-WEIGHT: Final = 2000.0 * 9.81
-"""Weight of the sliding block, N."""
+SAMPLES: Final = 100_000  # samples of every row
+WEIGHT: Final = 2000.0 * 9.81  # weight of the sliding block, N
 
 
 def vary(mean: Any, cov: float, kind: str = "lognormal", **more: Any) -> dict[str, Any]:
-    """Return a value with uncertainty."""
     return {"mean": mean, "cov": cov, "kind": kind, **more}
 
 
 def block(kind: str, push: float) -> dict[str, Any]:
-    """Return a block of 1 × 2 that slides."""
-    return {
-        "elements": [
-            {"id": "ground", "polygon": [[0, -1], [2, -1], [2, 0], [0, 0]], "support": True},
-            {"id": "block", "polygon": [[0, 0], [2, 0], [2, 1], [0, 1]], "weight": WEIGHT},
-        ],
-        "materials": {"dry": {"friction_coefficient": vary(0.6, 0.1, kind)}},
-        "loads": {"live": [{"element": "block", "force": vary([push, 0.0], 0.2, kind), "at": [1.0, 0.1]}]},
-    }
+    elements = [
+        {"id": "ground", "polygon": [[0, -1], [2, -1], [2, 0], [0, 0]], "support": True},
+        {"id": "block", "polygon": [[0, 0], [2, 0], [2, 1], [0, 1]], "weight": WEIGHT},
+    ]
+    live = [{"element": "block", "force": vary([push, 0.0], 0.2, kind), "at": [1.0, 0.1]}]
+    return stones(elements, live, {"friction_coefficient": vary(0.6, 0.1, kind)})
 
 
 def exact(kind: str, push: float) -> float:
@@ -81,7 +76,7 @@ def wall(each: bool) -> dict[str, Any]:
     return dict(document)
 
 
-def of_wall(each: bool, share: float) -> list[str]:
+def of_wall(each: bool, share: float) -> str:
     """Return the row of the strongest of 40 random layouts. share: required λ over that of the means."""
     scene = parse_scene(wall(each))
     assembly = build_assembly(scene)
@@ -92,54 +87,32 @@ def of_wall(each: bool, share: float) -> list[str]:
     best = int(np.argmax(low))
     structure = random_structure(scene)
     required = share * float(low[best]) * analysis.template.scaling.load
-    clock, processor = time.perf_counter(), time.process_time()
-    found = analyse(structure, layouts[best], ReliabilityOptions(required, SAMPLES, 0, 2))
-    seconds = time.perf_counter() - clock, time.process_time() - processor
-    form, simulation = found.form, found.simulation
-    return [
-        f"88 faces, {len(structure.variables)} variables{', at a kink' if form.kink else ''}",
-        "–",
-        f"{form.beta:.4f}",
-        f"{simulation.beta or math.nan:.4f}",
-        f"{simulation.failures}",
-        f"{simulation.resolved}, {simulation.undecided}",
-        f"{seconds[1]:.1f} ({seconds[0]:.1f})",
-    ]
+    return row_of(f"88 faces, {len(structure.variables)} variables", "–", structure, layouts[best], required)
 
 
-def of_block(kind: str, push: float) -> list[str]:
-    """Return the row of a sliding block."""
-    structure = random_structure(parse_scene(block(kind, push)))
+def row_of(name: str, known: str, structure: RandomStructure, labels: Bits, required: float = 1.0) -> str:
+    """The row of one layout. known: its index in closed form."""
     clock, processor = time.perf_counter(), time.process_time()
-    found = analyse(structure, structure.assembly.labels, ReliabilityOptions(1.0, SAMPLES, 0, 2))
-    seconds = time.perf_counter() - clock, time.process_time() - processor
-    simulation = found.simulation
-    return [
-        f"sliding block, {kind}, {push:g} N",
-        f"{exact(kind, push):.4f}",
-        f"{found.form.beta:.4f}",
-        f"{simulation.beta or math.nan:.4f}",
-        f"{simulation.failures}",
-        f"{simulation.resolved}, {simulation.undecided}",
-        f"{seconds[1]:.1f} ({seconds[0]:.1f})",
-    ]
+    found = analyse(structure, labels, ReliabilityOptions(required, SAMPLES, 0, 2))
+    times = f"{time.process_time() - processor:.1f} ({time.perf_counter() - clock:.1f})"
+    of, kink = found.simulation, ", at a kink" if found.form.kink else ""
+    betas = f"{known} | {found.form.beta:.4f} | {of.beta or math.nan:.4f}"
+    return f"{name}{kink} | {betas} | {of.failures} | {of.resolved}, {of.undecided} | {times}"
 
 
 def write_table() -> None:
-    """Compute all rows and write the table."""
-    rows = [of_block(kind, push) for kind in ("normal", "lognormal") for push in (6000.0, 9000.0)]
+    rows = []
+    for kind, push in itertools.product(("normal", "lognormal"), (6000.0, 9000.0)):
+        structure, name = random_structure(parse_scene(block(kind, push))), f"sliding block, {kind}, {push:g} N"
+        rows.append(row_of(name, f"{exact(kind, push):.4f}", structure, structure.assembly.labels))
     rows += [of_wall(each, share) for each in (False, True) for share in (0.65, 0.45)]
-    head = ["structure", "β exact", "β first order", "β simulation", "failures", "solved again, undecided"]
-    head += ["processor s (clock)"]
+    head = "structure | β exact | β first order | β simulation | failures | solved again, undecided | "
+    head += "processor s (clock)"
     text = f"{SAMPLES} samples each, two threads. {described().capitalize()}."
-    write("reliability", "\n\n".join(["# Reliability", about(__doc__), table(head, rows), text]))
+    write("reliability", "# Reliability", about(__doc__), table(head, rows), text)
 
 
-SAMPLES_OF_SYSTEM: Final = 20_000
-"""Samples of every system."""
-
-SYSTEMS: Final = {"own variables": 80, "common variables": 60, "blocks that slide or overturn": 60}
-"""Number of systems of each kind."""
+SAMPLES_OF_SYSTEM: Final = 20_000  # samples of every system
 
 
 @dataclass(frozen=True)
@@ -152,14 +125,11 @@ class Planes:
 
     @property
     def variables(self) -> Variables:
-        """Return the variables, of mean and deviation 1."""
         count = self.slopes.shape[1]
         return Variables(("",) * count, np.ones(count), np.ones(count), np.zeros(count, dtype=bool))
 
     @property
     def bounds(self) -> Any:
-        """Return what `SampleBounds` is for a layout."""
-
         def of(values: Floats, required: float = 0.0) -> GoverningBounds:
             found = (self.sides - (values - 1.0) @ self.slopes.T).min(axis=1)
             return GoverningBounds(found, found)
@@ -167,20 +137,17 @@ class Planes:
         return SimpleNamespace(of=of, batched=False, structure=SimpleNamespace(variables=self.variables))
 
     def at(self, point: Floats) -> Limit:
-        """Return value and gradient at a point."""
         values = self.sides - self.slopes @ point
         chosen = int(np.argmin(values))
         return Limit(float(values[chosen]), -self.slopes[chosen])
 
 
 def probabilities(dice: np.random.Generator) -> Floats:
-    """Return the probability of each of 1 to 12 mechanisms of a system; the largest is 1e-2 to 1e-8."""
     largest, count = 10.0 ** dice.uniform(-8.0, -2.0), int(dice.integers(1, 13))
     return np.asarray(largest * 10.0 ** np.append(0.0, -dice.uniform(0.0, 2.0, count - 1)))
 
 
 def of_own_variables(dice: np.random.Generator, options: ReliabilityOptions) -> tuple[Reliability, float]:
-    """Return the analysis of a system whose mechanisms have variables of their own, and its probability."""
     p = probabilities(dice)
     each = int(dice.integers(1, 6))
     slopes = np.zeros((len(p), each * len(p)))
@@ -192,7 +159,6 @@ def of_own_variables(dice: np.random.Generator, options: ReliabilityOptions) -> 
 
 
 def of_common_variables(dice: np.random.Generator, options: ReliabilityOptions) -> tuple[Reliability, float]:
-    """Return the analysis of a system whose mechanisms share two variables, and its probability."""
     p = probabilities(dice)
     angle = dice.uniform(0.0, 2.0 * math.pi, len(p))
     slopes, sides = np.column_stack([np.cos(angle), np.sin(angle)]), -norm.ppf(p)
@@ -221,17 +187,15 @@ def of_blocks(dice: np.random.Generator, options: ReliabilityOptions) -> tuple[R
         push = [0.4, 0.0] if slides else {"mean": [1.0 / most, 0.0], "cov": 0.1, "kind": "lognormal"}
         faces.append({"between": ["g", f"b{k}"], "dry": {"friction_coefficient": friction}})
         live.append({"element": f"b{k}", "force": push, "at": [left + 1, 0.01 if slides else 1.0]})
-    document = {
-        "elements": elements,
-        "materials": {"dry": {"friction_coefficient": 9.0}, "faces": faces},
-        "loads": {"live": live},
-    }
-    structure = random_structure(parse_scene(document))
+    structure = random_structure(parse_scene(stones(elements, live, 9.0, faces=faces)))
     return analyse(structure, structure.assembly.labels, options), -math.expm1(float(np.log1p(-p).sum()))
 
 
-MAKERS: Final = {"own variables": of_own_variables, "common variables": of_common_variables}
-MAKERS["blocks that slide or overturn"] = of_blocks
+SYSTEMS: Final = {  # how a system of each kind is made, and how many of them
+    "own variables": (of_own_variables, 80),
+    "common variables": (of_common_variables, 60),
+    "blocks that slide or overturn": (of_blocks, 60),
+}
 
 
 def write_coverage() -> None:
@@ -243,11 +207,11 @@ def write_coverage() -> None:
     (random push each), p = 1 − Π (1 − p_i).
     """
     rows, begin, inside_of_all = [], time.perf_counter(), 0
-    for number, (kind, count) in enumerate(SYSTEMS.items()):
+    for number, (kind, (make, count)) in enumerate(SYSTEMS.items()):
         within, factors, errors, below, above = 0, [], [], 0, 0
         for k in range(count):
             dice = np.random.default_rng([number, k])
-            found, exact = MAKERS[kind](dice, ReliabilityOptions(samples=SAMPLES_OF_SYSTEM, seed=k))
+            found, exact = make(dice, ReliabilityOptions(samples=SAMPLES_OF_SYSTEM, seed=k))
             (low, high), estimate_ = found.simulation.interval, found.simulation.probability
             within += low <= exact <= high
             below, above = below + (high < exact), above + (low > exact)
@@ -256,15 +220,12 @@ def write_coverage() -> None:
         inside_of_all += within
         far = f"{np.median(factors):.2f}, {np.quantile(factors, 0.95):.2f}"
         rows.append([kind, f"{count}", f"{within / count:.1%}", f"{above}, {below}", far, f"{np.median(errors):.4f}"])
-    total = sum(SYSTEMS.values())
+    total = sum(count for _, count in SYSTEMS.values())
     rows.append(["all", f"{total}", f"{inside_of_all / total:.1%}", "", "", ""])
-    head = ["mechanisms", "systems", "exact p inside", "interval above, below", "upper end over p: median, 95 %"]
-    head += ["error of log10 p, median"]
+    head = "mechanisms | systems | exact p inside | interval above, below | upper end over p: median, 95 % | "
+    head += "error of log10 p, median"
     text = f"{SAMPLES_OF_SYSTEM} samples each; {time.perf_counter() - begin:.0f} s."
-    write(
-        "reliability_coverage",
-        "\n\n".join(["# Coverage of reliability", about(write_coverage.__doc__), table(head, rows), text]),
-    )
+    write("reliability_coverage", "# Coverage of reliability", about(write_coverage.__doc__), table(head, rows), text)
 
 
 if __name__ == "__main__":

@@ -55,12 +55,10 @@ class Way:
 
 
 def any_scene(assembly: Assembly) -> bool:
-    """Whatever it is."""
     return True
 
 
 def planar(assembly: Assembly) -> bool:
-    """Is its program linear?"""
     return assembly.dimension == 2
 
 
@@ -78,11 +76,7 @@ def default(assembly: Assembly) -> Found:
 
 
 def ours(
-    assembly: Assembly,
-    route: Solver | None = None,
-    solver: str = "clarabel",
-    gap: float = 1e-6,
-    margin: float | None = None,
+    assembly: Assembly, route: Solver | None = None, solver: str = "clarabel", gap: float = 1e-6, margin: Any = None
 ) -> Found:
     """Our path by another route, or with another width asked for; margin: see `Template.program`."""
     analysis = LimitAnalysis(assembly, solver=solver, gap=gap, margin=margin, reference=assembly.labels)
@@ -99,12 +93,10 @@ def forced(assembly: Assembly, method: str) -> Found:
 
 
 def of_size(assembly: Assembly, size: float, gap: float, refine: bool = False) -> Found:
-    """Tolerance and margin of one size, and a width to go with them."""
     return ours(assembly, ClarabelSolver(size, iterative_refinement_enable=refine), gap=gap, margin=size)
 
 
 def condensed(assembly: Assembly) -> Found:
-    """Rigid blocks, cracked on demand."""
     analysis = LimitAnalysis(assembly, reference=assembly.labels)
     found = prove_condensed(analysis, assembly.labels)
     if found is None:
@@ -121,38 +113,25 @@ def bare(assembly: Assembly) -> Found:
 
 
 def by_cvxpy(assembly: Assembly, solver: str) -> Found:
-    """Stated in CVXPY as one would write it, at the solver's own tolerances."""
     return Found(stated(assembly, assembly.labels, solver))
 
 
-def _named() -> list[Way]:
-    """What `jld_core.solvers` knows beside Clarabel, each with bracket; HiGHS takes linear programs only.
-
-    "auto" is the default's own choice.
-    """
-    return [
-        Way(
-            f"jld, {name}",
-            "jld, other solver",
-            planar if name.startswith("highs") else any_scene,
-            partial(ours, solver=name),
-        )
-        for name in KNOWN
-        if name not in ("auto", "clarabel", "cvxpy")
-    ]
-
-
+# what `jld_core.solvers` knows beside Clarabel, each with bracket, and what it takes: HiGHS linear programs;
+# "auto" is the default's own choice
+OTHERS: Final = [name for name in KNOWN if name not in ("auto", "clarabel", "cvxpy")]
+NAMED: Final = {name: planar if name.startswith("highs") else any_scene for name in OTHERS}
+Ways = tuple[Way, ...]
 DEFAULT: Final = "jld, default"
+# families whose λ comes with proven bounds
 BRACKETED: Final = ("jld, default", "jld, Clarabel", "jld, other solver", "jld, condensed")
-"""Families whose λ comes with proven bounds."""
 
-SOLVERS: Final[tuple[Way, ...]] = (
+SOLVERS: Final[Ways] = (
     Way(DEFAULT, DEFAULT, any_scene, default),
     Way("jld, loose", "jld, Clarabel", any_scene, partial(of_size, size=1e-6, gap=1e-3)),
     Way("jld, tight", "jld, Clarabel", any_scene, partial(of_size, size=1e-12, gap=1e-9, refine=True)),
     Way("jld, qdldl", "jld, Clarabel", any_scene, partial(forced, method="qdldl")),
     Way("jld, faer", "jld, Clarabel", any_scene, partial(forced, method="faer")),
-    *_named(),
+    *(Way(f"jld, {name}", "jld, other solver", takes, partial(ours, solver=name)) for name, takes in NAMED.items()),
     Way("jld, condensed", "jld, condensed", has_blocks, condensed),
     Way("Clarabel, bare", "Clarabel, bare", any_scene, bare),
     *(Way(f"CVXPY, {s}", "CVXPY", any_scene, partial(by_cvxpy, solver=s)) for s in ("CLARABEL", "ECOS", "SCS")),
@@ -160,14 +139,10 @@ SOLVERS: Final[tuple[Way, ...]] = (
 )
 
 
-LIMIT: Final = 60
-"""Processor seconds that a route gets on one scene."""
-REPEATED: Final = 1.0
-"""Processor seconds up to which a run is repeated, for a mean; the clock may tick in hundredths."""
-PATIENCE: Final = 1800
-"""Seconds on the wall clock after which a route is taken to hang; other work may share the cores."""
-NOISE: Final = 1.15
-"""Ratio of two times from which one is called faster."""
+LIMIT: Final = 60  # processor seconds that a route gets on one scene
+REPEATED: Final = 1.0  # processor seconds up to which a run is repeated, for a mean; the clock may tick in hundredths
+PATIENCE: Final = 1800  # seconds on the wall clock after which a route is taken to hang; other work may share the cores
+NOISE: Final = 1.15  # ratio of two times from which one is called faster
 
 
 @dataclass(frozen=True)
@@ -189,11 +164,9 @@ class Reference:
 
     @property
     def half_width(self) -> float:
-        """Relative."""
         return 0.5 * (self.high - self.low) / abs(self.high)
 
     def error(self, load: float) -> float:
-        """Relative distance of λ from the middle."""
         middle = 0.5 * (self.low + self.high)
         return abs(load - middle) / abs(middle)
 
@@ -249,10 +222,7 @@ def measure(way: Way, assembly: Assembly, small: Assembly, limit: int = LIMIT) -
     return Measured(way, *answer)
 
 
-def measure_all(
-    assembly: Assembly, small: Assembly, ways: tuple[Way, ...] = SOLVERS, limit: int = LIMIT
-) -> list[Measured]:
-    """All routes that take the assembly, in order."""
+def measure_all(assembly: Assembly, small: Assembly, ways: Ways = SOLVERS, limit: int = LIMIT) -> list[Measured]:
     return [measure(way, assembly, small, limit) for way in ways if way.takes(assembly)]
 
 
@@ -275,19 +245,13 @@ def better(found: list[Measured], reference: Reference, bracketed: bool) -> list
     """Routes that are faster than the default and no less accurate; bracketed: among those with proof only."""
     chosen = next(one for one in found if one.way.name == DEFAULT)
     error, seconds = max(certain_error(chosen, reference)[0], 4.0 * reference.half_width), chosen.seconds
-    names = []
-    for one in found:
-        if one is chosen or not math.isfinite(one.seconds * one.found.load):
-            continue
-        if bracketed and one.way.family not in BRACKETED:
-            continue
-        if NOISE * one.seconds < seconds and certain_error(one, reference)[0] <= error:
-            names.append(one.way.name)
-    return names
+    known = [one for one in found if one is not chosen and math.isfinite(one.seconds * one.found.load)]
+    known = [one for one in known if one.way.family in BRACKETED or not bracketed]
+    quick = [one for one in known if NOISE * one.seconds < seconds]
+    return [one.way.name for one in quick if certain_error(one, reference)[0] <= error]
 
 
 def rows_of(found: list[Measured], reference: Reference) -> list[list[str]]:
-    """One row per route."""
     rows = []
     for one in found:
         family = one.way.family in BRACKETED
@@ -302,7 +266,7 @@ def rows_of(found: list[Measured], reference: Reference) -> list[list[str]]:
     return rows
 
 
-MARKS: Final = {
+MARKS: Final = {  # marker, colour and size by family; bracketed families are filled and warm
     "jld, default": ("*", "#b2182b", 190),
     "jld, Clarabel": ("o", "#d6604d", 55),
     "jld, other solver": ("D", "#e08214", 45),
@@ -310,11 +274,9 @@ MARKS: Final = {
     "Clarabel, bare": ("X", "#4d4d4d", 60),
     "CVXPY": ("P", "#2166ac", 60),
 }
-"""Marker, colour and size by family; bracketed families are filled and warm."""
 
 
 def draw(results: dict[str, tuple[list[Measured], Reference]]) -> Figure:
-    """The figure. results: by scene, the routes measured and the reference their errors are taken to."""
     columns = min(3, len(results))
     figure = Figure(figsize=(5.6 * columns, 4.3 * -(-len(results) // columns) + 1.0), dpi=110, layout="constrained")
     handles: dict[str, Any] = {}
@@ -353,7 +315,6 @@ def draw(results: dict[str, tuple[list[Measured], Reference]]) -> Figure:
 
 
 def main() -> None:
-    """Measure everything and write benchmarks/results/speed_error.md and .png."""
     small = {2: build_assembly(grid(bonded(GRIDS[33]))), 3: build_assembly(brick_wall(2, 2))}
     results: dict[str, tuple[list[Measured], Reference]] = {}
     fronts, parts = [], []
@@ -371,16 +332,15 @@ def main() -> None:
         )
         print(parts[-1], flush=True)
     save_figure(draw(results), RESULTS / "speed_error.png")
-    text = about(__doc__)
-    question = ["scene", "among routes with a bracket", "among all routes"]
+    question = "scene | among routes with a bracket | among all routes"
     summary = (
-        f"# Speed against error\n\n{text} Limit {LIMIT} s. Loose: tolerance and margin 1e-6, bracket 1e-3 asked; "
-        "tight: 1e-12 with refinement, 1e-9; qdldl, faer: Clarabel's factorisations. CVXPY and bare Clarabel at their "
-        "own tolerances.\n\n![Time against error](speed_error.png)\n\n"
+        f"# Speed against error\n\n{about(__doc__)} Limit {LIMIT} s. Loose: tolerance and margin 1e-6, bracket 1e-3 "
+        "asked; tight: 1e-12 with refinement, 1e-9; qdldl, faer: Clarabel's factorisations. CVXPY and bare Clarabel at "
+        "their own tolerances.\n\n![Time against error](speed_error.png)\n\n"
         f"## Is the default on the front?\n\nNo faster route is as accurate; errors below four half-widths of the "
         f"reference count as equal, times within {NOISE - 1.0:.0%} too.\n\n{table(question, fronts)}"
     )
-    write("speed_error", "\n\n".join([summary, *parts]), also=("ecos", "scs", "osqp"))
+    write("speed_error", summary, *parts, also=("ecos", "scs", "osqp"))
 
 
 if __name__ == "__main__":

@@ -16,32 +16,12 @@ from studies.families import halved_bond, opened_wall
 from studies.scenes import leonardo_flat_arch
 
 from benchmarks.common import RESULTS, ROOT
-from jld_core import (
-    Assembly,
-    LimitAnalysis,
-    Scene,
-    SolveOptions,
-    build_assembly,
-    load_scene,
-    solve,
-)
-from jld_core.arrays import Bits
+from jld_core import LimitAnalysis, Scene, SolveOptions, build_assembly, load_scene, solve
 from jld_explore import search_space
 from jld_explore.drivers.searcher import Random
 
-WALLS = {
-    "ferris_tinloi_1": 1.0,
-    "ferris_tinloi_2": 3.0,
-    "ferris_tinloi_3": 1.0,
-    "ferris_tinloi_4": 1.0,
-    "ferris_tinloi_5": 1.0,
-    "ferris_tinloi_6": 0.0,
-}
-"""Walls, and times as many seconds as are given for their floors."""
-
-OPENED = ((0, 1), (1, 1), (0, 2))
-"""Courses below and above an opening of three, in a wall of three bricks."""
-
+WALLS = {1: 1.0, 2: 3.0, 3: 1.0, 4: 1.0, 5: 1.0, 6: 0.0}  # times as many seconds as are given for their floors
+OPENED = ((0, 1), (1, 1), (0, 2))  # courses below and above an opening of three, in a wall of three bricks
 WANTED = {"2 × 5": 0.6112957, "2 × 6": 0.5450550, "2 × 7": 0.4897959, "2 × 8": 0.4439197, "flat arch": 1305.8653}
 HEAD = (
     "# How low collapse without dilation goes",
@@ -53,27 +33,23 @@ HEAD = (
     "| scene | faces | associative | highest found | lowest found | bound | | wanted | search s | floor s |",
     "|---|---|---|---|---|---|---|---|---|---|",
 )
+# random labellings of the beam-arch that collapse, on which the search is held against the gravity start alone
 LABELLINGS = 200
-"""Random labellings of the beam-arch that collapse, on which the search is held against the gravity start alone."""
-
-DRAWN = 1000
-"""Random labellings drawn for that; many are unstable."""
+DRAWN = 1000  # random labellings drawn for that; many are unstable
 
 
 def scenes(most: float) -> Iterator[tuple[str, Scene, float]]:
-    """Name, scene and processor time for its floor."""
     for courses in (4, 5, 6, 7, 8):
         yield f"2 × {courses}", halved_bond(2, courses), 120.0
     yield "flat arch", leonardo_flat_arch(), 20.0
     yield "3 × 6", halved_bond(3, 6), 300.0
     for below, above in OPENED:
         yield f"opening {below} + 3 + {above}", opened_wall(below, above), 120.0
-    for name, times in WALLS.items():
-        yield f"wall {name[-1]}", load_scene(ROOT / "scenes" / f"{name}.json"), times * most
+    for wall, times in WALLS.items():
+        yield f"wall {wall}", load_scene(ROOT / "scenes" / f"ferris_tinloi_{wall}.json"), times * most
 
 
 def row_of(name: str, scene: Scene, seconds: float) -> str:
-    """One line of the table of ranges."""
     start = time.process_time()
     result = solve(build_assembly(scene), friction="zero-dilation", range=True, floor_seconds=seconds)
     spent, extra = time.process_time() - start, result.facts
@@ -86,11 +62,6 @@ def row_of(name: str, scene: Scene, seconds: float) -> str:
     )
 
 
-def random_labellings(assembly: Assembly, scene: Scene, count: int) -> Bits:
-    """(count, m) labellings of the scene's space, drawn from one seed."""
-    return Random(search_space(scene, assembly), seed=0, size=count).propose()[:count]
-
-
 def beam_arch() -> list[str]:
     """The lowest found beside what the gravity start alone finds, and how many stay uncertified."""
     scene = load_scene(ROOT / "scenes" / "flat_beam_arch.json")
@@ -98,7 +69,7 @@ def beam_arch() -> list[str]:
     model = SolveOptions(friction="zero-dilation", range=True, floor_seconds=0.0)
     above = lower = solved = open_ = open_before = 0
     start = time.process_time()
-    for labels in random_labellings(assembly, scene, DRAWN):
+    for labels in Random(search_space(scene, assembly), seed=0, size=DRAWN).propose()[:DRAWN]:
         if solved == LABELLINGS:
             break
         associative = LimitAnalysis(assembly, reference=labels).solve(labels, stands=False)

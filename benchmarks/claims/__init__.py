@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import importlib
 import time
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final, NamedTuple
 
 
@@ -21,58 +23,8 @@ class Claim(NamedTuple):
     words: str
 
 
-CLAIMS: Final = {
-    "certificates": Claim(
-        "searches", 300, "jld verify accepts true claims only and refuses every other file in one line"
-    ),
-    "converged": Claim("answers", 3000, "Results are converged; forces and mechanisms give both ends of the bracket"),
-    "digits": Claim(
-        "answers",
-        300,
-        "ten disturbances of 1e-15 under four kernels of OpenBLAS give one status and brackets that meet",
-    ),
-    "fields": Claim(
-        "fields",
-        500,
-        "Bounds by fields are in order, monotonic, below rigid blocks, independent of position and units, and hold for "
-        "other labellings",
-    ),
-    "geometry": Claim(
-        "geometry", 3000, "Contacts, sections and λ are those counted on a grid, in any position, order and unit"
-    ),
-    "laying": Claim("geometry", 1000, "No step of an assembly order cuts a neighbour"),
-    "loads": Claim(
-        "fields",
-        560,
-        "Bounds by fields under dead and live pressures, line loads, patches, forces with widths and self-weight agree "
-        "with own fields on a uniform mesh, in the plane and in space",
-    ),
-    "members": Claim(
-        "searches", 200, "Walls with members and bond have one optimum by proof, enumeration and certificate"
-    ),
-    "proofs": Claim("searches", 3000, "a layout called proven strongest is the strongest"),
-    "refined": Claim("answers", 1000, "λ of refined samples has a bracket, in 99 of 100 cases narrower than 1e-6"),
-    "symmetry": Claim(
-        "answers",
-        300,
-        "Mirror images of layouts have the same λ under the model that answers, to 1e-9 by faces and by cells",
-    ),
-    "time_limits": Claim(
-        "searches", 200, "jld explore --seconds S ends within 1.1 S + 2 s with a layout, its page and its best λ"
-    ),
-    "trials": Claim("searches", 2000, "what the exact driver proves of a small scene is the best of all its layouts"),
-    "units": Claim(
-        "answers",
-        1000,
-        "λ is the same in other units to 1e-9, elsewhere and in another order of elements within the bracket",
-    ),
-    "vertex_rates": Claim(
-        "geometry",
-        300,
-        "derivatives of λ by vertices agree with fourth-order differences to 1e-7 in the plane, 1e-6 in space",
-    ),
-}
-"""Every claim by the name of its function ``case_…`` or ``run_…``."""
+_TEXT: Final = (Path(__file__).parent / "claims.toml").read_text(encoding="utf-8")
+CLAIMS: Final = {name: Claim(*values) for name, values in tomllib.loads(_TEXT).items()}
 
 
 @dataclass
@@ -86,7 +38,6 @@ class Tally:
     seconds: float = 0.0
 
     def count(self, name: str, number: int = 1) -> None:
-        """Add to one of the further counts."""
         self.notes[name] = self.notes.get(name, 0) + int(number)
 
 

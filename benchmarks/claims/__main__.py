@@ -15,15 +15,12 @@ from benchmarks.claims import CLAIMS, Tally, run
 from benchmarks.common import RESULTS, table, write
 from jld_core import __version__
 
-VERSION: Final = __version__.rpartition(".")[0]
-"""Version under development, which the rows of the table name."""
-
+VERSION: Final = __version__.rpartition(".")[0]  # version under development, which the rows of the table name
 CSV: Final = RESULTS / "claims.csv"
 FIELDS: Final = ("family", "version", "claim", "first_seed", "cases", "disagreements", "seconds", "notes")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Test the named families of claims, or all, and write the table of all runs so far."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.claims", description=__doc__)
     parser.add_argument("families", nargs="*", help="names of claims; default: all")
     parser.add_argument("--cases", type=int, default=None, help="number of random cases; default: of a whole run")
@@ -58,18 +55,8 @@ def _record(family: str, version: str, first_seed: int, found: Tally, *, add: bo
         seconds += float(row["seconds"])
         notes.update(json.loads(row["notes"]))
         first_seed = min(first_seed, int(row["first_seed"]))
-    rows.append(
-        {
-            "family": family,
-            "version": version,
-            "claim": found.claim,
-            "first_seed": str(first_seed),
-            "cases": str(cases),
-            "disagreements": str(wrong),
-            "seconds": f"{seconds:.0f}",
-            "notes": json.dumps(dict(sorted(notes.items()))),
-        }
-    )
+    numbers = (str(first_seed), str(cases), str(wrong), f"{seconds:.0f}", json.dumps(dict(sorted(notes.items()))))
+    rows.append(dict(zip(FIELDS, (family, version, found.claim, *numbers), strict=True)))
     order = list(CLAIMS)
     rows.sort(key=lambda row: (order.index(row["family"]) if row["family"] in order else len(order), row["version"]))
     with CSV.open("w", newline="", encoding="utf-8") as file:
@@ -86,17 +73,13 @@ def _rows() -> list[dict[str, str]]:
 
 
 def _write_table() -> None:
-    rows = [
-        [row["claim"], row["version"], row["cases"], row["disagreements"], row["seconds"], _words(row["notes"])]
-        for row in _rows()
-    ]
-    text = "# Claims against independent routes\n\n"
-    text += "Every row: random cases of one claim, tested by `python -m benchmarks.claims`.\n\n"
-    write("claims", text + table(["claim", "version", "cases", "disagreements", "s", "counts"], rows))
-
-
-def _words(notes: str) -> str:
-    return ", ".join(f"{name}: {count}" for name, count in json.loads(notes).items())
+    rows = []
+    for row in _rows():
+        counts = ", ".join(f"{name}: {count}" for name, count in json.loads(row["notes"]).items())
+        rows.append([*(row[key] for key in ("claim", "version", "cases", "disagreements", "seconds")), counts])
+    words = "Every row: random cases of one claim, tested by `python -m benchmarks.claims`."
+    head = "claim | version | cases | disagreements | s | counts"
+    write("claims", "# Claims against independent routes", words, table(head, rows))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 from typing import Any, Final
 
@@ -20,9 +19,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from benchmarks.claims import Tally
-from benchmarks.common import random_segmentations
 from benchmarks.hard_cases import hard_cases
-from benchmarks.scenes import wall as wall_of_cells
+from benchmarks.scenes import cells, names_of
 from jld_core import (
     Assembly,
     InputError,
@@ -36,24 +34,20 @@ from jld_core import (
     tolerances,
 )
 from jld_core.arrays import Bits, Floats
-from jld_core.batch.batch_solver import ConflictRequest
 from jld_core.fields import bounds_by_fields
 from jld_core.limit import load_scale
-from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import apart
-from jld_core.limit.case_relaxation import relaxation_of
 from jld_core.loads import Loads
 from jld_core.refinement import crack_cells, refine
 from jld_core.scene.cracks import CellCracks, FieldCracks
 from jld_core.strengths import Route
 from jld_explore import search_space
+from jld_samples import box
 
-ROUTE_CONVERGED = Route("a benchmark")
-
+ROUTE = Route("a benchmark")
 GROUPS: Final = ("space", "plane", "effective areas")
+# relative difference that the second statement in scene units may show: rounding of sums of a few hundred terms
 CLOSE: Final = 1e-7
-"""Relative difference that the second statement in scene units may show: rounding of sums of a few hundred terms."""
-
 Document = dict[str, Any]
 Array = NDArray[np.float64]
 
@@ -88,7 +82,6 @@ def case_converged(seed: int, tally: Tally) -> str:
 
 
 def drawn_converged(seed: int) -> tuple[Assembly, NDArray[np.bool_]]:
-    """Draw the assembly of a seed and a labelling of it."""
     document, labels = drawn_document(seed)
     return build_assembly(parse_scene(document)), labels
 
@@ -107,9 +100,6 @@ def drawn_document(seed: int) -> tuple[Document, NDArray[np.bool_]]:
         return document, rng.random(len(assembly.interfaces)) < share
 
 
-# --- scenes -------------------------------------------------------------------------------------------------
-
-
 def _materials(rng: np.random.Generator, friction: float, crushing: float) -> Document:
     strength = float(rng.choice([0.0, 2e2, 5e3, 1e6], p=[0.1, 0.3, 0.4, 0.2]))
     dry: Document = {"friction_coefficient": friction}
@@ -123,38 +113,24 @@ def _materials(rng: np.random.Generator, friction: float, crushing: float) -> Do
     return {"density": 1400, "dry": dry, "inner": inner}
 
 
-def _prism(name: str, cells: list[tuple[int, int]], x: Array, z: Array, low: float, high: float) -> Document:
-    """A prism along y over cells (column, course) that share edges."""
-    edges: set[tuple[tuple[int, int], tuple[int, int]]] = set()
-    for i, k in cells:
-        ring = [(i, k), (i + 1, k), (i + 1, k + 1), (i, k + 1)]
-        for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
-            if (b, a) in edges:
-                edges.remove((b, a))
-            else:
-                edges.add((a, b))
-    following = dict(sorted(edges))
+def _prism(name: str, places: list[tuple[int, int]], x: Array, z: Array, low: float, high: float) -> Document:
+    rings = [[(i, k), (i + 1, k), (i + 1, k + 1), (i, k + 1)] for i, k in places]
+    edges = {edge for ring in rings for edge in itertools.pairwise([*ring, ring[0]])}
+    following = dict(sorted((a, b) for a, b in edges if (b, a) not in edges))
     loop = [min(following)]
     while following[loop[-1]] != loop[0]:
         loop.append(following[loop[-1]])
-    turns = [
-        p
-        for o, p, q in zip(loop[-1:] + loop[:-1], loop, loop[1:] + loop[:1], strict=True)
-        if (p[0] - o[0]) * (q[1] - p[1]) != (p[1] - o[1]) * (q[0] - p[0])
-    ]
+
+    def bends(o: tuple[int, int], p: tuple[int, int], q: tuple[int, int]) -> bool:
+        return (p[0] - o[0]) * (q[1] - p[1]) != (p[1] - o[1]) * (q[0] - p[0])
+
+    turns = [loop[k] for k in range(len(loop)) if bends(loop[k - 1], loop[k], loop[(k + 1) % len(loop)])]
     count = len(turns)
     vertices = [[float(x[i]), y, float(z[k])] for y in (high, low) for i, k in turns]
     # seen from y = low, the ring (x, z) runs counter-clockwise
     sides = [[n, count + n, count + (n + 1) % count, (n + 1) % count] for n in range(count)]
     faces = [list(range(count))[::-1], list(range(count, 2 * count)), *[side[::-1] for side in sides]]
     return {"id": name, "vertices": vertices, "faces": faces}
-
-
-def _box(name: str, low: Array, high: Array, support: bool = False) -> Document:
-    (a, b, c), (d, e, f) = low.tolist(), high.tolist()
-    vertices = [[a, b, c], [d, b, c], [d, e, c], [a, e, c], [a, b, f], [d, b, f], [d, e, f], [a, e, f]]
-    faces = [[3, 2, 1, 0], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-    return {"id": name, "vertices": vertices, "faces": faces, "support": support}
 
 
 def _live(rng: np.random.Generator, names: list[str]) -> list[Document]:
@@ -187,18 +163,14 @@ def _spatial(rng: np.random.Generator) -> Document:
             elements.append(_prism(name, cells, x, z, 0.1 * wythe, 0.1 * (wythe + 1)))
     names = [element["id"] for element in elements]
     deep, up = 0.1 * wythes, float(z[-1])
-    elements.append(_box("floor", np.array([-0.3, -0.1, -0.1]), np.array([x[-1] + 0.3, deep + 0.1, 0.0]), True))
+    long = float(x[-1])
+    elements.append(box("floor", (-0.3, -0.1, -0.1), (long + 0.3, deep + 0.1, 0.0), support=True))
     if rng.random() < 0.5:
-        elements.append(_box("left", np.array([-0.2, 0.0, 0.0]), np.array([0.0, deep, up]), True))
+        elements.append(box("left", (-0.2, 0.0, 0.0), (0.0, deep, up), support=True))
         if rng.random() < 0.5:
-            elements.append(_box("right", np.array([x[-1], 0.0, 0.0]), np.array([x[-1] + 0.2, deep, up]), True))
+            elements.append(box("right", (long, 0.0, 0.0), (long + 0.2, deep, up), support=True))
     friction = float(rng.choice([1.0, 0.6, 0.0, 1.5], p=[0.7, 0.2, 0.03, 0.07]))
-    return {
-        "name": "steps",
-        "elements": elements,
-        "materials": _materials(rng, friction, 0.0),
-        "loads": {"live": _live(rng, names)},
-    }
+    return {"elements": elements, "materials": _materials(rng, friction, 0.0), "loads": {"live": _live(rng, names)}}
 
 
 def _planar(rng: np.random.Generator) -> Document:
@@ -215,7 +187,7 @@ def _planar(rng: np.random.Generator) -> Document:
         if kind < 0.6 and across > 2:
             foot = ["#", *["."] * (across - 2), "#"]
         lines = ["".join(row) for row in [*rows, foot]]
-    names = [f"c{i + (kind < 0.3)}r{k}" for k, row in enumerate(rows) for i, letter in enumerate(row) if letter == "a"]
+    names = names_of(lines)
     friction = float(rng.choice([0.0, 0.3, 0.75, 1.0], p=[0.05, 0.25, 0.5, 0.2]))
     materials = _materials(rng, friction, 0.75)
     if rng.random() < 0.15:
@@ -229,40 +201,30 @@ def _planar(rng: np.random.Generator) -> Document:
         live: list[Document] = [{"body": [float(rng.choice([-1.0, 1.0])), float(rng.choice([0.0, 0.4, -0.5]))]}]
     else:
         live = [{"element": str(rng.choice(names)), "force": [float(rng.choice([0.0, 1.0])), -1.0]}]
-    return {
-        "name": "grid",
-        "grid": {"cell": [0.1, float(rng.choice([0.05, 0.1, 0.2]))], "thickness": 0.1, "rows": lines},
-        "materials": materials,
-        "loads": {"live": live},
-    }
+    grid = {"cell": [0.1, float(rng.choice([0.05, 0.1, 0.2]))], "thickness": 0.1, "rows": lines}
+    return {"grid": grid, "materials": materials, "loads": {"live": live}}
 
 
 def _bonded(rng: np.random.Generator) -> Document:
-    """Boxes in running bond, in one or two wythes, on a floor."""
     across, courses, wythes = (int(rng.integers(low, high)) for low, high in ((1, 4), (1, 4), (1, 3)))
     length, depth, height = (float(rng.choice([0.1, 0.15, 0.2])) for _ in range(3))
     shift = 0.5 * length if rng.random() < 0.7 else 0.0
     elements: list[Document] = []
-    for course in range(courses):
-        for wythe in range(wythes):
-            ends = np.arange(across + 1) * length
-            if shift and (course + wythe) % 2:
-                ends = np.concatenate([[0.0], ends[:-1] + shift, [across * length]])
-            for n, (a, b) in enumerate(itertools.pairwise(ends)):
-                low = np.array([a, wythe * depth, course * height])
-                high = np.array([b, (wythe + 1) * depth, (course + 1) * height])
-                elements.append(_box(f"b{course}.{wythe}.{n}", low, high))
+    for course, wythe in itertools.product(range(courses), range(wythes)):
+        ends = np.arange(across + 1) * length
+        if shift and (course + wythe) % 2:
+            ends = np.concatenate([[0.0], ends[:-1] + shift, [across * length]])
+        for n, (a, b) in enumerate(itertools.pairwise(ends.tolist())):
+            low, high = (a, wythe * depth, course * height), (b, (wythe + 1) * depth, (course + 1) * height)
+            elements.append(box(f"b{course}.{wythe}.{n}", low, high))
     names = [element["id"] for element in elements]
-    low, high = np.array([-0.3, -0.3, -0.1]), np.array([across * length + 0.3, wythes * depth + 0.3, 0.0])
-    elements.append(_box("floor", low, high, True))
+    high = (across * length + 0.3, wythes * depth + 0.3, 0.0)
+    elements.append(box("floor", (-0.3, -0.3, -0.1), high, support=True))
     friction = float(rng.choice([0.3, 0.6, 1.0], p=[0.3, 0.4, 0.3]))
     live = _live(rng, names)
     if rng.random() < 0.3 and "element" in live[0]:
         live[0]["at"] = [float(v) for v in rng.uniform([0.0, 0.0, 0.0], [across * length, wythes * depth, height])]
-    return {"name": "bond", "elements": elements, "materials": _materials(rng, friction, 0.0), "loads": {"live": live}}
-
-
-# --- weighed again ------------------------------------------------------------------------------------------
+    return {"elements": elements, "materials": _materials(rng, friction, 0.0), "loads": {"live": live}}
 
 
 def weighed(assembly: Assembly, labels: NDArray[np.bool_], result: LimitAnalysisResult, effective: bool) -> str:
@@ -294,7 +256,7 @@ def weighed(assembly: Assembly, labels: NDArray[np.bool_], result: LimitAnalysis
 
 def _nothing(assembly: Assembly) -> float:
     """Load factor that counts as zero: 1e-3 of the weight, without weight of the least strength, per live load."""
-    s, area = assembly.strengths(ROUTE_CONVERGED), assembly.interfaces.area
+    s, area = assembly.strengths(ROUTE), assembly.interfaces.area
     strengths = np.concatenate([s.tension, s.shear, s.cohesion, s.crush_dry, s.crush_inner]) * np.tile(area, 5)
     usable = strengths[np.isfinite(strengths) & (strengths > 0.0)]
     return 1e-3 * float(assembly.total_dead or usable.min(initial=np.inf)) / assembly.total_live
@@ -303,12 +265,10 @@ def _nothing(assembly: Assembly) -> float:
 def _arms(assembly: Assembly) -> tuple[Array, Array, Array]:
     """Frames (m, q, q') of all faces: directions of resultants as forces (m, q, d), couples (m, q, r), arms by side."""
     faces, elements = assembly.interfaces, assembly.elements
-    count, planar = len(faces), assembly.dimension == 2
-    if planar:
-        push = np.zeros((count, 3, 2))
-        push[:, 0] = faces.normal
-        push[:, 1] = np.column_stack([-faces.normal[:, 1], faces.normal[:, 0]])
-        couple = np.zeros((count, 3, 1))
+    count = len(faces)
+    if assembly.dimension == 2:
+        push, couple = np.zeros((count, 3, 2)), np.zeros((count, 3, 1))
+        push[:, 0], push[:, 1] = faces.normal, np.column_stack([-faces.normal[:, 1], faces.normal[:, 0]])
         couple[:, 2, 0] = 1.0
     else:
         push, couple = np.zeros((count, 6, 3)), np.zeros((count, 6, 3))
@@ -318,28 +278,21 @@ def _arms(assembly: Assembly) -> tuple[Array, Array, Array]:
     return push, couple, arms
 
 
-def _cross(arm: Array, force: Array) -> Array:
-    if arm.shape[-1] == 2:
-        return (arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0])[..., None]
-    return np.cross(arm, force)
-
-
 def _left(assembly: Assembly, forces: Array, load: float) -> Array:
-    """Forces and moments / size that are left on free elements, (n, q)."""
     push, couple, arms = _arms(assembly)
     force = np.einsum("mq,mqd->md", forces, push)
     moment = np.einsum("mq,mqr->mr", forces, couple)
-    left = assembly.dead + load * assembly.live
+    left, planar = assembly.dead + load * assembly.live, assembly.dimension == 2
     for arm, ends, sign in zip(arms, (assembly.interfaces.a, assembly.interfaces.b), (-1.0, 1.0), strict=True):
-        acting = sign * np.column_stack([force, moment + _cross(arm, force)])
-        np.add.at(left, ends, acting)
+        turn = (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])[:, None] if planar else np.cross(arm, force)
+        np.add.at(left, ends, sign * np.column_stack([force, moment + turn]))
     left[:, assembly.dimension :] /= assembly.size
     return np.asarray(left[assembly.elements.free])
 
 
 def _room(assembly: Assembly, labels: NDArray[np.bool_], forces: Array, effective: bool) -> Array:
     """What is left of the strength of each face, in force: negative outside."""
-    faces, s = assembly.interfaces, assembly.strengths(ROUTE_CONVERGED)
+    faces, s = assembly.interfaces, assembly.strengths(ROUTE)
     n = forces[:, 0]
     mu = np.where(labels, s.friction, s.inner_friction)
     capacity = np.where(labels, s.cohesion, s.shear) * faces.area + mu * n
@@ -383,7 +336,7 @@ def _pressed(assembly: Assembly, k: int, forces: Array) -> float:
 def _work_converged(assembly: Assembly, labels: NDArray[np.bool_], velocity: Array) -> tuple[float, float]:
     """Upper bound on the load factor by a mechanism (n, q), and the size of its terms; infinite jumps give infinity."""
     push, couple, arms = _arms(assembly)
-    faces, s, d = assembly.interfaces, assembly.strengths(ROUTE_CONVERGED), assembly.dimension
+    faces, s, d = assembly.interfaces, assembly.strengths(ROUTE), assembly.dimension
     jump = np.zeros((len(faces), push.shape[1]))
     for arm, ends, sign in zip(arms, (faces.a, faces.b), (-1.0, 1.0), strict=True):
         turn = velocity[ends, d:]
@@ -407,7 +360,10 @@ def _work_converged(assembly: Assembly, labels: NDArray[np.bool_], velocity: Arr
         stuck = (s.cohesion[k] if labels[k] else s.shear[k]) * faces.area[k] * slip[k]
         limit = crush_dry[k] if labels[k] else crush[k]
         if labels[k]:
-            work = 0.0 if lack <= 0.0 or math.isinf(limit) else _crushing(lack, turned[k], limit)
+            # max N lack − N² turned / N_c over 0 ≤ N ≤ N_c
+            normal = 0.0 if lack <= 0.0 or math.isinf(limit) else limit
+            normal = min(normal, 0.5 * lack * normal / turned[k]) if turned[k] > 0.0 else normal
+            work = normal * lack - (normal * normal * turned[k] / limit if normal else 0.0)
         else:
             cracked = opening[k] - s.inner_friction[k] * slip[k]
             # corners of the set in N and m: the tip in tension, both edges and the tip in compression
@@ -434,22 +390,10 @@ def _bent(assembly: Assembly, k: int, jump: Array) -> float:
     return float(-(jump[3] * corners[:, 1] - jump[4] * corners[:, 0]).min())
 
 
-def _crushing(lack: float, turned: float, limit: float) -> float:
-    """max N lack − N² turned / N_c over 0 ≤ N ≤ N_c."""
-    normal = limit if turned <= 0.0 else min(limit, 0.5 * lack * limit / turned)
-    return normal * lack - normal * normal * turned / limit
-
-
-ALIKE: Final = 1e-9
-"""Largest relative difference of λ in other units."""
-UNITS: Final = {
-    "kN and mm": (1e3, 1e-3),
-    "MN and m": (1.0, 1e-6),
-    "pounds and inches": (1.0 / 0.0254, 1.0 / 4.4482216152605),
-}
-"""Units of length and force: numbers per metre and per newton."""
-FAR: Final = 500.0
-"""Distance by which a scene is moved, m: its size is about half a metre."""
+ALIKE: Final = 1e-9  # largest relative difference of λ in other units
+UNITS: Final = {"kN and mm": (1e3, 1e-3), "MN and m": (1.0, 1e-6)}  # numbers per metre and per newton
+UNITS["pounds and inches"] = (1.0 / 0.0254, 1.0 / 4.4482216152605)
+FAR: Final = 500.0  # distance by which a scene is moved, m: its size is about half a metre
 
 
 def case_units(seed: int, tally: Tally, names: tuple[str, ...] = ()) -> str:
@@ -477,7 +421,6 @@ def case_units(seed: int, tally: Tally, names: tuple[str, ...] = ()) -> str:
 
 
 def drawn_units(seed: int) -> tuple[Document, np.ndarray]:
-    """Draw the document of a seed, and labels of its interfaces; every fifth scene has two load cases."""
     document, labels = drawn_document(seed)
     if seed % 5 == 0:
         live = document["loads"]["live"]
@@ -490,7 +433,6 @@ def drawn_units(seed: int) -> tuple[Document, np.ndarray]:
 
 
 def changes(document: Document, seed: int) -> dict[str, Document]:
-    """Return the same scene in other units, elsewhere, and in another order, by name of the change."""
     found = {name: in_units(document, length, force) for name, (length, force) in UNITS.items()}
     if "elements" in document:
         found["moved"] = in_units(document, 1.0, 1.0, (FAR, -0.7 * FAR, 0.4 * FAR))
@@ -534,12 +476,9 @@ def matched(assembly: Assembly, labels: np.ndarray, other: Assembly) -> np.ndarr
     """Return the labels of `assembly` in the order of the interfaces of `other`, by the names of their elements."""
     if len(labels) != len(other.interfaces):
         raise ValueError(f"{len(labels)} interfaces became {len(other.interfaces)}")
-    mine, theirs = _names(assembly), _names(other)
-    if mine == theirs:
-        return labels
     # Several faces of one pair have the order of their places.
-    of = dict(zip(mine, labels.tolist(), strict=True))
-    return np.array([of[name] for name in theirs])
+    of = dict(zip(_names(assembly), labels.tolist(), strict=True))
+    return np.array([of[name] for name in _names(other)])
 
 
 def _names(assembly: Assembly) -> list[tuple[str, str, int]]:
@@ -575,10 +514,8 @@ def _difference(
     return f"{name}: {one!r} became {two!r} ({apart:.1e}, {first.solve_log})" if wrong else ""
 
 
-NARROW: Final = 1e-6
-"""Relative width of a bracket that counts as narrow."""
-MOST: Final = {2: 260, 3: 110}
-"""Largest number of cells of a case by dimension, so that a case takes a second."""
+NARROW: Final = 1e-6  # relative width of a bracket that counts as narrow
+MOST: Final = {2: 260, 3: 110}  # largest number of cells of a case by dimension, so that a case takes a second
 
 
 def case_refined(seed: int, tally: Tally) -> str:
@@ -613,7 +550,6 @@ def scene_of_refined(seed: int) -> tuple[str, Scene]:
 
 
 def _drawn(kind: str, rng: np.random.Generator) -> tuple[Scene, dict[str, Any]]:
-    """Return a sample and the options of its refinement."""
     strength, shear = 10.0 ** rng.uniform(5.0, 10.0, 2)
     if rng.random() < 0.5:
         shear = strength
@@ -649,21 +585,14 @@ def _drawn(kind: str, rng: np.random.Generator) -> tuple[Scene, dict[str, Any]]:
     return scene, {"cell": tuple(float(v) for v in rng.uniform(0.3, 0.9, 3))}
 
 
-ROUTE_DIGITS: Final = Route("a benchmark")
-
 KERNELS: Final = ("Haswell", "ZEN", "SKYLAKEX", "SANDYBRIDGE")
 DISTURBANCES: Final = 10
-SIZE: Final = 1e-15
-"""Relative size of a disturbance."""
-APART: Final = 1e-10
-"""Relative distance up to which brackets meet: what a disturbance changes in λ itself."""
-SHARE: Final = 0.002
-"""Greatest difference of the shares settled."""
+SIZE: Final = 1e-15  # relative size of a disturbance
+APART: Final = 1e-10  # relative distance up to which brackets meet: what a disturbance changes in λ itself
+SHARE: Final = 0.002  # greatest difference of the shares settled
 _LARGE: Final = ("1000 blocks", "µN, mm")
 _CELLS: Final = 60
-
-Answer = tuple[str, float, float]
-"""Status, and both ends of the bracket."""
+Answer = tuple[str, float, float]  # status, and both ends of the bracket
 
 
 def run_digits(claim: str, first_seed: int, cases: int, seconds: float) -> Tally:
@@ -720,7 +649,6 @@ def _problem(found: dict[str, list[Answer]], name: str, floor: float) -> str:
 
 
 def _place(seed: int) -> int:
-    """Return which refined sample a seed takes, the first that is small; 0 for other scenes."""
     if seed % 5 not in (1, 2):
         return 0
     return next(k for k in range(1000) if len(_refined(seed, k)[1].elements) <= _CELLS)
@@ -745,21 +673,14 @@ def scene_of_digits(seed: int, place: int) -> tuple[str, Assembly, Bits]:
 
 
 def _grid(seed: int) -> tuple[str, Assembly, Bits]:
-    """Return a planar grid with random strengths, of which some crush, and random labels."""
     rng = np.random.default_rng(seed)
     wide, high = (int(value) for value in rng.integers(2, 7, 2))
     crush = {"compressive_strength": float(10 ** rng.uniform(5, 8))} if rng.random() < 0.4 else {}
     inner = {"tensile_strength": float(10 ** rng.uniform(3, 7)), "shear_strength": float(10 ** rng.uniform(3, 7))}
-    document: dict[str, Any] = {
-        "grid": {"cell": rng.uniform(0.1, 0.5, 2).tolist(), "thickness": 0.2, "rows": ["a" * wide] * high},
-        "materials": {
-            "density": 2000,
-            "dry": {"friction_coefficient": float(rng.uniform(0.2, 0.9)), **crush},
-            "inner": {**inner, **crush},
-        },
-        "loads": {"live": [{"body": rng.normal(size=2).tolist()}]},
-    }
-    document["grid"]["rows"].append("#" * wide)
+    rows, cell = ["a" * wide] * high + ["#" * wide], rng.uniform(0.1, 0.5, 2).tolist()
+    dry = {"friction_coefficient": float(rng.uniform(0.2, 0.9)), **crush}
+    loads = {"live": [{"body": rng.normal(size=2).tolist()}]}
+    document = cells(rows, cell, dry, {**inner, **crush}, loads, thickness=0.2, density=2000)
     assembly = build_assembly(parse_scene(document))
     return "grid", assembly, rng.random(len(assembly.interfaces)) < rng.random()
 
@@ -773,13 +694,10 @@ def disturbed(assembly: Assembly, rng: np.random.Generator) -> Assembly:
     def changed_loads(loads: Loads) -> Loads:
         return loads.weighted(changed(np.ones(len(loads.body))))
 
-    strengths, elements = assembly.strengths(ROUTE_DIGITS), assembly.elements
+    strengths, elements = assembly.strengths(ROUTE), assembly.elements
     known = {one.name: getattr(strengths, one.name) for one in fields(strengths)}
-    numbers = {
-        name: changed(value)
-        for name, value in known.items()
-        if isinstance(value, np.ndarray) and value.dtype.kind == "f"
-    }
+    known = {name: value for name, value in known.items() if isinstance(value, np.ndarray) and value.dtype.kind == "f"}
+    numbers = {name: changed(value) for name, value in known.items()}
     return replace(
         assembly.with_strengths(replace(strengths, **numbers)),
         dead_loads=changed_loads(assembly.dead_loads),
@@ -789,24 +707,20 @@ def disturbed(assembly: Assembly, rng: np.random.Generator) -> Assembly:
 
 
 def answers_of(seed: int, place: int) -> dict[str, Any]:
-    """Return the answers to one scene and to its disturbances, under the kernel of this process."""
     name, assembly, labels = scene_of_digits(seed, place)
     rng = np.random.default_rng(seed)
     results = [solve(one, labels) for one in (assembly, *(disturbed(assembly, rng) for _ in range(DISTURBANCES)))]
     unknown = {"unstable": (0.0, 0.0), "locked": (0.0, 0.0)}
-    answers = [(str(one.status), *unknown.get(str(one.status), _ends(one.bracket))) for one in results]
+
+    def ends(low: float, high: float) -> tuple[float, float]:
+        return (low if np.isfinite(low) else -np.inf), (high if np.isfinite(high) else np.inf)
+
+    answers = [(str(one.status), *unknown.get(str(one.status), ends(*one.bracket))) for one in results]
     floor = min(load_scale(case) for case in assembly.by_case)
     return {"seed": seed, "name": name, "floor": floor, "answers": answers}
 
 
-def _ends(bracket: tuple[float, float]) -> tuple[float, float]:
-    """Return the ends of a bracket, infinite where one is missing."""
-    low, high = bracket
-    return (low if np.isfinite(low) else -np.inf), (high if np.isfinite(high) else np.inf)
-
-
 def _work_digits(places: dict[str, int], seconds: float) -> None:
-    """Print the answers to scenes as lines of JSON, until the time is up."""
     warnings.simplefilter("ignore")
     end = time.perf_counter() + seconds
     for seed, place in places.items():
@@ -815,14 +729,10 @@ def _work_digits(places: dict[str, int], seconds: float) -> None:
         print(json.dumps(answers_of(int(seed), place)), flush=True)
 
 
-_LAYOUTS: Final = 3
-"""Random layouts of one scene."""
-
-DIGITS: Final = 1e-9
-"""Largest relative difference of both bounds by faces and by cells."""
-
+_LAYOUTS: Final = 3  # random layouts of one scene
+DIGITS: Final = 1e-9  # largest relative difference of both bounds by faces and by cells
+# largest difference of both bounds by fields, relative to the upper one, which solvers know less accurately
 FIELD_DIGITS: Final = 1e-6
-"""Largest difference of both bounds by fields, relative to the upper one, which solvers know less accurately."""
 
 
 def case_symmetry(seed: int, tally: Tally) -> str:
@@ -856,7 +766,6 @@ def case_symmetry(seed: int, tally: Tally) -> str:
 
 
 def _differs(scene: Scene, assembly: Assembly, images: Bits, kind: str) -> str:
-    """Return how λ of the images (k, m) of a layout differs; "" where it does not."""
     found = [_bracket(scene, assembly, labels) for labels in images]
     for status, bracket in found[1:]:
         if status != found[0][0]:
@@ -908,12 +817,9 @@ def mirrored(document: Document) -> Document:
         {**one, **{key: {"element": name(one[key]["element"]), "at": at(one[key]["at"])} for key in ("from", "to")}}
         for one in document.get("members", [])
     ]
-    return {
-        **document,
-        "grid": {**document["grid"], "rows": [row[::-1] for row in rows]},
-        "loads": {"live": [load(entry) for entry in document["loads"]["live"]]},
-        "members": members,
-    }
+    grid = {**document["grid"], "rows": [row[::-1] for row in rows]}
+    live = [load(entry) for entry in document["loads"]["live"]]
+    return {**document, "grid": grid, "loads": {"live": live}, "members": members}
 
 
 def _bracket(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[str, tuple[float, float]]:
@@ -964,44 +870,11 @@ def wall(rng: np.random.Generator, kind: str) -> Document:
             anchors = [{"element": name, "at": at} for name, at in zip(held, points, strict=True)]
             members.append({"kind": "tie", "from": anchors[0], "to": anchors[1], "tension": 3e3})
     inner = {"tensile_strength": 1e5, "shear_strength": 1.5e5}
-    return {
-        "grid": {"cell": [1.0, 1.0], "thickness": 1.0, "rows": ["a" * across] * up + ["#..#"]},
-        "materials": {"density": 2000.0, "dry": {"friction_coefficient": float(rng.uniform(0.4, 0.8))}, "inner": inner},
-        "loads": {"live": live},
-        "members": members,
-        "search": {"segmentation": False},
-        "cracks": {"faces": "faces", "cells": {"kind": "cells", "cell": 0.5}, "fields": {"kind": "fields"}}[kind],
-    }
+    rows, dry = ["a" * across] * up + ["#..#"], {"friction_coefficient": float(rng.uniform(0.4, 0.8))}
+    cracks = {"faces": "faces", "cells": {"kind": "cells", "cell": 0.5}, "fields": {"kind": "fields"}}[kind]
+    own: Document = {"members": members, "search": {"segmentation": False}, "cracks": cracks, "density": 2000.0}
+    return cells(rows, [1.0, 1.0], dry, inner, {"live": live}, thickness=1.0, **own)
 
 
-def threads() -> None:
-    """Bound and shrink labellings of a wall in four threads that share one compiled problem; exit 1 where an answer
-    differs from that of one thread. `make sanitize` runs this with a batch solver that reports data races."""
-    assembly = wall_of_cells(4, 5, 5e3, 5e3)
-    relaxation = relaxation_of(assembly, [LimitAnalysis(assembly)])
-    if relaxation is None or not relaxation.batched:
-        sys.exit("no kernel to test")
-    free = assembly.free_faces
-    labellings = random_segmentations(assembly, 160, 0)
-
-    def work(part: int) -> tuple[Floats, list[float | None]]:
-        mine = labellings[part * 40 : part * 40 + 40]
-        thresholds = np.full(len(mine), 0.5)
-        found = relaxation.refute_all(mine, np.zeros_like(mine), thresholds)
-        shrunk = relaxation.minimize_conflicts(ConflictRequest(mine, free, thresholds))
-        return np.array([np.nan if one is None else one.bound for one in found]), [one.bound for one in shrunk]
-
-    alone = [work(part) for part in range(4)]
-    with ThreadPoolExecutor(4) as pool:
-        for _ in range(5):
-            together = list(pool.map(work, range(4)))
-            for one, other in zip(alone, together, strict=True):
-                if not np.array_equal(one[0], other[0], equal_nan=True) or one[1] != other[1]:
-                    sys.exit("four threads have other answers than one")
-    print("four threads have the answers of one")
-
-
-if __name__ == "__main__" and sys.argv[1] == "threads":
-    threads()
-elif __name__ == "__main__":
+if __name__ == "__main__":
     _work_digits(json.loads(sys.stdin.read()), float(sys.argv[1]))

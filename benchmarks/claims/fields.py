@@ -15,19 +15,20 @@ import scipy.sparse as sp
 
 from benchmarks.claims import Tally
 from benchmarks.claims.geometry import Move, document, planar_grid, polygon_entry, random_move
+from benchmarks.scenes import stones
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, parse_scene
 from jld_core.fields import bounds_by_fields
 from jld_core.fields.bounds import CoarseBounds, FieldBounds, FieldSetting
+from jld_samples import box
 
-SAME: Final = 1e-6
-"""Relative difference of bounds that two statements of one scene may show."""
+Dice = np.random.Generator
+SAME: Final = 1e-6  # relative difference of bounds that two statements of one scene may show
+# relative amount by which a bound may fall back on an adaptive mesh, where opening a field may cost 1e-4 of it
 ADAPTED: Final = 2e-4
-"""Relative amount by which a bound may fall back on an adaptive mesh, where opening a field may cost 1e-4 of it."""
 _TRIANGLES: Final = 400
 
 
 def case_fields(seed: int, tally: Tally) -> str:
-    """Return "" where the claim holds for one random structure, else what does not."""
     rng = np.random.default_rng([seed, 2026])
     still = Move(np.eye(2), 1.0, np.zeros(2))
     moved = random_move(rng, 2)
@@ -60,7 +61,7 @@ def case_fields(seed: int, tally: Tally) -> str:
     return _transferred(one, rng) or _against_rigid(one, found)
 
 
-def random_scenes(rng: np.random.Generator, moves: list[Move]) -> list[dict[str, Any]] | None:
+def random_scenes(rng: Dice, moves: list[Move]) -> list[dict[str, Any]] | None:
     """One random structure, moved in several ways; None where it has a single element."""
     labels, nodes, straight = planar_grid(rng)
     names = [label for label in np.unique(labels).tolist() if label > 0]
@@ -100,7 +101,7 @@ def random_scenes(rng: np.random.Generator, moves: list[Move]) -> list[dict[str,
     return scenes
 
 
-def _transferred(assembly: Assembly, rng: np.random.Generator) -> str:
+def _transferred(assembly: Assembly, rng: Dice) -> str:
     """What the fields of one labelling prove for another agrees with the bounds of the other."""
     coarse = CoarseBounds(FieldSetting.of(assembly))
     other = assembly.labels ^ (rng.random(len(assembly.labels)) < 0.4)
@@ -128,11 +129,9 @@ def _against_rigid(assembly: Assembly, found: FieldBounds) -> str:
 
 
 Array = np.ndarray[Any, Any]
-Pull = Callable[[Array, Array], Array]
-"""Force per area (d,) at a point (d,) of a free face with an outward normal (d,)."""
-
+Pull = Callable[[Array, Array], Array]  # force per area (d,) at a point (d,) of a free face with an outward normal (d,)
+# entries of a symmetric 3 × 3 matrix in the order of the solver, which counts those off the diagonal √2 times
 _PSD: Final = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-"""Entries of a symmetric 3 × 3 matrix in the order of the solver, which counts those off the diagonal √2 times."""
 
 
 @dataclass(frozen=True)
@@ -223,63 +222,50 @@ def mesh_of(lattice: Lattice) -> Simplices:
     return Simplices(nodes, np.array(cells), np.array(blocks), facets)
 
 
-class _Rows:
-    """Rows of one kind of cone, s = right − A x."""
-
-    def __init__(self) -> None:
-        self.entries: tuple[list[int], list[int], list[float]] = ([], [], [])
-        self.right: list[float] = []
-
-    def add(self, terms: list[tuple[int, float]], right: float = 0.0) -> None:
-        """Append Σ value x + s = right."""
-        for column, value in terms:
-            self.entries[0].append(len(self.right))
-            self.entries[1].append(column)
-            self.entries[2].append(value)
-        self.right.append(right)
+Terms = list[tuple[int, float]]  # a linear function: unknowns and their factors
 
 
 class _Program:
-    """Minimise cost · x over equalities, inequalities, second-order and semidefinite cones."""
+    """Minimise cost · x; rows s = right − A x in the cones of a kind (zero, least, soc, psd) and a size."""
 
     def __init__(self) -> None:
         self.cost: list[float] = []
-        self.equal, self.least = _Rows(), _Rows()
-        self.soc: dict[int, _Rows] = {}
-        self.psd = _Rows()
+        self.rows: dict[tuple[str, int], list[tuple[Terms, float]]] = {("zero", 1): [], ("least", 1): []}
 
     def unknowns(self, count: int, cost: float = 0.0) -> int:
         """Return the first number of new unknowns."""
         self.cost += [cost] * count
         return len(self.cost) - count
 
-    def cone(self, parts: list[tuple[list[tuple[int, float]], float]]) -> None:
-        """Append that the first of some affine functions is at least the length of the others."""
-        rows = self.soc.setdefault(len(parts), _Rows())
-        for terms, constant in parts:
-            rows.add([(column, -value) for column, value in terms], constant)
+    def equal(self, terms: Terms, right: float = 0.0) -> None:
+        self.rows["zero", 1].append((terms, right))
 
-    def semidefinite(self, entries: dict[tuple[int, int], list[tuple[int, float]]]) -> None:
-        """Append that a symmetric 3 × 3 matrix of linear functions is positive semidefinite."""
+    def least(self, terms: Terms, right: float = 0.0) -> None:
+        self.rows["least", 1].append((terms, right))
+
+    def cone(self, parts: list[tuple[Terms, float]]) -> None:
+        rows = self.rows.setdefault(("soc", len(parts)), [])
+        rows += [([(column, -value) for column, value in terms], constant) for terms, constant in parts]
+
+    def semidefinite(self, entries: dict[tuple[int, int], Terms]) -> None:
+        rows = self.rows.setdefault(("psd", 6), [])
         for i, j in _PSD:
-            self.psd.add([(c, -v * (1.0 if i == j else math.sqrt(2.0))) for c, v in entries[i, j]])
+            rows.append(([(c, -v * (1.0 if i == j else math.sqrt(2.0))) for c, v in entries[i, j]], 0.0))
 
     def solve(self) -> tuple[str, float]:
         """Return status and cost."""
-        groups = [(self.equal, "zero", 1), (self.least, "least", 1)]
-        groups += [(rows, "soc", size) for size, rows in sorted(self.soc.items())] + [(self.psd, "psd", 6)]
         parts, right, cones = [], [], []
-        for rows, kind, size in groups:
-            if not rows.right:
+        for (kind, size), rows in self.rows.items():
+            if not rows:
                 continue
-            (row, column, value), count = rows.entries, len(rows.right)
-            parts.append(sp.csc_matrix((value, (row, column)), shape=(count, len(self.cost))))
-            right += rows.right
-            if kind in ("zero", "least"):
-                cones.append(clarabel.ZeroConeT(count) if kind == "zero" else clarabel.NonnegativeConeT(count))
-            else:
-                one = clarabel.SecondOrderConeT(size) if kind == "soc" else clarabel.PSDTriangleConeT(3)
-                cones += [one] * (count // size)
+            terms = np.array([(row, column, value) for row, (own, _) in enumerate(rows) for column, value in own])
+            shape = (len(rows), len(self.cost))
+            parts.append(sp.csc_matrix((terms[:, 2], terms[:, :2].T.astype(int)), shape=shape))
+            right += [constant for _, constant in rows]
+            made = {"zero": clarabel.ZeroConeT, "least": clarabel.NonnegativeConeT, "soc": clarabel.SecondOrderConeT}
+            whole = kind in ("zero", "least")
+            one = clarabel.PSDTriangleConeT(3) if kind == "psd" else made[kind](len(rows) if whole else size)
+            cones += [one] * (1 if whole else len(rows) // size)
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
         none = sp.csc_matrix((len(self.cost), len(self.cost)))
@@ -289,7 +275,6 @@ class _Program:
 
 
 def _value(status: str, cost: float, sign: float, unbounded: float) -> float | None:
-    """Return a bound from a status, None where it proves nothing."""
     if status == "Solved":
         return sign * cost
     if status == "DualInfeasible":
@@ -298,7 +283,6 @@ def _value(status: str, cost: float, sign: float, unbounded: float) -> float | N
 
 
 def _gradients(mesh: Simplices) -> tuple[Array, Array]:
-    """Return gradients (t, d + 1, d) of the linear functions of corners, and volumes (t,)."""
     d = int(mesh.nodes.shape[1])
     edges = mesh.nodes[mesh.cells[:, 1:]] - mesh.nodes[mesh.cells[:, :1]]
     inner = np.linalg.inv(edges).transpose(0, 2, 1)
@@ -307,7 +291,6 @@ def _gradients(mesh: Simplices) -> tuple[Array, Array]:
 
 
 def _pulls(lattice: Lattice, mesh: Simplices, facet: Any) -> Array:
-    """Return dead and live tractions (2, d corners, d) of a free facet."""
     t, own, normal, *_ = facet
     places = mesh.nodes[mesh.cells[t][list(own)]]
     found = np.zeros((2, len(own), places.shape[1]))
@@ -330,13 +313,13 @@ def lower_bound(lattice: Lattice) -> float | None:
     def sigma(t: int, k: int, i: int, j: int) -> int:
         return first + (t * (d + 1) + k) * len(pairs) + pairs.index((min(i, j), max(i, j)))
 
-    def traction(t: int, k: int, i: int, normal: Array, sign: float = 1.0) -> list[tuple[int, float]]:
+    def traction(t: int, k: int, i: int, normal: Array, sign: float = 1.0) -> Terms:
         return [(sigma(t, k, i, j), sign * normal[j]) for j in range(d)]
 
     for t in range(len(mesh.cells)):
         for i in range(d):
             terms = [(sigma(t, k, i, j), gradient[t, k, j]) for k in range(d + 1) for j in range(d)]
-            program.equal.add([*terms, (load, lattice.body[1, i])], -lattice.body[0, i])
+            program.equal([*terms, (load, lattice.body[1, i])], -lattice.body[0, i])
         for k in range(d + 1):
             _within_yield(program, lattice, {(i, j): sigma(t, k, i, j) for i, j in pairs}, d)
     for facet in mesh.facets:
@@ -346,17 +329,16 @@ def lower_bound(lattice: Lattice) -> float | None:
             for i in range(d):
                 if other >= 0:
                     terms = traction(t, k, i, normal) + traction(other, theirs[corner], i, normal, -1.0)
-                    program.equal.add(terms)
+                    program.equal(terms)
                 elif pulls is not None:
                     dead, live = pulls[:, corner, i]
-                    program.equal.add([*traction(t, k, i, normal), (load, -live)], dead)
+                    program.equal([*traction(t, k, i, normal), (load, -live)], dead)
             if dry:
                 _within_joint(program, lattice, [traction(t, k, i, normal) for i in range(d)], normal)
     return _value(*program.solve(), -1.0, math.inf)
 
 
 def _within_yield(program: _Program, lattice: Lattice, s: dict[tuple[int, int], int], d: int) -> None:
-    """Add yield of the stress with the given unknowns."""
     if d == 2:
         xx, yy, xy = s[0, 0], s[1, 1], s[0, 1]
         for a, b in lattice.lines:
@@ -366,7 +348,7 @@ def _within_yield(program: _Program, lattice: Lattice, s: dict[tuple[int, int], 
     for sign, limit in ((-1.0, top), (1.0, top + 1)):
         program.semidefinite({(i, j): [(s[i, j], sign), *([(limit, -sign)] if i == j else [])] for i, j in _PSD})
     for a, b in lattice.lines:
-        program.least.add([(top, 0.5 - 0.5 * b), (top + 1, -0.5 - 0.5 * b)], a)
+        program.least([(top, 0.5 - 0.5 * b), (top + 1, -0.5 - 0.5 * b)], a)
 
 
 def _tangents(normal: Array) -> list[Array]:
@@ -377,18 +359,17 @@ def _tangents(normal: Array) -> list[Array]:
     return [one, np.cross(normal, one)]
 
 
-def _along(parts: list[list[tuple[int, float]]], axis: Array, factor: float = 1.0) -> list[tuple[int, float]]:
+def _along(parts: list[Terms], axis: Array, factor: float = 1.0) -> Terms:
     """Return the component along an axis of a vector of linear functions."""
     return [(c, factor * axis[i] * v) for i, terms in enumerate(parts) for c, v in terms]
 
 
-def _within_joint(program: _Program, lattice: Lattice, pull: list[list[tuple[int, float]]], normal: Array) -> None:
-    """Add friction, no tension, and crushing of a traction on a dry face."""
-    program.least.add(_along(pull, normal))
+def _within_joint(program: _Program, lattice: Lattice, pull: list[Terms], normal: Array) -> None:
+    program.least(_along(pull, normal))
     sliding = [(_along(pull, axis), 0.0) for axis in _tangents(normal)]
     program.cone([(_along(pull, normal, -lattice.friction), lattice.cohesion), *sliding])
     if math.isfinite(lattice.crushing):
-        program.least.add(_along(pull, normal, -1.0), lattice.crushing)
+        program.least(_along(pull, normal, -1.0), lattice.crushing)
 
 
 def upper_bound(lattice: Lattice) -> float | None:
@@ -407,7 +388,7 @@ def upper_bound(lattice: Lattice) -> float | None:
             for i in range(d):
                 work[:, velocity(t, k, i)[0]] += lattice.body[:, i] * volume[t] / (d + 1)
 
-        def rate(i: int, j: int, t: int = t) -> list[tuple[int, float]]:
+        def rate(i: int, j: int, t: int = t) -> Terms:
             return [velocity(t, k, i, 0.5 * gradient[t, k, j]) for k in range(d + 1)] + [
                 velocity(t, k, j, 0.5 * gradient[t, k, i]) for k in range(d + 1)
             ]
@@ -429,30 +410,26 @@ def upper_bound(lattice: Lattice) -> float | None:
                 for i in range(d)
             ]
             _jump(program, lattice, jump, facet[2], area / d, dry)
-    program.equal.add([(k, float(v)) for k, v in enumerate(work[1]) if v], 1.0)
+    program.equal([(k, float(v)) for k, v in enumerate(work[1]) if v], 1.0)
     for k, value in enumerate(work[0]):
         program.cost[k] -= float(value)
     return _value(*program.solve(), 1.0, -math.inf)
 
 
 def _multipliers(program: _Program, lattice: Lattice, size: float) -> list[int]:
-    """Return the unknowns y ≥ 0 of the yield lines, which cost a y times a size."""
     found = []
     for a, _ in lattice.lines:
         found.append(program.unknowns(1, a * size))
-        program.least.add([(found[-1], -1.0)])
+        program.least([(found[-1], -1.0)])
     return found
 
 
-def _strain(
-    program: _Program, lattice: Lattice, rate: Callable[[int, int], list[tuple[int, float]]], size: float, d: int
-) -> None:
-    """Add the dissipation of strain rates in one simplex."""
+def _strain(program: _Program, lattice: Lattice, rate: Callable[[int, int], Terms], size: float, d: int) -> None:
     y = _multipliers(program, lattice, size)
     trace = [term for i in range(d) for term in rate(i, i)]
     slopes = [b for _, b in lattice.lines]
     if d == 2:
-        program.equal.add([*trace, *((k, b) for k, b in zip(y, slopes, strict=True))])
+        program.equal([*trace, *((k, b) for k, b in zip(y, slopes, strict=True))])
         spread = [*rate(0, 0), *((c, -v) for c, v in rate(1, 1))]
         twice = [(c, 2.0 * v) for c, v in rate(0, 1)]
         program.cone([([(k, 1.0) for k in y], 0.0), (spread, 0.0), (twice, 0.0)])
@@ -462,20 +439,17 @@ def _strain(
     program.semidefinite({pair: [(place[pair], 1.0)] for pair in _PSD})
     program.semidefinite({(i, j): [(place[i, j], 1.0), *((c, -v) for c, v in rate(i, j))] for i, j in _PSD})
     heads = [(place[i, i], 1.0) for i in range(3)]
-    program.equal.add([*heads, *((k, -0.5 * (1.0 - b)) for k, b in zip(y, slopes, strict=True))])
-    program.equal.add(
+    program.equal([*heads, *((k, -0.5 * (1.0 - b)) for k, b in zip(y, slopes, strict=True))])
+    program.equal(
         [*heads, *((c, -v) for c, v in trace), *((k, -0.5 * (1.0 + b)) for k, b in zip(y, slopes, strict=True))]
     )
 
 
-def _jump(
-    program: _Program, lattice: Lattice, jump: list[list[tuple[int, float]]], normal: Array, size: float, dry: bool
-) -> None:
-    """Add the dissipation of a velocity jump at one corner of a facet."""
+def _jump(program: _Program, lattice: Lattice, jump: list[Terms], normal: Array, size: float, dry: bool) -> None:
     opening = _along(jump, normal)
     if not dry:
         y = _multipliers(program, lattice, size)
-        program.equal.add([*opening, *((k, b) for k, (_, b) in zip(y, lattice.lines, strict=True))])
+        program.equal([*opening, *((k, b) for k, (_, b) in zip(y, lattice.lines, strict=True))])
         program.cone([([(k, 1.0) for k in y], 0.0), *((terms, 0.0) for terms in jump)])
         return
     slip = program.unknowns(1, lattice.cohesion * size)
@@ -483,20 +457,16 @@ def _jump(
     closing = [(slip, lattice.friction), *((c, -v) for c, v in opening)]
     if math.isfinite(lattice.crushing):
         crush = program.unknowns(1, lattice.crushing * size)
-        program.least.add([(crush, -1.0)])
+        program.least([(crush, -1.0)])
         closing.append((crush, -1.0))
-    program.least.add(closing)
+    program.least(closing)
 
 
-_IN_SPACE: Final = (9, 18, 27)
-"""Seeds modulo 28 whose scenes are in space: 60 of 560."""
-_SLACK: Final = 1e-5
-"""Relative amount by which bounds may cross: the own ones are the solver's."""
-_MOST: Final = {2: 200, 3: 60}
-"""Most triangles or tetrahedra of the meshes of the program."""
-
+_IN_SPACE: Final = (9, 18, 27)  # seeds modulo 28 whose scenes are in space: 60 of 560
+_SLACK: Final = 1e-5  # relative amount by which bounds may cross: the own ones are the solver's
+_MOST: Final = {2: 200, 3: 60}  # most triangles or tetrahedra of the meshes of the program
+# load entry of a scene; its traction, where it acts, and its force per weight
 _Load = tuple[dict[str, Any], Pull | None, Callable[[Array], bool], Array]
-"""Load entry of a scene; its traction, where it acts, and its force per weight."""
 
 
 def case_loads(seed: int, tally: Tally) -> str:
@@ -527,7 +497,7 @@ def case_loads(seed: int, tally: Tally) -> str:
     return "" if max(low, own_low) <= min(high, own_high) + slack else f"{where}: {bounds}"
 
 
-def random_scene(rng: np.random.Generator, d: int) -> tuple[dict[str, Any], Lattice]:
+def random_scene(rng: Dice, d: int) -> tuple[dict[str, Any], Lattice]:
     """Return a structure of lattice boxes as a scene, and as its own lattice."""
     shape = rng.integers(2, [7, 4] if d == 2 else [4, 3, 3]) if d == 2 else rng.integers([1, 1, 1], [4, 3, 3])
     step = rng.uniform(0.4, 1.0, d)
@@ -565,13 +535,10 @@ def random_scene(rng: np.random.Generator, d: int) -> tuple[dict[str, Any], Latt
         joint["compressive_strength"] = soft
     dry, inner_pairs = _labels(rng, block, {tuple(cell) for low, high in feet for cell in _cells(low, high)}, feet)
     gravity = -np.eye(d)[-1]
-    scene = {
-        "elements": elements,
-        "materials": {"density": density, "gravity": gravity.tolist(), "dry": joint, "inner": inner},
-        "loads": {"dead": [one[0] for one in dead], "live": [one[0] for one in live]},
-        "labels": {"default": "dry", "inner": inner_pairs},
-        **({"thickness": thickness} if d == 2 else {}),
-    }
+    pushes = [one[0] for one in live]
+    scene = stones(elements, pushes, joint, inner, density=density, gravity=gravity.tolist())
+    scene |= {"labels": {"default": "dry", "inner": inner_pairs}, **({"thickness": thickness} if d == 2 else {})}
+    scene["loads"]["dead"] = [one[0] for one in dead]
     cosine = 1.0 / math.hypot(1.0, rough)
     tension = min(strength, inner["shear_strength"] / rough) if rough else strength
     lines = [(inner["shear_strength"] * cosine, -rough * cosine), (tension, -1.0)]
@@ -585,13 +552,11 @@ def random_scene(rng: np.random.Generator, d: int) -> tuple[dict[str, Any], Latt
 
 
 def _cells(low: Array, high: Array) -> list[tuple[int, ...]]:
-    """Return the indices of the cells of a box of the lattice."""
     axes = [range(int(a), int(b)) for a, b in zip(low, high, strict=True)]
     return [tuple(int(x) for x in cell) for cell in np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, len(axes))]
 
 
-def _cut(rng: np.random.Generator, low: Array, high: Array, times: int) -> list[tuple[Array, Array]]:
-    """Cut a box of the lattice in two, again and again, at random."""
+def _cut(rng: Dice, low: Array, high: Array, times: int) -> list[tuple[Array, Array]]:
     wide = np.flatnonzero(high - low > 1)
     if not times or not wide.size:
         return [(low, np.array(high))]
@@ -604,18 +569,14 @@ def _cut(rng: np.random.Generator, low: Array, high: Array, times: int) -> list[
 
 
 def _entry(name: str, low: Array, high: Array, **more: Any) -> dict[str, Any]:
-    """Return the scene entry of a rectangle or box."""
     if len(low) == 2:
         (a, b), (c, d) = low.tolist(), high.tolist()
         return {"id": name, "polygon": [[a, b], [c, b], [c, d], [a, d]], **more}
-    ends = (low.tolist(), high.tolist())
-    vertices = [[ends[i][0], ends[j][1], ends[k][2]] for k in (0, 1) for j in (0, 1) for i in (0, 1)]
-    faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-    return {"id": name, "vertices": vertices, "faces": faces, **more}
+    return box(name, low.tolist(), high.tolist(), **more)
 
 
 def _labels(
-    rng: np.random.Generator, block: dict[tuple[int, ...], int], support: set[tuple[int, ...]], feet: list[Any]
+    rng: Dice, block: dict[tuple[int, ...], int], support: set[tuple[int, ...]], feet: list[Any]
 ) -> tuple[frozenset[frozenset[int]], list[list[str]]]:
     """Return the dry pairs of blocks, −1 for supports, and the pairs of ids that are inner."""
     touching = set[frozenset[int]]()
@@ -636,10 +597,7 @@ def _labels(
     return frozenset(touching - inner), pairs
 
 
-def _load(
-    rng: np.random.Generator, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float
-) -> _Load:
-    """Return a random load."""
+def _load(rng: Dice, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float) -> _Load:
     d, none = len(step), np.zeros(len(step))
     kind = str(rng.choice(["pressure", "pressure", "line", "force", "force", "body", "around"]))
     if kind == "body":
@@ -647,8 +605,8 @@ def _load(
         return {"body": vector.tolist()}, None, lambda _: False, vector
     if kind == "around":
         number, pressure = int(rng.integers(len(boxes))), float(rng.uniform(-0.5, 1.0))
-        free = _free_surface(boxes, number, shape)
-        if free:
+        low, high = boxes[number]
+        if high[-1] == shape[-1] or low[0] == 0 or high[0] == shape[0]:  # its boundary is free somewhere
             entry = {"face": {"between": [f"b{number}", "outside"]}, "pressure": pressure}
             return entry, lambda _, normal: -pressure * normal, lambda at: at[-1] == number, none
         kind = "pressure"
@@ -660,11 +618,7 @@ def _load(
         ends = np.sort(rng.choice(int(shape[axis]) + 1, 2, replace=False))
         low[axis], high[axis] = ends
     top, first, last = float(shape[-1] * step[-1]), low * step[:-1], high * step[:-1]
-
-    def acts(at: Array) -> bool:
-        inside = (first - 1e-9 <= at[: d - 1]) & (at[: d - 1] <= last + 1e-9)
-        return bool(inside.all() and abs(at[d - 1] - top) < 1e-9)
-
+    acts = _above(first, last, top)
     if d == 2:
         points = [[float(first[0]), top], [float(last[0]), top]]
         if kind == "line":
@@ -690,16 +644,7 @@ def _load(
     return {"face": {"patch": patch}, "pressure": pressure}, lambda _, normal: -pressure * normal, acts, none
 
 
-def _free_surface(boxes: list[tuple[Array, Array]], number: int, shape: Array) -> bool:
-    """Return True if part of a block's boundary is certainly free: at the top or the sides of the structure."""
-    low, high = boxes[number]
-    return bool(high[-1] == shape[-1] or low[0] == 0 or high[0] == shape[0])
-
-
-def _force(
-    rng: np.random.Generator, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float
-) -> _Load:
-    """Return a force with a width on the upper surface."""
+def _force(rng: Dice, boxes: list[tuple[Array, Array]], shape: Array, step: Array, thickness: float) -> _Load:
     d = len(step)
     upper = [k for k, (_, high) in enumerate(boxes) if high[-1] == shape[-1]]
     number = int(rng.choice(upper))
@@ -711,14 +656,13 @@ def _force(
     vector = np.append(rng.uniform(-0.4, 0.4, d - 1), rng.uniform(-1.0, 0.2)) * width
     value = vector / (width * thickness if d == 2 else width**2)
     at = [*(0.5 * (first + last)).tolist(), top]
+    entry = {"element": f"b{number}", "force": vector.tolist(), "at": at, "width": width}
+    return entry, lambda *_: value, _above(first, last, top), np.zeros(d)
 
-    def acts(place: Array) -> bool:
-        inside = (first - 1e-9 <= place[: d - 1]) & (place[: d - 1] <= last + 1e-9)
-        return bool(inside.all() and abs(place[d - 1] - top) < 1e-9)
 
-    return (
-        {"element": f"b{number}", "force": vector.tolist(), "at": at, "width": width},
-        lambda *_: value,
-        acts,
-        (np.zeros(d)),
-    )
+def _above(first: Array, last: Array, top: float) -> Callable[[Array], bool]:
+    """Whether a place lies on a part of the upper surface, between two corners."""
+    return lambda at: bool(
+        (first - 1e-9 <= at[: len(first)]).all() and (at[: len(first)] <= last + 1e-9).all()
+        and abs(at[len(first)] - top) < 1e-9
+    )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -14,6 +14,7 @@ import shapely
 from scipy.spatial import ConvexHull, cKDTree
 
 from benchmarks.claims import Tally
+from benchmarks.scenes import stones
 from jld_core import Assembly, InputError, Status, build_assembly, geometry_sensitivities, parse_scene, samples, solve
 from jld_core.arrays import Floats, Ints
 from jld_core.mechanics import scaling_of, yield_set
@@ -39,7 +40,6 @@ class Known:
 
 
 def neighbours(cell: Cell) -> Iterator[Cell]:
-    """Yield the cells that share a face with a cell."""
     for axis, step in itertools.product(range(len(cell)), (-1, 1)):
         yield (*cell[:axis], cell[axis] + step, *cell[axis + 1 :])
 
@@ -78,8 +78,8 @@ def grown(rng: np.random.Generator, shape: tuple[int, ...], first: set[Cell], co
         element = [tuple(free[rng.integers(len(free))].tolist())]
         for _ in range(int(rng.integers(1, 9))):
             labels[element[-1]] = label
-            inside = [c for cell in element for c in neighbours(cell) if _within(c, shape)]
-            open_cells = sorted({cell for cell in inside if labels[cell] == 0})
+            left = {tuple(cell) for cell in np.argwhere(labels == 0).tolist()}
+            open_cells = sorted(left & {beside for cell in element for beside in neighbours(cell)})
             if not open_cells:
                 break
             element.append(open_cells[rng.integers(len(open_cells))])
@@ -89,10 +89,6 @@ def grown(rng: np.random.Generator, shape: tuple[int, ...], first: set[Cell], co
         reached |= {b for a, b in touching if a in reached}
     labels[~np.isin(labels, sorted(reached))] = 0
     return labels
-
-
-def _within(cell: Cell, shape: tuple[int, ...]) -> bool:
-    return all(0 <= place < count for place, count in zip(cell, shape, strict=True))
 
 
 def with_hole(rng: np.random.Generator, shape: tuple[int, ...]) -> set[Cell]:
@@ -112,7 +108,6 @@ def with_hole(rng: np.random.Generator, shape: tuple[int, ...]) -> set[Cell]:
 
 
 def known_contacts(labels: Ints, lines: Sequence[Floats]) -> list[Known]:
-    """Return the contacts of merged voxels: parts of common planes that hang together by edges."""
     faces: dict[tuple[int, int, int, int], set[Cell]] = {}
     for axis in range(3):
         ahead, behind = np.moveaxis(labels, axis, 0)[1:], np.moveaxis(labels, axis, 0)[:-1]
@@ -131,11 +126,9 @@ def _square(cell: Cell, axis: int, level: int, lines: Sequence[Floats]) -> Float
     one, two = (axis + 1) % 3, (axis + 2) % 3
     first = sorted((one, two))
     place = {first[0]: cell[0], first[1]: cell[1]}
-    corners = np.empty((4, 3))
+    corners = np.full((4, 3), lines[axis][level])
     for row, (u, v) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
-        corners[row, axis] = lines[axis][level]
-        corners[row, one] = lines[one][place[one] + u]
-        corners[row, two] = lines[two][place[two] + v]
+        corners[row, [one, two]] = lines[one][place[one] + u], lines[two][place[two] + v]
     return corners
 
 
@@ -163,60 +156,55 @@ def solid(rng: np.random.Generator, labels: Ints, label: int, lines: Sequence[Fl
 
 def _faces_of(cells: set[Cell], axis: int, level: int, side: int, *, whole: bool) -> list[list[Cell]]:
     """Outward loops of grid nodes around squares of one plane, one for each square or one for all."""
-    edges: dict[Cell, list[Cell]] = {}
-    loops: list[list[Cell]] = []
-    for i, j in sorted(cells):
-        ring: list[Cell] = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
-        loops.append(ring)
-        for k, (di, dj) in enumerate(((0, -1), (1, 0), (0, 1), (-1, 0))):
-            if (i + di, j + dj) not in cells:
-                edges.setdefault(ring[k], []).append(ring[(k + 1) % 4])
-    if whole:
-        loops = [_bridged(_traced(edges))]
+    loops = [_bridged(_traced(_edges(cells)))] if whole else [_ring(cell) for cell in sorted(cells)]
     # the axes left over, in order, are right-handed about the plane's own axis, save for the middle one
     turned = (side == 0) != (axis == 1)
     placed = [[(*node[:axis], level, *node[axis:]) for node in loop] for loop in loops]
     return [loop[::-1] if turned else loop for loop in placed]
 
 
+def _ring(cell: Cell) -> list[Cell]:
+    i, j = cell
+    return [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+
+
+def _edges(cells: set[Cell]) -> dict[Cell, list[Cell]]:
+    """Ends of the directed edges around squares, by their beginnings; the squares lie on the left."""
+    edges: dict[Cell, list[Cell]] = {}
+    for i, j in sorted(cells):
+        ring = _ring((i, j))
+        for k, (di, dj) in enumerate(((0, -1), (1, 0), (0, 1), (-1, 0))):
+            if (i + di, j + dj) not in cells:
+                edges.setdefault(ring[k], []).append(ring[(k + 1) % 4])
+    return edges
+
+
 def _traced(edges: dict[Cell, list[Cell]]) -> list[list[Cell]]:
-    """Loops of directed edges with the area on the left; where two meet, each stays with its own square."""
     loops = []
     while edges:
         start = min(edges)
-        loop, here, came = [start], edges[start][0], start
-        _take(edges, start, here)
+        loop, came, here = [start], start, edges[start][0]
+        edges[start].remove(here)
         while here != start or len(loop) < 3:
             loop.append(here)
-            way = (here[0] - came[0], here[1] - came[1])
-            left = (here[0] - way[1], here[1] + way[0])
+            left = (here[0] - here[1] + came[1], here[1] + here[0] - came[0])
             following = left if left in edges[here] else edges[here][0]
-            _take(edges, here, following)
+            edges[here].remove(following)
             came, here = here, following
         loops.append(loop)
+        edges = {node: ends for node, ends in edges.items() if ends}
     return loops
 
 
-def _take(edges: dict[Cell, list[Cell]], start: Cell, end: Cell) -> None:
-    edges[start].remove(end)
-    if not edges[start]:
-        del edges[start]
-
-
 def _bridged(loops: list[list[Cell]]) -> list[Cell]:
-    """One loop of several, joined by bridges between their nearest nodes."""
-
     def area(loop: list[Cell]) -> float:
         return 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(loop, loop[1:] + loop[:1], strict=True))
 
     whole, *holes = sorted(loops, key=area, reverse=True)
     while holes:
-        _, number, i, j = min(
-            (abs(p[0] - q[0]) + abs(p[1] - q[1]), number, i, j)
-            for number, hole in enumerate(holes)
-            for i, p in enumerate(whole)
-            for j, q in enumerate(hole)
-        )
+        nodes = [(number, j, q) for number, hole in enumerate(holes) for j, q in enumerate(hole)]
+        pairs = itertools.product(enumerate(whole), nodes)
+        _, number, i, j = min((abs(p[0] - q[0]) + abs(p[1] - q[1]), n, i, j) for (i, p), (n, j, q) in pairs)
         hole = holes.pop(number)
         around = [*hole[j:], *hole[: j + 1]]
         bridge = whole[i:] if whole[i] != hole[j] else whole[i + 1 :]
@@ -252,19 +240,11 @@ def _shuffled(rng: np.random.Generator, faces: list[list[Cell]], lines: Sequence
 
 def outline(labels: Ints, label: int) -> list[Cell] | None:
     """Return the nodes around a planar element, counter-clockwise; None where it has a hole or touches itself."""
-    cells = {tuple(cell) for cell in np.argwhere(labels == label).tolist()}
-    edges: dict[Cell, list[Cell]] = {}
-    for i, j in cells:
-        ring: list[Cell] = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
-        for k, (di, dj) in enumerate(((0, -1), (1, 0), (0, 1), (-1, 0))):
-            if (i + di, j + dj) not in cells:
-                edges.setdefault(ring[k], []).append(ring[(k + 1) % 4])
-    loops = _traced(edges)
+    loops = _traced(_edges({tuple(cell) for cell in np.argwhere(labels == label).tolist()}))
     return loops[0] if len(loops) == 1 and len(set(loops[0])) == len(loops[0]) else None
 
 
-EXACT: Final = 1e-9
-"""Relative difference of lengths, areas and moments that counts as a disagreement."""
+EXACT: Final = 1e-9  # relative difference of lengths, areas and moments that counts as a disagreement
 _SOLVED: Final = 20  # one case in so many is solved, in both positions
 _PLANAR: Final = 4  # one case in so many is planar
 _DIRECTIONS: Final = 24  # in which hulls and kerns are compared
@@ -279,7 +259,6 @@ class Move:
     shift: Floats
 
     def points(self, places: Floats) -> Floats:
-        """Move points (..., d)."""
         return np.asarray(self.scale * places @ self.turn.T + self.shift)
 
 
@@ -292,10 +271,24 @@ def case_geometry(seed: int, tally: Tally) -> str:
     """
     rng = np.random.default_rng([seed, 1915])
     try:
-        problem = _planar_case(rng, seed, tally) if seed % _PLANAR == 0 else _spatial_case(rng, seed, tally)
+        drawn_case = (_planar_case if seed % _PLANAR == 0 else _spatial_case)(rng)
+        if drawn_case is None:
+            tally.count("nothing stands")
+            return ""
+        names, plain, moved, known, compare = drawn_case
+        for where, elements in (("straight", plain), ("moved", moved)):
+            problem = compare(build_assembly(parse_scene(document(*elements))), elements[1])
+            if problem:
+                return f"{where}: {problem}"
+        tally.count("contacts", known)
+        return "" if (seed // 2) % _SOLVED else _compare_loads(plain, moved, names, rng, tally)
     except InputError as error:
         return f"refused: {error}"
-    return problem
+
+
+Placed = tuple[list[dict[str, Any]], Move]  # elements, and how they were moved
+# labels of elements; these as drawn and moved; number of contacts; and what compares these with an assembly
+Drawn = tuple[list[int], Placed, Placed, int, Callable[[Assembly, Move], str]]
 
 
 def random_move(rng: np.random.Generator, dimension: int) -> Move:
@@ -310,62 +303,45 @@ def document(elements: list[dict[str, Any]], move: Move, **keys: Any) -> dict[st
     planar, weight = len(move.shift) == 2, 1000.0 * 9.81 * move.scale
     down = np.array([0.0, -9.81]) if planar else np.array([0.0, 0.0, -9.81])
     live = np.array([1.0, 0.1]) if planar else np.array([0.6, 0.8, 0.1])
-    return {
-        "elements": elements,
-        "materials": {
-            "density": 1000.0,
-            "gravity": (move.turn @ down).tolist(),
-            "dry": {"friction_coefficient": 0.6},
-            "inner": {"tensile_strength": 0.8 * weight, "shear_strength": 1.1 * weight},
-        },
-        "loads": {"live": [{"body": (move.turn @ live).tolist()}]},
-        **({"thickness": move.scale} if planar else {}),
-        **keys,
-    }
+    inner = {"tensile_strength": 0.8 * weight, "shear_strength": 1.1 * weight}
+    body, gravity = (move.turn @ live).tolist(), (move.turn @ down).tolist()
+    found = stones(elements, [{"body": body}], 0.6, inner, density=1000.0, gravity=gravity)
+    return found | ({"thickness": move.scale} if planar else {}) | keys
 
 
-def _spatial_case(rng: np.random.Generator, seed: int, tally: Tally) -> str:
+def _spatial_case(rng: np.random.Generator) -> Drawn | None:
     shape = (int(rng.integers(3, 5)), int(rng.integers(3, 5)), int(rng.integers(2, 5)))
     lines = [np.concatenate([[0.0], np.cumsum(rng.uniform(0.3, 1.5, count))]) for count in shape]
     first = with_hole(rng, shape) if shape[2] > 2 and rng.random() < 0.5 else set()
     labels = grown(rng, shape, first, int(rng.integers(1, 6)))
-    names = [label for label in np.unique(labels).tolist() if label > 0]
+    names = _labels(labels)
     if len(names) < 2:
-        tally.count("nothing stands")
-        return ""
-    still = Move(np.eye(3), 1.0, np.zeros(3))
+        return None
     plain = [{"id": f"e{n}", "support": n == 1, **solid(rng, labels, n, lines)} for n in names]
     known = known_contacts(labels, lines)
     move = random_move(rng, 3)
     again = [{"id": f"e{n}", "support": n == 1, **solid(rng, labels, n, lines)} for n in names]
     moved = [{**e, "vertices": move.points(np.array(e["vertices"])).tolist()} for e in again]
     moved = [moved[k] for k in rng.permutation(len(moved))]
-    for elements, position in ((plain, still), (moved, move)):
-        built = build_assembly(parse_scene(document(elements, position)))
-        problem = _compare(built, known, position, rng)
-        if problem:
-            return f"{'moved' if position is move else 'straight'}: {problem}"
-    tally.count("contacts", len(known))
-    if (seed // 2) % _SOLVED:
-        return ""
-    return _compare_loads((plain, still), (moved, move), names, rng, tally)
+    still = Move(np.eye(3), 1.0, np.zeros(3))
+    return names, (plain, still), (moved, move), len(known), lambda built, at: _compare(built, known, at, rng)
+
+
+def _labels(labels: Ints) -> list[int]:
+    return [label for label in np.unique(labels).tolist() if label > 0]
 
 
 def _compare(built: Assembly, known: list[Known], move: Move, rng: np.random.Generator) -> str:
-    """Return what differs between the interfaces of an assembly and the contacts known from the grid."""
-    faces, ids = built.interfaces, built.elements.ids
-    pairs = [(ids[a], ids[b]) for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)]
+    pairs = _pairs(built)
     if len(pairs) != len(known):
         return f"{len(pairs)} interfaces, expected {len(known)}"
     left = set(range(len(pairs)))
     for contact in known:
         section = _Section.of(contact, move)
         couple = {f"e{contact.a}", f"e{contact.b}"}
-        mine = [k for k in sorted(left) if set(pairs[k]) == couple]
-        if not mine:
+        face = _nearest(pairs, left, couple, built.interfaces.origin, section.centroid)
+        if face is None:
             return f"no interface left for {couple}"
-        face = min(mine, key=lambda k: float(np.linalg.norm(faces.origin[k] - section.centroid)))
-        left.discard(face)
         sign = 1.0 if pairs[face][0] == f"e{contact.a}" else -1.0
         problem = _differences_geometry(built, face, section, sign, rng)
         if problem:
@@ -406,15 +382,10 @@ class _Section:
         extent = high.max(axis=0) - low.min(axis=0)
         filled = abs(area - extent.prod()) <= 1e-12 * area
         scale = move.scale
-        return cls(
-            normal=move.turn @ contact.normal,
-            corners=move.points(squares.reshape(-1, 3)),
-            area=area * scale**2,
-            centroid=move.points(place),
-            moments=move.turn @ whole @ move.turn.T * scale**4,
-            torsion=radial / area * scale,
-            sides=(float(extent.min()) * scale, float(extent.max()) * scale) if filled else None,
-        )
+        corners, moments = move.points(squares.reshape(-1, 3)), move.turn @ whole @ move.turn.T * scale**4
+        sides = (float(extent.min()) * scale, float(extent.max()) * scale) if filled else None
+        normal, torsion = move.turn @ contact.normal, radial / area * scale
+        return cls(normal, corners, area * scale**2, move.points(place), moments, torsion, sides)
 
 
 def _radial(low: Floats, high: Floats) -> float:
@@ -498,27 +469,18 @@ def _reach(points: Floats, way: Floats) -> float:
     return float(np.min(-planes[along > 1e-12, 2] / along[along > 1e-12]))
 
 
-def _planar_case(rng: np.random.Generator, seed: int, tally: Tally) -> str:
+def _planar_case(rng: np.random.Generator) -> Drawn | None:
     labels, nodes, straight = planar_grid(rng)
-    names = [label for label in np.unique(labels).tolist() if label > 0]
+    names = _labels(labels)
     if len(names) < 2:
-        tally.count("nothing stands")
-        return ""
+        return None
     known = _planar_contacts(labels, nodes, straight=straight)
     move, still = random_move(rng, 2), Move(np.eye(2), 1.0, np.zeros(2))
     plain, moved = (
         [polygon_entry(rng, labels, n, nodes, position, straight) for n in names] for position in (still, move)
     )
     moved = [moved[k] for k in rng.permutation(len(moved))]
-    for elements, position in ((plain, still), (moved, move)):
-        built = build_assembly(parse_scene(document(elements, position)))
-        problem = _compare_planar(built, known, position)
-        if problem:
-            return f"planar, {'moved' if position is move else 'straight'}: {problem}"
-    tally.count("contacts", len(known))
-    if (seed // 2) % _SOLVED:
-        return ""
-    return _compare_loads((plain, still), (moved, move), names, rng, tally)
+    return names, (plain, still), (moved, move), len(known), lambda built, at: _compare_planar(built, known, at)
 
 
 def planar_grid(rng: np.random.Generator) -> tuple[Ints, Floats, bool]:
@@ -572,41 +534,30 @@ def _planar_contacts(labels: Ints, nodes: Floats, *, straight: bool) -> list[tup
 
 
 def _compare_planar(built: Assembly, known: Sequence[tuple[int, int, Floats]], move: Move) -> str:
-    faces, ids = built.interfaces, built.elements.ids
-    pairs = [(ids[a], ids[b]) for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)]
+    faces, pairs = built.interfaces, _pairs(built)
     if len(pairs) != len(known):
         return f"{len(pairs)} interfaces, expected {len(known)}"
     left = set(range(len(pairs)))
     for a, b, places in known:
         ends = move.points(places)
-        mine = [k for k in sorted(left) if set(pairs[k]) == {f"e{a}", f"e{b}"}]
-        if not mine:
+        face = _nearest(pairs, left, {f"e{a}", f"e{b}"}, faces.origin, ends.mean(axis=0))
+        if face is None:
             return f"no interface left for e{a} and e{b}"
-        face = min(mine, key=lambda k: float(np.linalg.norm(faces.origin[k] - ends.mean(axis=0))))
-        left.discard(face)
         length = float(np.hypot(*(ends[1] - ends[0])))
         allowed = max(EXACT, 1e-12 * float(abs(ends).max()) / length)
-        off = max(
-            abs(faces.l1[face] - length) / length,
-            float(np.linalg.norm(faces.origin[face] - ends.mean(axis=0))) / length,
-            abs(float(faces.normal[face] @ (ends[1] - ends[0]))) / length,
-        )
+        away = float(np.linalg.norm(faces.origin[face] - ends.mean(axis=0)))
+        turned = abs(float(faces.normal[face] @ (ends[1] - ends[0])))
+        off = max(abs(faces.l1[face] - length), away, turned) / length
         if not off <= allowed:
             return f"interface {pairs[face]} differs by {off:.2g}"
     return ""
 
 
-def _compare_loads(
-    one: tuple[list[dict[str, Any]], Move],
-    other: tuple[list[dict[str, Any]], Move],
-    names: list[int],
-    rng: np.random.Generator,
-    tally: Tally,
-) -> str:
+def _compare_loads(one: Placed, other: Placed, names: list[int], rng: np.random.Generator, tally: Tally) -> str:
     """Return where λ of two positions differs: all faces dry, and some of them inner."""
     glued = [list(pair) for pair in itertools.combinations([f"e{n}" for n in names], 2) if rng.random() < 0.4]
     built = build_assembly(parse_scene(document(*one)))
-    touching = {frozenset((built.elements.ids[a], built.elements.ids[b])) for a, b in _couples(built)}
+    touching = {frozenset(pair) for pair in _pairs(built)}
     glued = [pair for pair in glued if frozenset(pair) in touching]
     for labels in ({"default": "dry"}, {"default": "dry", "inner": glued}):
         results = [solve(build_assembly(parse_scene(document(*each, labels=labels)))) for each in (one, other)]
@@ -626,21 +577,29 @@ def _compare_loads(
     return ""
 
 
-def _couples(built: Assembly) -> list[tuple[int, int]]:
-    return list(zip(built.interfaces.a.tolist(), built.interfaces.b.tolist(), strict=True))
+def _pairs(built: Assembly) -> list[tuple[str, str]]:
+    """Names of both elements of each interface."""
+    faces, ids = built.interfaces, built.elements.ids
+    return [(ids[a], ids[b]) for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)]
 
 
-CUT: Final = 1e-9
-"""Area, relative to the square of the unit of the grid, that a sweep may share with what rests."""
-_FAR: Final = 30.0
-"""Length of a sweep, in units of the grid."""
+def _nearest(pairs: list[tuple[str, str]], left: set[int], names: set[str], origin: Floats, at: Floats) -> int | None:
+    """Take the interface of two elements that lies nearest to a place from those left; None where there is none."""
+    mine = [k for k in sorted(left) if set(pairs[k]) == names]
+    face = min(mine, key=lambda k: float(np.linalg.norm(origin[k] - at)), default=None)
+    left -= {face}
+    return face
+
+
+CUT: Final = 1e-9  # area, relative to the square of the unit of the grid, that a sweep may share with what rests
+_FAR: Final = 30.0  # length of a sweep, in units of the grid
 
 
 def case_laying(seed: int, tally: Tally) -> str:
     """Return "" where no step of the order of one random wall cuts another block, else the first that does."""
     rng = np.random.default_rng([seed, 1994])
     labels, nodes, straight = planar_grid(rng)
-    names = [label for label in np.unique(labels).tolist() if label > 0]
+    names = _labels(labels)
     if len(names) < 2:
         return ""
     move = Move(random_move(rng, 2).turn, 1.0, np.zeros(2))
@@ -674,11 +633,8 @@ def _shared(shape: shapely.Polygon, still: list[shapely.Polygon], way: np.ndarra
 
 
 ROUTE = Route("a benchmark")
-
-PLANAR: Final = 1e-7
-"""Largest relative difference in the plane."""
-SPATIAL: Final = 1e-6
-"""Largest relative difference in space."""
+PLANAR: Final = 1e-7  # largest relative difference in the plane
+SPATIAL: Final = 1e-6  # largest relative difference in space
 Document = dict[str, Any]
 
 
@@ -708,7 +664,6 @@ def case_vertex_rates(seed: int, tally: Tally) -> str:
 
 
 def drawn(seed: int) -> Document:
-    """Draw the document of a planar scene, with interfaces as stated ones."""
     random = np.random.default_rng(seed)
     kind = ("arch", "wall", "grid")[seed % 3]
     options: Document = {}
@@ -770,8 +725,6 @@ def _of_plane(seed: int) -> tuple[float, float, float, float]:
 
 
 def _differences_vertex_rates(function: Any, step: float) -> tuple[float, float]:
-    """Return fourth-order central differences with a step and with half of it."""
-
     def difference(by: float) -> float:
         return float((8.0 * (function(by) - function(-by)) - (function(2.0 * by) - function(-2.0 * by))) / (12.0 * by))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import math
 import os
@@ -13,9 +14,9 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,6 +27,7 @@ import numpy as np
 import psutil
 
 from benchmarks.claims import Tally, run_cases
+from benchmarks.scenes import cells, names_of, stones
 from jld_core import Deadline, InputError, Scene, Status, build_assembly, parse_scene, samples
 from jld_core.limit import load_scale
 from jld_explore import ExploreSettings, explore, search_space
@@ -38,15 +40,16 @@ from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space import count_named, feasible, values_of
 from jld_explore.space.search_space import SearchSpace
 from jld_explore.verification import verify
+from jld_samples import box
 
-MOST: Final = 11
-"""Faces that may change, at the most: 2 048 labellings."""
-
+Document = dict[str, Any]
+Known = list[tuple[Any, Evaluation]]  # labellings and what they come to
+MOST: Final = 11  # faces that may change, at the most: 2 048 labellings
+# faces below which a scene is drawn again, the oftener the fewer: one or two leave little to be wrong about
 _FEW: Final = 6
-"""Faces below which a scene is drawn again, the oftener the fewer: one or two leave little to be wrong about."""
 
 
-def drawn_trials(seed: int) -> tuple[Scene, SearchSpace, list[str], np.random.Generator, dict[str, Any]]:
+def drawn_trials(seed: int) -> tuple[Scene, SearchSpace, list[str], np.random.Generator, Document]:
     """The scene of a seed: the first that its numbers draw which is a scene, and small enough."""
     rng = np.random.default_rng(seed)
     while True:
@@ -61,16 +64,13 @@ def drawn_trials(seed: int) -> tuple[Scene, SearchSpace, list[str], np.random.Ge
             return scene, space, kinds, rng, document
 
 
-def draw(rng: np.random.Generator) -> tuple[dict[str, Any], list[str]]:
-    """A scene document, and words for what it has."""
+def draw(rng: np.random.Generator) -> tuple[Document, list[str]]:
     kinds: list[str] = []
     spatial = rng.random() < 0.15
-    dry: dict[str, Any] = {"friction_coefficient": float(rng.choice([0.0, 0.3, 0.75, 1.5], p=[0.05, 0.25, 0.6, 0.1]))}
+    dry: Document = {"friction_coefficient": float(rng.choice([0.0, 0.3, 0.75, 1.5], p=[0.05, 0.25, 0.6, 0.1]))}
     strength = float(rng.choice([0.0, 5e2, 2e3, 1e4, 1e6], p=[0.1, 0.25, 0.3, 0.25, 0.1]))
-    inner: dict[str, Any] = {
-        "tensile_strength": strength,
-        "shear_strength": strength * float(rng.choice([0.5, 1.0, 2.0])),
-    }
+    inner: Document = {"tensile_strength": strength}
+    inner["shear_strength"] = strength * float(rng.choice([0.5, 1.0, 2.0]))
     if rng.random() < 0.2:
         dry["cohesion"] = 500.0
         kinds.append("cohesion")
@@ -80,29 +80,21 @@ def draw(rng: np.random.Generator) -> tuple[dict[str, Any], list[str]]:
     if rng.random() < 0.3:
         # crushing of dry faces asks for that of inner ones nowhere
         which = rng.integers(1, 4)
-        if which & 1:
-            dry["compressive_strength"] = float(rng.choice([2e4, 2e5]))
-        if which & 2:
-            inner["compressive_strength"] = float(rng.choice([2e4, 2e5]))
+        for side, bit in ((dry, 1), (inner, 2)):
+            if which & bit:
+                side["compressive_strength"] = float(rng.choice([2e4, 2e5]))
         kinds.append("crushing")
-    document: dict[str, Any] = {
-        "name": "trial",
-        "materials": {"density": 1400, "dry": dry, "inner": inner},
-        "search": _limits(rng, spatial, kinds),
-    }
+    search = _limits(rng, spatial, kinds)
     if spatial:
         kinds.append("space")
-        cells = [(i, j, k) for i in range(2) for j in range(rng.integers(1, 3)) for k in range(rng.integers(1, 3))]
-        document["elements"] = [
-            _box("ground", (0, 0, -1), (2, 2, 1), True),
-            *(_box(f"b{i}{j}{k}", (i, j, k)) for i, j, k in cells),
-        ]
-        names = [f"b{i}{j}{k}" for i, j, k in cells]
+        places = [(i, j, k) for i in range(2) for j in range(rng.integers(1, 3)) for k in range(rng.integers(1, 3))]
+        names = [f"b{i}{j}{k}" for i, j, k in places]
+        elements = [_cubes("ground", (0, 0, -1), (2, 2, 1), support=True), *map(_cubes, names, places)]
+        document = stones(elements, [], dry, inner, density=1400) | {"loads": random_loads(rng, names, spatial, kinds)}
     else:
-        rows = _rows(rng, kinds)
-        document["grid"] = {"cell": [0.1, float(rng.choice([0.05, 0.1, 0.2]))], "thickness": 0.1, "rows": rows}
-        names = [f"c{x}r{y}" for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "a"]
-    document["loads"] = random_loads(rng, names, spatial, kinds)
+        rows, cell = _rows(rng, kinds), [0.1, float(rng.choice([0.05, 0.1, 0.2]))]
+        document = cells(rows, cell, dry, inner, random_loads(rng, names_of(rows), spatial, kinds))
+    document |= {"name": "trial", "search": search}
     if rng.random() < 0.2:
         document["labels"] = {"default": "inner"}
     return document, kinds
@@ -124,18 +116,13 @@ def _rows(rng: np.random.Generator, kinds: list[str]) -> list[str]:
     return ["".join(row) for row in [*rows, foot]]
 
 
-def _box(
-    name: str, low: tuple[int, int, int], size: tuple[int, int, int] = (1, 1, 1), support: bool = False
-) -> dict[str, Any]:
-    x, y, z = (0.1 * v for v in low)
-    a, b, c = (0.1 * (v + s) for v, s in zip(low, size, strict=True))
-    corners = [[x, y, z], [a, y, z], [a, b, z], [x, b, z], [x, y, c], [a, y, c], [a, b, c], [x, b, c]]
-    faces = [[3, 2, 1, 0], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-    return {"id": name, "vertices": corners, "faces": faces, "support": support}
+def _cubes(name: str, low: Sequence[int], size: Sequence[int] = (1, 1, 1), **keys: Any) -> Document:
+    """An element of so many cubes of 0.1 m."""
+    return box(name, [0.1 * v for v in low], [0.1 * (v + s) for v, s in zip(low, size, strict=True)], **keys)
 
 
-def random_loads(rng: np.random.Generator, names: list[str], spatial: bool, kinds: list[str]) -> dict[str, Any]:
-    def live() -> list[dict[str, Any]]:
+def random_loads(rng: np.random.Generator, names: list[str], spatial: bool, kinds: list[str]) -> Document:
+    def live() -> list[Document]:
         if rng.random() < 0.6:
             body = [float(rng.choice([-1.0, 1.0])), float(rng.choice([0.0, 0.0, 0.4, -0.5]))]
             return [{"body": [*body, 0.0] if spatial else body}]
@@ -144,19 +131,16 @@ def random_loads(rng: np.random.Generator, names: list[str], spatial: bool, kind
 
     if rng.random() < 0.2:
         kinds.append("cases")
-        return {
-            "cases": [
-                {"name": name, "live": live(), "required": float(rng.choice([1.0, 1.5]))} for name in ("one", "two")
-            ]
-        }
+        sides = ("one", "two")
+        return {"cases": [{"name": k, "live": live(), "required": float(rng.choice([1.0, 1.5]))} for k in sides]}
     return {"live": live()}
 
 
-def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> Document:
+    found: Document = {}
     low, high = sorted(int(v) for v in rng.integers(1, 5, 2))
     unit = 0.001 if spatial else 0.0005
-    known: dict[str, Any] = {
+    known: Document = {
         "block_cells": [None if rng.random() < 0.6 else low, high],
         "block_extent": [None, float(rng.choice([0.1, 0.2, 0.3]))],
         "block_mass": [None, 1400 * unit * high * 2.0],
@@ -171,12 +155,10 @@ def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> dict[s
         if not (spatial and key in ("block_aspect", "convex_blocks")):
             found[key] = known[key]
             kinds.append(key)
-    if rng.random() < 0.15:
-        found["segmentation"] = False
-        kinds.append("slits")
-    if rng.random() < 0.15:
-        found["candidates"] = "all+supports"
-        kinds.append("supports")
+    for kind, key, value in (("slits", "segmentation", False), ("supports", "candidates", "all+supports")):
+        if rng.random() < 0.15:
+            found[key] = value
+            kinds.append(kind)
     if rng.random() < 0.2:
         found["symmetry"] = "none"
     if rng.random() < 0.1 and "segmentation" not in found:
@@ -185,12 +167,10 @@ def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> dict[s
     return found
 
 
-_CLOSE: Final = 2e-6
-"""How near proven and true have to be: twice what counts as proven."""
+_CLOSE: Final = 2e-6  # how near proven and true have to be: twice what counts as proven
 
 
 def every(space: SearchSpace) -> Iterator[tuple[np.ndarray[Any, Any], Evaluation]]:
-    """All labellings of a space, each evaluated by itself."""
     spots = np.flatnonzero(space.candidates)
     rows = np.repeat(space.fixed[None], 1 << len(spots), axis=0)
     rows[:, spots] = (np.arange(len(rows))[:, None] >> np.arange(len(spots))) & 1
@@ -211,20 +191,17 @@ def case_trials(seed: int, tally: Tally) -> str:
     had.
     """
     scene, space, kinds, rng, document = drawn_trials(seed)
-    options: dict[str, Any] = {
+    options: Document = {
         "by_blocks": str(rng.choice(["auto", "on", "off"])),
         "list_blocks": bool(rng.random() < 0.7) or "blocks" in kinds,
         "search": int(rng.choice([0, 1, 10])),
         "aim": "front" if rng.random() < 0.15 else "best",
     }
-    stopped = int(rng.integers(1, 25)) if rng.random() < 0.25 else None
+    stopped = int(rng.integers(1, 25)) if rng.random() < 0.25 else 0
     jobs = 2 if rng.random() < 0.1 else 1
     rng.random()  # Formerly the choice of an option; drawn so that a seed means the same scene as before.
-    kinds += [
-        name
-        for name, on in (("front", options["aim"] == "front"), ("stopped", stopped is not None), ("two jobs", jobs > 1))
-        if on
-    ]
+    had = (("front", options["aim"] == "front"), ("stopped", stopped > 0), ("two jobs", jobs > 1))
+    kinds += [name for name, on in had if on]
     known = list(every(space))
     required = _required(rng, document, known) if rng.random() < 0.1 else None
     try:
@@ -244,14 +221,14 @@ def case_trials(seed: int, tally: Tally) -> str:
 def _compare(
     scene: Scene,
     space: SearchSpace,
-    known: list[tuple[Any, Evaluation]],
-    options: dict[str, Any],
-    stopped: int | None,
+    known: Known,
+    options: Document,
+    stopped: int,
     jobs: int,
     kinds: list[str],
-    folder: Path,
+    at: Path,
 ) -> str:
-    path = folder / "proof.jld"
+    folder, path = at, at / "proof.jld"
     settings = ExploreSettings(pictures=False, jobs=jobs, small=0)
     if jobs > 1:
         options = {**options, "solo_relaxations": 0}
@@ -262,11 +239,10 @@ def _compare(
         certified = False
     driver = Exact(space, **options)
     try:
-        if stopped is not None:
+        if stopped:
             explore(scene, folder / "out", settings, driver=Exact(space, **options, programs=stopped))
-        facts = explore(
-            scene, folder / "out", replace(settings, resume=stopped is not None), driver=driver
-        ).summary.facts
+        again = replace(settings, resume=stopped > 0)
+        facts = explore(scene, folder / "out", again, driver=driver).summary.facts
     except InputError as error:
         if not known and "no labelling" in str(error):
             return ""
@@ -304,10 +280,7 @@ def _compare(
     return ""
 
 
-def _required(
-    rng: np.random.Generator, document: dict[str, Any], known: list[tuple[Any, Evaluation]]
-) -> dict[str, Any] | None:
-    """The scene with a load factor required that some labellings have and others do not, or none has."""
+def _required(rng: np.random.Generator, document: Document, known: Known) -> Document | None:
     loads = np.unique([found.load_factor for _, found in known if found.status is Status.COLLAPSE])
     loads = loads[loads > 1e-3]
     apart = np.flatnonzero(np.diff(loads) > 1e-3 * loads[1:])
@@ -319,23 +292,22 @@ def _required(
     return {**document, "search": {**document["search"], "front": front, "require": require}}
 
 
-def _compare_required(document: dict[str, Any], known: list[tuple[Any, Evaluation]], jobs: int, folder: Path) -> str:
+def _compare_required(document: Document, known: Known, jobs: int, folder: Path) -> str:
     """The best count of what carries enough, proven, against all that does."""
     scene = parse_scene(document)
     space = search_space(scene, build_assembly(scene))
     assert scene.search.require is not None
     least, (name, sense) = scene.search.require.load_factor, scene.search.front.axes[0]
     driver = make_driver("exact", space, 0)
-    asked = explore(
-        scene, folder / "out", ExploreSettings(pictures=False, jobs=jobs, small=0), driver=driver
-    ).summary.facts["require"]
+    settings = ExploreSettings(pictures=False, jobs=jobs, small=0)
+    asked = explore(scene, folder / "out", settings, driver=driver).summary.facts["require"]
     if any(found.status in (Status.UNCERTIFIED, Status.FAILED) for _, found in known):
         return ""
-    rows = [
-        labels
-        for labels, found in known
-        if found.status is Status.LOCKED or (found.status is Status.COLLAPSE and found.load_factor >= least)
-    ]
+
+    def carries(found: Evaluation) -> bool:
+        return found.status is Status.LOCKED or (found.status is Status.COLLAPSE and found.load_factor >= least)
+
+    rows = [labels for labels, found in known if carries(found)]
     counts = values_of(count_named(name), space.assembly, np.array(rows)).tolist() if rows else []
     best = (min(counts) if sense == "min" else max(counts)) if counts else None
     if asked["best"] != best or not asked["proven"]:
@@ -343,10 +315,9 @@ def _compare_required(document: dict[str, Any], known: list[tuple[Any, Evaluatio
     return ""
 
 
-def _fronts(space: SearchSpace, values: list[tuple[Any, Evaluation]], rows: list[dict[str, Any]], room: float) -> str:
-    counts = values_of(
-        count_named(space.search.front.count), space.assembly, np.array([labels for labels, _ in values])
-    )
+def _fronts(space: SearchSpace, values: list[tuple[Any, Evaluation]], rows: list[Document], room: float) -> str:
+    rows_of_labels = np.array([labels for labels, _ in values])
+    counts = values_of(count_named(space.search.front.count), space.assembly, rows_of_labels)
     best: dict[int, float] = {}
     for count, (_, found) in zip(counts.tolist(), values, strict=True):
         best[count] = max(best.get(count, -np.inf), found.load_factor)
@@ -357,29 +328,15 @@ def _fronts(space: SearchSpace, values: list[tuple[Any, Evaluation]], rows: list
     return ""
 
 
-MOST_CLASSES: Final = 1000
-"""Classes up to which a space is enumerated."""
-
-SECONDS_PROOFS: Final = 1.5
-"""Time for one proof, s; a proof that takes longer claims nothing."""
-
-TOGETHER: Final = 64
-"""Layouts evaluated together: between two such portions the time is looked at."""
-
+MOST_CLASSES: Final = 1000  # classes up to which a space is enumerated
+SECONDS_PROOFS: Final = 1.5  # time for one proof, s; a proof that takes longer claims nothing
+TOGETHER: Final = 64  # layouts evaluated together: between two such portions the time is looked at
+# multiple of its time after which a search that lists all layouts is given up; it then claims nothing
 LATE: Final = 4.0
-"""Multiple of its time after which a search that lists all layouts is given up; it then claims nothing."""
-
-EVERY: Final = 10
-"""One scene in this number is proven by real processes as well."""
-
-PROCESS_SECONDS: Final = 40.0
-"""Time for a proof by real processes, s; most of it passes before they have started."""
-
-PROCESSES: Final = 3
-"""Number of real worker processes."""
-
-CLOSE_PROOFS: Final = 3e-6
-"""Relative difference of λ that is allowed: three times what counts as proven."""
+EVERY: Final = 10  # one scene in this number is proven by real processes as well
+PROCESS_SECONDS: Final = 40.0  # time for a proof by real processes, s; most of it passes before they have started
+PROCESSES: Final = 3  # number of real worker processes
+CLOSE_PROOFS: Final = 3e-6  # relative difference of λ that is allowed: three times what counts as proven
 
 
 @dataclass
@@ -419,7 +376,7 @@ def case_proofs(seed: int, tally: Tally) -> str:
     tally.count("enumerated", truth is not None)
     first = None
     for jobs, threads in ((1, True), (int(rng.integers(2, 5)), bool(rng.random() < 0.7))):
-        options: dict[str, Any] = {"search": int(rng.choice([0, 0, 1]))}
+        options: Document = {"search": int(rng.choice([0, 0, 1]))}
         if aim != "require":
             options |= {"step_after": [None, 1, 5][int(rng.integers(3))], "aim": aim}
             options["by_blocks"] = str(rng.choice(["off", "off", "auto", "on"]))
@@ -431,11 +388,10 @@ def case_proofs(seed: int, tally: Tally) -> str:
                 found = _stop_and_resume(space, parse_scene(document), aim, jobs, options, int(rng.integers(1, 40)))
             else:
                 found = _prove(space, evaluator, aim, jobs, options)
-        tally.count(aim)
-        tally.count("stopped and resumed", stopped)
-        tally.count("proven", found.proven)
-        tally.count("proof ms", round(1e3 * found.seconds))
-        tally.count("check ms", round(1e3 * found.check_seconds))
+        notes = {aim: 1, "stopped and resumed": stopped, "proven": found.proven}
+        notes |= {"proof ms": round(1e3 * found.seconds), "check ms": round(1e3 * found.check_seconds)}
+        for name, number in notes.items():
+            tally.count(name, number)
         reference = truth or first
         first = first or found
         problem = _difference(found, reference, space)
@@ -450,11 +406,10 @@ def case_proofs(seed: int, tally: Tally) -> str:
 
 def _by_processes(space: SearchSpace, evaluator: Any, aim: str, seed: int, tally: Tally) -> Proof:
     """Prove with real worker processes from the start; in every other such scene kill one that has worked."""
-    options: dict[str, Any] = {"search": 0, "solo_relaxations": 0} | (
-        {} if aim == "require" else {"aim": aim, "by_blocks": "off"}
-    )
+    own = {} if aim == "require" else {"aim": aim, "by_blocks": "off"}
+    options: Document = {"search": 0, "solo_relaxations": 0, **own}
     killer = _WorkerKiller(seed // EVERY % 2)
-    found = _prove(space, evaluator, aim, PROCESSES, options, PROCESS_SECONDS, nullcontext(), killer)
+    found = _prove(space, evaluator, aim, PROCESSES, options, killer)
     tally.count("by processes")
     tally.count("by processes, proven", found.proven)
     tally.count("tasks of processes", found.tasks)
@@ -484,12 +439,11 @@ class _WorkerKiller:
 
 
 def _tasks_of(driver: Any) -> Sequence[float]:
-    """Times of the tasks that the worker processes of a driver have finished, s."""
     cube_workers = getattr(getattr(driver, "_sources", None), "cube_workers", None)
     return [] if cube_workers is None else cube_workers.task_seconds
 
 
-def _scene_proofs(rng: np.random.Generator) -> tuple[SearchSpace, dict[str, Any], str]:
+def _scene_proofs(rng: np.random.Generator) -> tuple[SearchSpace, Document, str]:
     """A random space, its scene, and what is to be proven: "best", "front" or "require"."""
     while True:
         document, aim = _document(rng)
@@ -502,29 +456,23 @@ def _scene_proofs(rng: np.random.Generator) -> tuple[SearchSpace, dict[str, Any]
             return space, document, aim
 
 
-def _document(rng: np.random.Generator) -> tuple[dict[str, Any], str]:
+def _document(rng: np.random.Generator) -> tuple[Document, str]:
     across, up = int(rng.integers(3, 5)), int(rng.integers(2, 5))
     rows = [["a"] * across for _ in range(up)]
     if rng.random() < 0.2:
         rows[int(rng.integers(up))][int(rng.integers(across))] = "."
     foot = ["#"] * across if rng.random() < 0.7 else ["#", *["."] * (across - 2), "#"]
     strength = float(rng.choice([0.0, 1e3, 4e3, 1e4, 1e6]))
-    dry: dict[str, Any] = {"friction_coefficient": float(rng.choice([0.3, 0.6, 0.75, 1.0]))}
-    inner: dict[str, Any] = {"tensile_strength": strength, "shear_strength": strength}
+    dry: Document = {"friction_coefficient": float(rng.choice([0.3, 0.6, 0.75, 1.0]))}
+    inner: Document = {"tensile_strength": strength, "shear_strength": strength}
     if rng.random() < 0.15:
         dry["cohesion"] = 300.0
     if rng.random() < 0.15:
-        dry["compressive_strength"] = 2e5
-        inner["compressive_strength"] = 2e5
-    search: dict[str, Any] = {"block_cells": [1, int(rng.choice([2, 3, 4, 4]))]}
-    limits: dict[str, Any] = {
-        "blocks": [None, int(rng.integers(5, 9))],
-        "shapes": [None, int(rng.integers(2, 4))],
-        "dry_faces": [int(rng.integers(0, 6)), None],
-        "convex_blocks": True,
-        "assemble": "translation",
-        "block_extent": [None, 0.35],
-    }
+        dry["compressive_strength"] = inner["compressive_strength"] = 2e5
+    search: Document = {"block_cells": [1, int(rng.choice([2, 3, 4, 4]))]}
+    limits: Document = {"blocks": [None, int(rng.integers(5, 9))], "shapes": [None, int(rng.integers(2, 4))]}
+    limits |= {"dry_faces": [int(rng.integers(0, 6)), None], "convex_blocks": True, "assemble": "translation"}
+    limits["block_extent"] = [None, 0.35]
     for name in rng.permutation(list(limits)).tolist()[: int(rng.choice([0, 0, 1, 1, 2]))]:
         search[name] = limits[name]
     if "shapes" in search and rng.random() < 0.5:
@@ -536,23 +484,12 @@ def _document(rng: np.random.Generator) -> tuple[dict[str, Any], str]:
     if aim == "require":
         search["front"]["sense"] = str(rng.choice(["min", "max"]))
         search["require"] = {"load_factor": float(rng.choice([0.2, 0.4, 0.6]))}
-    names = [f"c{x}r{y}" for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "a"]
-    document = {
-        "name": "proof",
-        "grid": {
-            "cell": [0.1, float(rng.choice([0.1, 0.15, 0.2]))],
-            "thickness": 0.1,
-            "rows": ["".join(row) for row in [*rows, foot]],
-        },
-        "materials": {"density": 2000, "dry": dry, "inner": inner},
-        "loads": random_loads(rng, names, False, []),
-        "search": search,
-    }
-    return document, aim
+    cell, lines = [0.1, float(rng.choice([0.1, 0.15, 0.2]))], ["".join(row) for row in [*rows, foot]]
+    loads = random_loads(rng, names_of(rows), False, [])
+    return cells(lines, cell, dry, inner, loads, density=2000, name="proof", search=search), aim
 
 
 def _enumerate(space: SearchSpace, evaluator: Any, aim: str) -> Proof | None:
-    """The truth by evaluating every class; None where there are too many, or where one is not certain."""
     rows: list[np.ndarray[Any, Any]] = []
     count = 0
     end = time.perf_counter() + SECONDS_PROOFS
@@ -590,30 +527,17 @@ def _best_of(space: SearchSpace, labellings: Any, found: Sequence[Evaluation], a
 
 
 def _prove(
-    space: SearchSpace,
-    evaluator: Any,
-    aim: str,
-    jobs: int,
-    options: dict[str, Any],
-    seconds: float = SECONDS_PROOFS,
-    workers: AbstractContextManager[object] | None = None,
-    disturb: Callable[[Any], None] = lambda driver: None,
+    space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: Document, killer: _WorkerKiller | None = None
 ) -> Proof:
-    """Let the exact driver prove a scene.
-
-    workers: context that provides them, by default threads for processes. disturb: called with the driver as it works.
-    """
-    driver: Any
-    if aim == "require":
-        driver = MinimumCount(space, 0, **options)
-    else:
-        driver = Exact(space, 0, **options)
+    """Let the exact driver prove a scene, by threads for processes unless one is given that kills processes."""
+    seconds = PROCESS_SECONDS if killer else SECONDS_PROOFS
+    driver: Any = (MinimumCount if aim == "require" else Exact)(space, 0, **options)
     rows: list[Any] = []
     evaluations: list[Evaluation] = []
     start, whole = time.perf_counter(), True
-    with workers or _threads_for_processes():
+    with nullcontext() if killer else _threads_for_processes():
         driver.set_workers(jobs)
-        driver.start(Deadline(seconds), lambda: disturb(driver))
+        driver.start(Deadline(seconds), lambda: killer(driver) if killer else None)
         try:
             while len(asked := driver.ask(None)):
                 answers = []
@@ -632,10 +556,9 @@ def _prove(
             driver.close()
     labellings = np.concatenate(rows) if rows else np.empty((0, len(space.fixed)), dtype=bool)
     found = _best_of(space, labellings, evaluations, aim)
-    found.seconds = time.perf_counter() - start
     check = getattr(driver, "proof_check", None)
+    found.seconds, found.tasks = time.perf_counter() - start, tasks
     found.check_seconds = 0.0 if check is None else check.seconds
-    found.tasks = tasks
     found.proven = whole and bool(driver.finished or driver.exhaustive)
     found.bound = None if driver.exhaustive or aim == "require" else driver.bound
     if aim == "front" and not driver.exhaustive:
@@ -644,9 +567,7 @@ def _prove(
     return found
 
 
-def _stop_and_resume(
-    space: SearchSpace, scene: Scene, aim: str, jobs: int, options: dict[str, Any], programs: int
-) -> Proof:
+def _stop_and_resume(space: SearchSpace, scene: Scene, aim: str, jobs: int, options: Document, programs: int) -> Proof:
     """Let the exact driver prove through `explore`, stop it after some programs, and go on from the record."""
     settings = ExploreSettings(pictures=False, jobs=jobs, small=0, seconds=2.0 * SECONDS_PROOFS)
     with _threads_for_processes(), tempfile.TemporaryDirectory() as place:
@@ -657,11 +578,8 @@ def _stop_and_resume(
     found = Proof(facts["best"], facts["bound"], bool(facts["proven"]), seconds=facts["seconds"])
     found.check_seconds = facts.get("proof_check", {}).get("seconds", 0.0)
     if aim == "front":
-        rows = [
-            row
-            for row in facts.get("best_by_count", facts["front"])
-            if row["load_factor"] is not None and row["proven"]
-        ]
+        points = facts.get("best_by_count", facts["front"])
+        rows = [row for row in points if row["load_factor"] is not None and row["proven"]]
         found.front = {int(row["count"]): float(row["load_factor"]) for row in rows}
     return found
 
@@ -677,7 +595,6 @@ def _threads_for_processes() -> Iterator[None]:
 
 
 def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
-    """What a proof has wrong, "" for nothing."""
     if truth is None or not found.proven or not truth.proven:
         return ""
     if space.search.require is not None:
@@ -702,33 +619,22 @@ def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
 
 @contextmanager
 def _delays(seed: int) -> Iterator[None]:
-    """Random delays where the work of threads meets."""
     rng = np.random.default_rng([seed, 7])
     delays = rng.exponential(0.002, 997) * (rng.random(997) < 0.3)
-    number = 0
-
-    def random_delay(_: str) -> None:
-        nonlocal number
-        number += 1
-        time.sleep(float(delays[number % 997]))
-
-    with patch("jld_explore.drivers.exact.cube_workers.delay_point", random_delay):
+    waits = itertools.cycle(delays.tolist())
+    with patch("jld_explore.drivers.exact.cube_workers.delay_point", lambda _: time.sleep(next(waits))):
         yield
 
 
-CLOSE_MEMBERS: Final = 1e-6
-"""Largest relative difference of both optima."""
-ABOVE: Final = 1e-5
-"""Largest relative distance of the bound of a certificate above the optimum."""
+CLOSE_MEMBERS: Final = 1e-6  # largest relative difference of both optima
+ABOVE: Final = 1e-5  # largest relative distance of the bound of a certificate above the optimum
 _INSIDE: Final = [["c0r0", "c1r0"], ["c0r0", "c0r1"], ["c1r0", "c1r1"], ["c0r1", "c1r1"]]
-SEARCHES: Final[list[dict[str, Any]]] = [
+SEARCHES: Final[list[Document]] = [  # searches that scenes take in turn; certificates know the first one
     {"block_cells": [1, 2]},
     {"block_cells": [1, 2], "candidates": "all+supports"},
     {"block_cells": [1, 2], "segmentation": False, "candidates": _INSIDE},
     {"block_cells": [1, 3], "front": {"count": "blocks", "sense": "min"}, "require": {"load_factor": 0.4}},
 ]
-"""Searches that scenes take in turn; certificates know the first one."""
-Document = dict[str, Any]
 
 
 def case_members(seed: int, tally: Tally) -> str:
@@ -742,21 +648,19 @@ def case_members(seed: int, tally: Tally) -> str:
     scene = parse_scene(drawn_members(seed))
     with tempfile.TemporaryDirectory() as folder:
         out, file = Path(folder), Path(folder) / "proof"
-        common: dict[str, Any] = {"pictures": False, "check_fields": 0, "seconds": 60.0}
+        common: Document = {"pictures": False, "check_fields": 0, "seconds": 60.0}
         every = explore(scene, out / "every", ExploreSettings(driver="enumeration", **common)).summary
         certificate = file if seed % len(SEARCHES) == 0 else None
-        proof = explore(
-            scene, out / "exact", ExploreSettings(driver="exact", certificate=certificate, **common)
-        ).summary
+        exact = ExploreSettings(driver="exact", certificate=certificate, **common)
+        proof = explore(scene, out / "exact", exact).summary
         tally.count("members", len(scene.members))
         if not (every.proven and proof.proven):
             tally.count("not proven")
             return ""
         if every.best is None or proof.best is None:
             tally.count("no finite λ")
-            return (
-                "" if every.best == proof.best else f"seed {seed}: {every.best} by enumeration, {proof.best} by proof"
-            )
+            same = every.best == proof.best
+            return "" if same else f"seed {seed}: {every.best} by enumeration, {proof.best} by proof"
         if abs(every.best - proof.best) > CLOSE_MEMBERS * abs(every.best):
             return f"seed {seed}: {every.best:.9g} by enumeration, {proof.best:.9g} by proof"
         if certificate is not None:
@@ -768,7 +672,6 @@ def case_members(seed: int, tally: Tally) -> str:
 
 
 def drawn_members(seed: int) -> Document:
-    """Return the wall of one seed."""
     rng = np.random.default_rng(seed)
     friction = float(rng.uniform(0.3, 0.8))
     dry: Document = {"friction_coefficient": friction}
@@ -779,14 +682,9 @@ def drawn_members(seed: int) -> Document:
     if rng.random() < 0.3:
         dry["compressive_strength"] = inner["compressive_strength"] = float(rng.uniform(1e5, 5e5))
     members = [found for _ in range(rng.integers(1, 4)) if (found := _member(rng)) is not None]
-    return {
-        "name": f"wall {seed}",
-        "grid": {"cell": [1, 1], "thickness": 1.0, "rows": ["abc", "def", "###"]},
-        "materials": {"density": 1000, "dry": dry, "inner": inner},
-        "loads": {"live": [{"body": [float(rng.choice([-1, 1])), 0]}]},
-        "members": members,
-        "search": SEARCHES[seed % len(SEARCHES)],
-    }
+    loads = {"live": [{"body": [float(rng.choice([-1, 1])), 0]}]}
+    own: Document = {"thickness": 1.0, "density": 1000, "members": members, "search": SEARCHES[seed % len(SEARCHES)]}
+    return cells(["abc", "def", "###"], [1, 1], dry, inner, loads, name=f"wall {seed}", **own)
 
 
 def _member(rng: np.random.Generator) -> Document | None:
@@ -809,8 +707,8 @@ def _member(rng: np.random.Generator) -> Document | None:
 
 
 _MUTATIONS: Final = 30
+# share of λ by which the best layout of an enumeration may exceed a bound: width of brackets, gap of proofs
 _TOLERANCE: Final = 2e-6
-"""Share of λ by which the best layout of an enumeration may exceed a bound: width of brackets, gap of proofs."""
 
 
 def case_certificates(seed: int, tally: Tally) -> str:
@@ -862,38 +760,26 @@ def _judged(path: Path, folder: Path, is_whole: bool, tally: Tally) -> str:
     return ""
 
 
-def _scene_certificates(rng: random.Random) -> dict[str, Any]:
+def _scene_certificates(rng: random.Random) -> Document:
     """Return a random wall of at most six cells on supports."""
     width, height = rng.choice([(2, 1), (3, 1), (2, 2), (3, 2), (2, 3)])
     dry: dict[str, float] = {"friction_coefficient": rng.choice([0.3, 0.75, 1.2])}
     inner: dict[str, float] = {key: rng.choice([1e3, 2e3, 2e4]) for key in ("tensile_strength", "shear_strength")}
     if rng.random() < 0.3:
         dry["compressive_strength"] = inner["compressive_strength"] = rng.choice([2e4, 1e6])
-    search: dict[str, Any] = {"block_cells": rng.choice([[1, 2], [1, 3], [2, 4], [None, None]])}
+    search: Document = {"block_cells": rng.choice([[1, 2], [1, 3], [2, 4], [None, None]])}
     if rng.random() < 0.2:
         search["segmentation"] = False
     if rng.random() < 0.2:
         search["candidates"] = "all+supports"
     if rng.random() < 0.3:
         search["dry_faces"] = [1, None]
-    loads: dict[str, Any] = {"live": [{"body": [1, rng.choice([0, -0.4, 0.3])]}]}
+    loads: Document = {"live": [{"body": [1, rng.choice([0, -0.4, 0.3])]}]}
     if rng.random() < 0.2:
-        loads = {
-            "cases": [{"name": side, "live": [{"body": [sign, 0]}]} for side, sign in (("left", 1), ("right", -1))]
-        }
-    return {
-        "grid": {
-            "cell": [rng.choice([0.1, 0.25]), 0.1],
-            "thickness": 0.1,
-            "rows": ["a" * width] * height + ["#" * width],
-        },
-        "materials": {"density": 1400, "dry": dry, "inner": inner},
-        "loads": loads,
-        "search": search,
-    }
-
-
-# --- changes -------------------------------------------------------------------------------------------------
+        sides = (("left", 1), ("right", -1))
+        loads = {"cases": [{"name": side, "live": [{"body": [sign, 0]}]} for side, sign in sides]}
+    rows = ["a" * width] * height + ["#" * width]
+    return cells(rows, [rng.choice([0.1, 0.25]), 0.1], dry, inner, loads, search=search)
 
 
 def _changed(whole: bytes, rng: random.Random) -> bytes:
@@ -916,7 +802,6 @@ def _changed(whole: bytes, rng: random.Random) -> bytes:
 
 
 def _change_lines(lines: list[Any], rng: random.Random) -> None:
-    """Change one field, or leave out, repeat or exchange lines."""
     kind = rng.random()
     place = rng.randrange(len(lines))
     if kind < 0.08:
@@ -951,7 +836,6 @@ def _change_field(part: Any, rng: random.Random) -> None:
 
 
 def _other_value(value: Any, rng: random.Random) -> Any:
-    """Return a value near the given one, or a strange one."""
     near: list[Any] = []
     if isinstance(value, int | float) and not isinstance(value, bool):
         near = [value * 0.999, value * 0.5, value * 2, -value, value + 1, value - 1, round(value), value * (1 - 1e-6)]
@@ -960,30 +844,19 @@ def _other_value(value: Any, rng: random.Random) -> Any:
     return rng.choice(near if near and rng.random() < 0.7 else strange)
 
 
+# drivers by name, "" for the one that is chosen where none is named
 DRIVERS: Final = ("", "enumeration", "random", "hillclimb", "anneal", "genetic", "portfolio", "optuna", "exact")
-"""Drivers by name, "" for the one that is chosen where none is named."""
-
-SECONDS_TIME_LIMITS: Final = (2.0, 3.0, 4.0)
-"""Time limits, s."""
-
-HANGS: Final = 90.0
-"""Seconds after which a search is killed."""
-
-TURNS: Final = 3
-"""How often a search that ends late is run at the most."""
-
+SECONDS_TIME_LIMITS: Final = (2.0, 3.0, 4.0)  # time limits, s
+HANGS: Final = 90.0  # seconds after which a search is killed
+TURNS: Final = 3  # how often a search that ends late is run at the most
+# bounds of the classes in which the seconds past the limit S are counted
 STEPS: Final = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
-"""Bounds of the classes in which the seconds past the limit S are counted."""
-
-
+# words of the message of a search that neither found a layout in time nor proved that there is none
 UNDECIDED: Final = "nor a proof that there is none"
-"""Words of the message of a search that neither found a layout in time nor proved that there is none."""
-
+# time by the clock over processor time of one start of the program below which a machine counts as idle
 IDLE_BELOW: Final = 1.1
-"""Time by the clock over processor time of one start of the program below which a machine counts as idle."""
-
+# file with the times, ns, that a process ran and that it waited for a processor, on systems that have it
 WAITED: Final = Path("/proc/self/schedstat")
-"""File with the times, ns, that a process ran and that it waited for a processor, on systems that have it."""
 
 IDLE: Final = """
 import atexit, os, sys, time
@@ -996,11 +869,6 @@ from jld_explore.__main__ import main
 main()
 """
 """Program that runs the command line by a clock that stands still while the main thread waits for a processor."""
-
-
-def allowed(seconds: float) -> float:
-    """Seconds after which a search with a time limit must have ended."""
-    return 1.1 * seconds + 2.0
 
 
 def run_time_limits(claim: str, first_seed: int, cases: int, seconds: float) -> Tally:
@@ -1036,7 +904,7 @@ def _case_time_limits(folder: Path, seed: int, tally: Tally) -> str:
     for turn in range(TURNS):
         out = folder / f"out-{seed}-{turn}"
         seconds, undecided, wrong = _ended(file, out, options)
-        late = seconds > allowed(limit)
+        late = seconds > 1.1 * limit + 2.0
         if not late or wrong:
             break
     if turn and not late:
@@ -1054,7 +922,7 @@ def _case_time_limits(folder: Path, seed: int, tally: Tally) -> str:
         if WAITED.exists():
             idle = _ended(file, folder / f"out-{seed}-idle", options, idle=True)[0]
             wrong.append(f"{idle:.1f} s by the clock of an idle machine")
-            tally.count("late by the clock of an idle machine", idle > allowed(limit))
+            tally.count("late by the clock of an idle machine", idle > 1.1 * limit + 2.0)
     return f"{' '.join(options)}: {'; '.join(wrong)}" if wrong else ""
 
 
@@ -1076,9 +944,9 @@ def _ended(file: Path, out: Path, options: list[str], *, idle: bool = False) -> 
     command = [sys.executable, *program, "explore", str(file), "--out", str(out), *options]
     start = time.perf_counter()
     try:
-        done = subprocess.run(
-            command, cwd=file.parent, capture_output=True, text=True, timeout=HANGS, check=False, env=_environment()
-        )
+        environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
+        how: Document = {"cwd": file.parent, "capture_output": True, "text": True, "env": environment}
+        done = subprocess.run(command, timeout=HANGS, check=False, **how)
     except subprocess.TimeoutExpired:
         return HANGS, False, [f"not ended after {HANGS:g} s"]
     seconds = float(clock.read_text(encoding="ascii")) if idle else time.perf_counter() - start
@@ -1087,7 +955,6 @@ def _ended(file: Path, out: Path, options: list[str], *, idle: bool = False) -> 
 
 
 def _wrong(done: subprocess.CompletedProcess[str], out: Path) -> list[str]:
-    """What is wrong with the end of a search, in words."""
     if done.returncode == 2 and done.stderr.count("\n") == 1:
         # a space that is provably empty or not decided, or a driver that says what it is not for
         if "within --seconds" in done.stderr and UNDECIDED not in done.stderr:
@@ -1105,14 +972,8 @@ def _wrong(done: subprocess.CompletedProcess[str], out: Path) -> list[str]:
     return wrong
 
 
-def _environment() -> dict[str, str]:
-    return {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
-
-
 def _options(rng: np.random.Generator, driver: str) -> list[str]:
-    """Random options of a search."""
-    options = ["--driver", driver] if driver else []
-    options += ["--jobs", str(rng.choice([1, 2]))]
+    options = [*(["--driver", driver] if driver else []), "--jobs", str(rng.choice([1, 2]))]
     draw = rng.random()
     if draw < 0.1:
         options += ["--objective", "zero-dilation"]
@@ -1123,9 +984,8 @@ def _options(rng: np.random.Generator, driver: str) -> list[str]:
     return options
 
 
-def random_scene(rng: np.random.Generator) -> dict[str, Any]:
-    """A sample of a random kind and size with random loads and limits, as the document of a scene file."""
-    document: dict[str, Any] = _sample(rng).model_dump(mode="json", exclude_defaults=True, by_alias=True)
+def random_scene(rng: np.random.Generator) -> Document:
+    document: Document = _sample(rng).model_dump(mode="json", exclude_defaults=True, by_alias=True)
     document["search"] = _search(rng)
     if rng.random() < 0.25:
         live = document["loads"].pop("live")
@@ -1157,10 +1017,9 @@ def _sample(rng: np.random.Generator) -> Any:
     return samples.dome(meridians=int(whole(4, 9)), parallels=int(whole(2, 4)), load=push)
 
 
-def _search(rng: np.random.Generator) -> dict[str, Any]:
-    """Random limits."""
-    search: dict[str, Any] = {"block_cells": [1, int(rng.integers(2, 7))]}
-    more: list[dict[str, Any]] = [
+def _search(rng: np.random.Generator) -> Document:
+    search: Document = {"block_cells": [1, int(rng.integers(2, 7))]}
+    more: list[Document] = [
         {"shapes": [None, int(rng.integers(1, 5))]},
         {"shapes": [None, 3], "moulds": {"rotate": True, "flip": True}},
         {"block_cells": [2, int(rng.integers(3, 9))]},

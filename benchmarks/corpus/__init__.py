@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -19,30 +19,34 @@ from studies.published_wall import layout
 from studies.scenes import ring_arch, stacked_cubes
 
 from benchmarks.common import ROOT
-from benchmarks.scenes import box
+from benchmarks.scenes import stones
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, load_scene, parse_scene, solve
 from jld_core.fields import bounds_by_fields
 from jld_core.geometry.outlines import rectangle_torsion_length
 from jld_practice.reactions import reactions_of_supports, resultant_of_joint, thrust_ranges
 from jld_practice.reactions.thrust import ForceFunction, Resultant
+from jld_samples import box
 
 Interval = tuple[float, float]
 HERE: Final = Path(__file__).parent
 
 
 def _scene(name: str) -> Scene:
-    """Load a scene of the corpus, or one of the project's own scenes."""
     own = HERE / "scenes" / f"{name}.json"
     return load_scene(own if own.exists() else ROOT / "scenes" / f"{name}.json")
 
 
+def _solved(scene: Scene | dict[str, Any], **options: Any) -> Interval:
+    parsed = scene if isinstance(scene, Scene) else parse_scene(scene)
+    return (solve(build_assembly(parsed), **options).load_factor,) * 2
+
+
 def load_factor(scene: str) -> Interval:
     """λ of a scene under its own labels."""
-    return (solve(build_assembly(_scene(scene))).load_factor,) * 2
+    return _solved(_scene(scene))
 
 
 def tilt_angle(scene: str) -> Interval:
-    """Bracket of the angle of a tilting table at which a scene falls, degrees."""
     low, high = solve(build_assembly(_scene(scene))).facts["tilt_bracket"]
     return low, high
 
@@ -76,7 +80,11 @@ def joint_force(scene: str, joint: list[str], component: str = "N", over: float 
 
 def reaction(scene: str, supports: list[str], component: str) -> Interval:
     """Proven interval of one component of the sum of some supports' reactions under the dead load."""
-    assembly = build_assembly(_scene(scene))
+    return _reaction(_scene(scene), supports, component)
+
+
+def _reaction(scene: Scene, supports: list[str], component: str) -> Interval:
+    assembly = build_assembly(scene)
     wanted = [one for one in reactions_of_supports(assembly, supports) if one.component == component]
     total = ForceFunction(np.sum([one.function.weights for one in wanted], axis=0), wanted[0].function.unit)
     return _range(assembly, Resultant("supports", component, wanted[0].point, total))
@@ -91,115 +99,73 @@ def _bisect(stands_at: Callable[[float], bool | None], low: float, high: float, 
 
 
 def _stands(scene: Scene) -> bool | None:
-    """Decide whether a scene stands under its dead load."""
     assembly = build_assembly(scene)
     return LimitAnalysis(assembly).stands(assembly.labels)
 
 
 def least_thickness(count: int, friction: float, width: float = 1e-7) -> Interval:
     """Least t/R of a semicircular arch with its weight along the centreline."""
-    found = _bisect(lambda t: _stands(semicircular_arch(count, t, friction)), 0.05, 0.3, width)
-    return found, found
+    return (_bisect(lambda t: _stands(semicircular_arch(count, t, friction)), 0.05, 0.3, width),) * 2
 
 
 def least_thickness_of_ring(pieces: int, cuts: str = "radial") -> Interval:
     """Least t/R of a semicircular arch under the true weight of its ring."""
-    found = _bisect(lambda t: _stands(ring_arch(pieces, t, 2.0, cuts)), 0.05, 0.2, 1e-6)
-    return found, found
+    return (_bisect(lambda t: _stands(ring_arch(pieces, t, 2.0, cuts)), 0.05, 0.2, 1e-6),) * 2
 
 
 def least_friction(count: int, thickness: float) -> Interval:
     """Least friction coefficient at which a semicircular arch stands."""
-    found = _bisect(lambda mu: _stands(semicircular_arch(count, thickness, mu)), 0.1, 1.0, 1e-6)
-    return found, found
+    return (_bisect(lambda mu: _stands(semicircular_arch(count, thickness, mu)), 0.1, 1.0, 1e-6),) * 2
 
 
 def crown_thrust(count: int, thickness: float) -> Interval:
     """Horizontal thrust of a semicircular arch over weight per unit of angle, R = 1, under its own weight."""
-    assembly = build_assembly(semicircular_arch(count, thickness, 0.9))
+    scene = semicircular_arch(count, thickness, 0.9)
+    assembly = build_assembly(scene)
     bearing = [name for name, support in zip(assembly.elements.ids, assembly.elements.support, strict=True) if support]
-    (wanted,) = (one for one in reactions_of_supports(assembly, bearing[:1]) if one.component == "Fx")
-    low, high = sorted(abs(one) / (assembly.total_dead / math.pi) for one in _range(assembly, wanted))
+    found = _reaction(scene, bearing[:1], "Fx")
+    low, high = sorted(abs(one) / (assembly.total_dead / math.pi) for one in found)
     return low, high
 
 
-def cubes(
-    count: int,
-    tension: float,
-    shear: float,
-    friction: float = 0.7,
-    base: str = "dry",
-    bending: Any = "uncoupled",
-    degrees: float | None = None,
-) -> Interval:
-    """λ of unit cubes on one another under a horizontal body load."""
+def cubes(count: int, bending: Any = "uncoupled", degrees: float | None = None, **joint: Any) -> Interval:
+    """λ of unit cubes on one another under a horizontal body load. joint: tension, shear, friction, base."""
     direction = None if degrees is None else math.radians(degrees)
-    scene = stacked_cubes(count, friction=friction, tension=tension, shear=shear, base=base, direction=direction)
-    return (solve(build_assembly(scene), inner_bending=bending).load_factor,) * 2
+    scene = stacked_cubes(count, direction=direction, **{"friction": 0.7, **joint})
+    return _solved(scene, inner_bending=bending)
 
 
 def column(blocks: int, friction: float) -> Interval:
     """λ of a column of unit cubes in the plane under a horizontal body load."""
-    rows = ["ab"[k % 2] for k in range(blocks)] + ["#"]
-    document = {
-        "grid": {"cell": [1.0, 1.0], "rows": rows},
-        "materials": {"density": 1.0, "gravity": 1.0, "dry": {"friction_coefficient": friction}},
-        "loads": {"live": [{"body": [1, 0]}]},
-    }
-    return (solve(build_assembly(parse_scene(document))).load_factor,) * 2
+    materials = {"density": 1.0, "gravity": 1.0, "dry": {"friction_coefficient": friction}}
+    cells = {"cell": [1.0, 1.0], "rows": ["ab"[k % 2] for k in range(blocks)] + ["#"]}
+    return _solved({"grid": cells, "materials": materials, "loads": {"live": [{"body": [1, 0]}]}})
 
 
-def _prism(sides: tuple[float, float, float], friction: float, live: list[Any], gravity: Any = 1.0) -> Scene:
-    """Return a prism of weight 1 (scaled by gravity) on a support, in space."""
+def _prism(sides: Sequence[float], friction: float, live: dict[str, Any], gravity: Any = 1.0) -> Interval:
+    """λ of a prism of weight 1 (scaled by gravity) on a support, in space."""
     a, b, h = sides
-    return parse_scene(
-        {
-            "elements": [
-                box("ground", (-2 * a, -2 * b, -1.0), (2 * a, 2 * b, 0.0), support=True),
-                box("prism", (-a / 2, -b / 2, 0.0), (a / 2, b / 2, h), density=1.0 / (a * b * h)),
-            ],
-            "materials": {"gravity": gravity, "density": 1.0, "dry": {"friction_coefficient": friction}},
-            "loads": {"live": live},
-        }
-    )
+    elements = [
+        box("ground", (-2 * a, -2 * b, -1.0), (2 * a, 2 * b, 0.0), support=True),
+        box("prism", (-a / 2, -b / 2, 0.0), (a / 2, b / 2, h), density=1.0 / (a * b * h)),
+    ]
+    return _solved(stones(elements, [live], friction, gravity=gravity, density=1.0))
 
 
 def rocking_prism(sides: list[float], friction: float, degrees: float) -> Interval:
     """λ of a prism under a horizontal body load in some direction."""
-    way = [math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0.0]
-    scene = _prism((sides[0], sides[1], sides[2]), friction, [{"body": way}])
-    return (solve(build_assembly(scene)).load_factor,) * 2
+    return _prism(sides, friction, {"body": [math.cos(math.radians(degrees)), math.sin(math.radians(degrees)), 0.0]})
 
 
 def twisted_prism(sides: list[float], friction: float) -> Interval:
     """λ of a prism of weight 1 under a unit moment about its vertical axis."""
-    scene = _prism((sides[0], sides[1], sides[2]), friction, [{"element": "prism", "moment": [0, 0, 1]}])
-    return (solve(build_assembly(scene)).load_factor,) * 2
+    return _prism(sides, friction, {"element": "prism", "moment": [0, 0, 1]})
 
 
 def block_on_slope(degrees: float, friction: float) -> Interval:
     """λ of a flat block on a slope pushed down the slope by a body load along it."""
     tilt = math.radians(degrees)
-    scene = _prism((1.0, 1.0, 0.1), friction, [{"body": [1, 0, 0]}], [math.sin(tilt), 0.0, -math.cos(tilt)])
-    return (solve(build_assembly(scene)).load_factor,) * 2
-
-
-def slab_on_two_supports(component: str) -> Interval:
-    """Reaction of the left of two supports, x 0 to 1 and 3 to 4, of a slab of weight 8, friction 0.5."""
-    scene = parse_scene(
-        {
-            "elements": [
-                box("left", (0, 0, 0), (1, 1, 1), support=True),
-                box("right", (3, 0, 0), (4, 1, 1), support=True),
-                box("slab", (0, 0, 1), (4, 1, 2), weight=8.0),
-            ],
-            "materials": {"dry": {"friction_coefficient": 0.5}},
-            "loads": {"live": [{"element": "slab", "force": [1, 0, 0]}]},
-        }
-    )
-    assembly = build_assembly(scene)
-    (wanted,) = (one for one in reactions_of_supports(assembly, ["left"]) if one.component == component)
-    return _range(assembly, wanted)
+    return _prism((1.0, 1.0, 0.1), friction, {"body": [1, 0, 0]}, [math.sin(tilt), 0.0, -math.cos(tilt)])
 
 
 def keystone(degrees: float, friction: float, end: str) -> Interval:
@@ -210,19 +176,9 @@ def keystone(degrees: float, friction: float, end: str) -> Interval:
         "key": [[-1, 0], [1, 0], [1 + t, 1], [-1 - t, 1]],
         "right": [[1, 0], [3, 0], [3, 1], [1 + t, 1]],
     }
-    scene = parse_scene(
-        {
-            "elements": [
-                {"id": name, "polygon": outline, "weight": 1.0, "support": name != "key"}
-                for name, outline in outlines.items()
-            ],
-            "materials": {"dry": {"friction_coefficient": friction}},
-            "loads": {"live": [{"element": "key", "force": [0, -1]}]},
-        }
-    )
-    assembly = build_assembly(scene)
-    (wanted,) = (one for one in reactions_of_supports(assembly, ["left"]) if one.component == "Fx")
-    low, high = _range(assembly, wanted)
+    elements = [{"id": k, "polygon": outline, "weight": 1.0, "support": k != "key"} for k, outline in outlines.items()]
+    scene = parse_scene(stones(elements, [{"element": "key", "force": [0, -1]}], friction))
+    low, high = _reaction(scene, ["left"], "Fx")
     return (low, low) if end == "least" else (high, high)
 
 
@@ -249,92 +205,41 @@ def pushed_wall(height: float, thickness: float, moved: float = 0.0) -> Interval
         "upper": [x + 0.5 * t * cos - 0.5 * half * sin, y + 0.5 * half * cos + 0.5 * t * sin],
     }
     strut = {"from": {"element": "prop", "at": [-8 * t, top[1]]}, "to": {"element": "upper", "at": top}}
-    document = {
-        "elements": [
-            {"id": name, "polygon": outline, "weight": 0.0, "support": name in ("ground", "prop")}
-            for name, outline in outlines.items()
-        ],
-        "materials": {"dry": {"friction_coefficient": 5.0}},
-        "members": [{"kind": "tie", **strut, "tension": 9.0}],
-        "loads": {
-            "dead": [{"element": name, "force": [0, -0.5], "at": point} for name, point in centroids.items()],
-            "live": [{"element": "upper", "force": [1, 0], "at": [x, y]}],
-        },
-    }
-    return (solve(build_assembly(parse_scene(document))).load_factor,) * 2
+    elements = [
+        {"id": name, "polygon": outline, "weight": 0.0, "support": name in ("ground", "prop")}
+        for name, outline in outlines.items()
+    ]
+    document = stones(elements, [{"element": "upper", "force": [1, 0], "at": [x, y]}], 5.0)
+    document["members"] = [{"kind": "tie", **strut, "tension": 9.0}]
+    document["loads"]["dead"] = [{"element": k, "force": [0, -0.5], "at": point} for k, point in centroids.items()]
+    return _solved(document)
 
 
 def torsion_length(a: float, b: float) -> Interval:
-    """Torsion length c_T of a rectangle."""
     return (float(rectangle_torsion_length(np.array([a]), np.array([b]))[0]),) * 2
 
 
-def punch(gap: float = 0.09) -> Interval:
-    """Bracket by fields of the pressure under a strip on a weightless half-plane of shear strength 1."""
-
-    def rectangle(name: str, x0: float, y0: float, x1: float, y1: float, **more: Any) -> dict[str, Any]:
-        """Return a rectangle as an element."""
-        return {"id": name, "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], **more}
-
-    scene = parse_scene(
-        {
-            "elements": [
-                rectangle("soil", -2, -1.2, 2, 0),
-                rectangle("bottom", -2, -2, 2, -1.2, support=True),
-                rectangle("left", -3, -1.2, -2, 0, support=True),
-                rectangle("right", 2, -1.2, 3, 0, support=True),
-            ],
-            "materials": {
-                "gravity": 1.0,
-                "density": 0.0,
-                "dry": {"friction_coefficient": 0.5},
-                "inner": {"tensile_strength": 1000.0, "shear_strength": 1.0},
-            },
-            "loads": {"live": [{"element": "soil", "force": [0, -1], "at": [0, 0]}]},
-            "labels": {"inner": [["soil", side] for side in ("bottom", "left", "right")]},
-        }
-    )
-    found = bounds_by_fields(build_assembly(scene), gap=gap, patch=1.0, parts=2)
+def bounds(scene: str, gap: float, **options: Any) -> Interval:
+    """Bracket of λ by fields."""
+    found = bounds_by_fields(build_assembly(_scene(scene)), gap=gap, **options)
     return found.lower, found.upper
 
 
-QUANTITIES: Final[dict[str, Callable[..., Interval]]] = {
-    one.__name__: one
-    for one in (
-        block_on_slope,
-        column,
-        crown_thrust,
-        cubes,
-        joint_force,
-        keystone,
-        least_friction,
-        least_thickness,
-        least_thickness_of_ring,
-        load_factor,
-        published_wall,
-        punch,
-        pushed_wall,
-        reaction,
-        rocking_prism,
-        slab_on_two_supports,
-        stands,
-        tilt_angle,
-        torsion_length,
-        twisted_prism,
+QUANTITIES: Final[dict[str, Callable[..., Interval]]] = {  # functions by the name that sources use
+    one.__name__: one for one in (
+        block_on_slope, bounds, column, crown_thrust, cubes, joint_force, keystone, least_friction,
+        least_thickness, least_thickness_of_ring, load_factor, published_wall, pushed_wall, reaction,
+        rocking_prism, stands, tilt_angle, torsion_length, twisted_prism
     )
-}
-"""Functions by the name that sources use."""
+}  # fmt: skip
 
 
 SOURCES: Final = HERE / "sources"
-TIERS: Final = ("closed form", "independent program", "experiment", "ours")
-"""Kinds of evidence, the strongest first."""
-
+TIERS: Final = ("closed form", "independent program", "experiment", "ours")  # kinds of evidence, the strongest first
+# how a published value compares with ours: equal, inside our proven interval, above or below λ, or a collapse
 RELATIONS: Final = ("equal", "inside", "above", "below", "falls")
-"""How a published value compares with ours: equal, inside our proven interval, above or below λ, or a collapse."""
-
+# why a published value and ours differ: what the scene leaves out, or an error of the source
 CLASSES: Final = ("bond", "strength of fill", "deformation", "printed value")
-"""Why a published value and ours differ: what the scene leaves out, or an error of the source."""
 
 
 @dataclass(frozen=True)
@@ -379,7 +284,6 @@ class Value:
     derived: bool = False
 
     def ours(self) -> tuple[float, float]:
-        """Compute our value as an interval; both ends are equal for a single number."""
         return QUANTITIES[self.find](**self.arguments)
 
     def agrees(self, ours: tuple[float, float]) -> bool:

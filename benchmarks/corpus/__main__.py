@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -19,56 +20,18 @@ from jld_views.figures import save_figure
 
 PAGE: Final = ROOT / "docs" / "validation.md"
 PICTURE: Final = ROOT / "docs" / "images" / "corpus.png"
+# mark of each tier in the picture
 MARKS: Final = {"closed form": "o", "independent program": "s", "experiment": "^", "ours": "x"}
-"""Mark of each tier in the picture."""
-
-HEAD: Final = """# Validation
-
-Written by `python -m benchmarks.corpus --write`. Values that others published or derived, with their source, and
-ours at default settings; `benchmarks/corpus` has one file per source, and its scenes. A row that disagrees is an error
-of the tests.
-
-- *equal*: the relative difference is below what digits of the source, or the number of voussoirs, leave.
-- *inside*: reactions are not one number, as rigid blocks have many states of equilibrium. The published one lies in
-  the interval that `jld thrust` proves, or a known pressure lies in its bracket by fields.
-- *falls*: what fell does not stand under its weight here either, with proof.
-- *above*, *below*: a test carries more or less than its scene, which leaves something out; with the ratio and why.
-"""
-END: Final = """
-Reactions of distinct-element programs that are not in these tables, and why:
-
-- Dome M3 of the Segovia models, with and without a moved support, and cross vault M5: contact forces under weight
-  are published (`contact_grav.txt` in `tests/Test_Segovia/M3_Dome`, `M3_Dome_displ` and `M5_Cross_Displ` of
-  compas_3dec, 1.3 MB of sub-contacts for M5 and 2 MB for M3, beside `blocks.json`). No complete copy of that
-  repository was at hand, so they are not scenes of the corpus. Not published: resultants by joint or support. States
-  after a support moved also need the moved geometry.
-- Cross vault M4: that repository holds a drawing and scripts, and no contact forces.
-- Two blocks, and the arch with a point load or with a moved support, of compas_dem (LMGC90): its scripts build them,
-  but it stores no result. Numbers would be ours from running another program, and no publication.
-- Lemos: no static reaction of his with complete data is at hand.
-
-Tests that are not in these tables: tilt tests of dry walls (Restrepo-Vélez et al. 2014; Ceradini 1992; Santa-Cruz et
-al. 2021), shear tests of dry walls (Lourenço et al. 2005), models of vaults and domes (Shapiro 2012; Rossi et al. 2016;
-Zessin et al. 2010) and other bridges of the Transport Research Laboratory. Their loads or dimensions were not at hand
-complete. The tests in the tables are of planar structures, five specimens: three arches with bond, a bridge with fill,
-and a brick wall.
-
-Without dilation λ is not one number, so published local minima are no check; what is checked there is each solution's
-own evidence ([zero dilation](guide/zero_dilation.md)). The paper's flat arch (its section 3.3) is not in this table, as
-its layout is not published. Independent programs on random scenes, and brackets against one another, are in
-`tests/validation`.
-"""
-
+# text of the page above and below its tables
+HEAD, END = (Path(__file__).parent / "page.md").read_text(encoding="utf-8").split("{rows}\n")
 Pair = tuple[Value, tuple[float, float]]
 
 
 def _number(value: float) -> str:
-    """Format one of our values."""
     return "no end" if math.isinf(value) else f"{value:.10g}"
 
 
 def row(value: Value, ours: tuple[float, float]) -> list[str]:
-    """Return the cells of one value in the page's table."""
     low, high = ours
     unit = f" {value.unit}" if value.unit else ""
     if value.relation == "inside":
@@ -90,26 +53,20 @@ def row(value: Value, ours: tuple[float, float]) -> list[str]:
 
 
 def classified(pairs: list[Pair]) -> str:
-    """Return the sections on rows that disagree, and on those that differ for a reason, by class."""
     wrong = [value.what for value, ours in pairs if not value.agrees(ours)]
     counts = {relation: sum(value.relation == relation for value, _ in pairs) for relation in RELATIONS}
     said = ", ".join(f"{count} {relation}" for relation, count in counts.items() if count)
     listed = "\n".join(f"- {what}" for what in wrong)
-    differ = "\n".join(
-        f"- *{kind}*: {value.what}: published {f'{value.published:.6g} {value.unit}'.strip()}; {value.why}"
-        for kind in CLASSES
-        for value, _ in pairs
-        if value.kind == kind
+    listed = f"{len(wrong)} of {len(pairs)}:\n\n{listed}\n" if wrong else f"None of {len(pairs)} ({said}).\n"
+    lines = [f"## Rows that disagree\n\n{listed}\n## Rows that differ for a reason, by class\n"]
+    lines.append(
+        "*Bond*, *strength of fill* and *deformation* are what the scene leaves out. *Printed value*: the source"
     )
-    return (
-        "## Rows that disagree\n\n"
-        + (f"{len(wrong)} of {len(pairs)}:\n\n{listed}\n" if wrong else f"None of {len(pairs)} ({said}).\n")
-        + "\n## Rows that differ for a reason, by class\n\n"
-        "*Bond*, *strength of fill* and *deformation* are what the scene leaves out. *Printed value*: the source\n"
-        "prints, beside or instead of the value, one that its own equations or matrices do not give.\n\n"
-        + differ
-        + "\n"
-    )
+    lines.append("prints, beside or instead of the value, one that its own equations or matrices do not give.\n")
+    for value in sorted((value for value, _ in pairs if value.kind), key=lambda value: CLASSES.index(value.kind)):
+        published = f"{value.published:.6g} {value.unit}".strip()
+        lines.append(f"- *{value.kind}*: {value.what}: published {published}; {value.why}")
+    return "\n".join([*lines, ""])
 
 
 def of_others(values: list[Value]) -> str:
@@ -124,7 +81,6 @@ def of_others(values: list[Value]) -> str:
 
 
 def page(pairs: list[Pair]) -> str:
-    """Return the page, with one table for each source, the strongest evidence first."""
     count = {tier: sum(value.source.tier == tier for value, _ in pairs) for tier in TIERS}
     parts = [
         HEAD,
@@ -143,14 +99,13 @@ def page(pairs: list[Pair]) -> str:
 
 
 def picture(pairs: list[Pair]) -> Figure:
-    """Return the plot of published values over ours, both axes logarithmic."""
     figure = Figure(figsize=(7.2, 5.4), layout="constrained")
     ax = figure.subplots()
     for tier in TIERS:
         shown = [(value, ours) for value, ours in pairs if value.source.tier == tier and value.relation != "falls"]
         if not shown:
             continue
-        x, y, left, right = [], [], [], []
+        marks: list[tuple[float, ...]] = []
         for value, ours in shown:
             published = abs(value.published)
             low, high = sorted(math.copysign(end, end * value.published) for end in ours)
@@ -158,19 +113,14 @@ def picture(pairs: list[Pair]) -> Figure:
                 # An end far away, or without bound, is drawn at 1/30 or 3 times the published value.
                 low, high = (min(max(end, published / 30.0), 3.0 * published) for end in (low, high))
             middle = min(max(published, low), high)
-            x.append(middle)
-            y.append(published)
-            left.append(middle - low)
-            right.append(high - middle)
+            marks.append((middle, published, middle - low, high - middle))
+        x, y, *bars = np.array(marks).T
         ax.errorbar(
-            x, y, xerr=np.array([left, right]), fmt=MARKS[tier], markersize=6, markerfacecolor="none", capsize=2,
+            x, y, xerr=np.array(bars), fmt=MARKS[tier], markersize=6, markerfacecolor="none", capsize=2,
             linewidth=1.0, label=f"{tier} ({len(shown)})",
         )  # fmt: skip
-    far = [
-        (value, ours[1])
-        for value, ours in pairs
-        if value.relation in ("above", "below") and not 0.5 < value.published / ours[1] < 2.0
-    ]
+    far = [(value, ours[1]) for value, ours in pairs if value.relation in ("above", "below")]
+    far = [(value, own) for value, own in far if not 0.5 < value.published / own < 2.0]
     for k, (value, own) in enumerate(sorted(far, key=lambda one: one[0].published)):
         name = value.what.partition(":")[0].removeprefix("arch ")
         # The lowest label stands below its mark, as marks of one series lie close together.
@@ -186,7 +136,6 @@ def picture(pairs: list[Pair]) -> Figure:
 
 
 def main() -> None:
-    """Compute all values, print those that disagree, and write the page if asked to."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.corpus", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="leave out values that take long")
     parser.add_argument("--write", action="store_true", help="write docs/validation.md and its picture")

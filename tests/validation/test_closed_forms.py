@@ -347,10 +347,10 @@ def test_hard_cases() -> None:
 
 def test_a_search_beside_the_plain_way() -> None:
     scene = grid(GRIDS[33], search={"block_cells": [2, 6]})
-    _, labellings, values = commands.searched(scene, 12)
+    _, labellings, values = commands.studied(scene, 12)
     assembly, place = build_assembly(scene), int(np.flatnonzero(np.isfinite(values))[0])
     assert len(labellings) == 12
-    assert values[place] == pytest.approx(commands._plainly(assembly, labellings[place])[1], rel=1e-5)
+    assert values[place] == pytest.approx(commands.plainly(assembly, labellings[place])[1], rel=1e-5)
 
 
 # in space more routes do the same
