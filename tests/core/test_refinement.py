@@ -29,6 +29,7 @@ from jld_core import (
 )
 from jld_core.fields import problem
 from jld_core.refinement import arrangement, crack_cells, refine
+from jld_core.scene.uncertain import uncertain_values, with_means
 from jld_explore import search_space
 from jld_practice.design import DesignOptions, read_outline, with_loads
 from jld_practice.design.tessellations import TriangleStresses, aligned_cells, stresses_of_body
@@ -209,6 +210,41 @@ def test_scenes_that_cannot_be_refined_are_refused() -> None:
     }
     with pytest.raises(InputError, match="'L': it is not convex"):
         refine(parse_scene(document), (0.5,))
+
+
+UNCERTAIN = {"cov": 0.1, "kind": "normal"}
+
+
+@pytest.mark.parametrize(
+    ("stone", "load", "where"),
+    [
+        ({}, {"force": {"mean": [2.0, -1.0], **UNCERTAIN}}, r"loads\.live\[0\]\.force"),
+        ({}, {"force": [{"mean": 2.0, **UNCERTAIN}, -1.0]}, r"loads\.live\[0\]\.force"),
+        ({}, {"force": [2.0, 0.0], "moment": {"mean": 0.5, **UNCERTAIN}}, r"loads\.live\[0\]\.moment"),
+        ({"weight": {"mean": 40.0, **UNCERTAIN}}, {"force": [2.0, 0.0]}, "element 'b'.weight"),
+        ({"density": {"mean": 3.0, **UNCERTAIN}}, {"force": [2.0, 0.0]}, "element 'b'.density"),
+    ],
+    ids=["force", "component", "moment", "weight", "density"],
+)
+def test_what_is_uncertain_is_shared_by_its_mean(stone: dict[str, Any], load: dict[str, Any], where: str) -> None:
+    """By cells λ is that at the means; a refined scene would count one value as several, and is refused."""
+    ground, block = ([[x, y] for x, y in ((0, y0), (1, y0), (1, y1), (0, y1))] for y0, y1 in ((-1, 0), (0, 2)))
+    document = {
+        "elements": [
+            {"id": "g", "polygon": ground, "support": True},
+            {"id": "b", "polygon": block, "weight": 40.0, **stone},
+        ],
+        "materials": dry_and_inner(2.0, 0.5, 100.0, 100.0),
+        "loads": {"live": [{"element": "b", **load}]},
+    }
+    if "density" in stone:
+        del document["elements"][1]["weight"]
+    means, stated = parse_scene(with_means(document)), parse_scene(document)
+    assert solve(document, cracks="cells:0.5").load_factor == solve(means, cracks="cells:0.5").load_factor
+    with pytest.raises(InputError, match=f"{where}: it is uncertain"):
+        refine(stated, (0.5,))
+    whole = refine(stated, (2.0,)).scene
+    assert [value for _, value in uncertain_values(whole)] == [value for _, value in uncertain_values(stated)]
 
 
 def test_moving_loads_stay_and_pressure_is_split_with_its_element() -> None:

@@ -169,6 +169,19 @@ def test_uncertain_values_are_taken_at_their_means_with_a_note(jld: Command, tmp
         assert "the means stand for values with uncertainty (materials.dry.friction_coefficient)" in done.err
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [["thrust", "--section", "0,90,1,90"], ["settlement"], ["solve", "--history", "h.csv"], ["export", "--format", "x"]],
+    ids=lambda wrong: wrong[0],
+)
+def test_an_error_stands_without_the_note_on_means(wrong: list[str], jld: Command, tmp_path: Path) -> None:
+    path = tmp_path / "block.json"
+    path.write_text(json.dumps(block(vary(0.6))))
+    done = jld(wrong[0], path, *wrong[1:], *(["-o", tmp_path / "x"] if wrong[0] == "export" else []))
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1), done.err
+    assert "means" not in done.err
+
+
 def test_a_design_check_and_exports_take_values_for_distributions(jld: Command, tmp_path: Path) -> None:
     """Both read the scene as a document, in which a distribution is an object.
 

@@ -36,6 +36,10 @@ SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "equal blocks": (["aaaa", "aaaa", "####"], {"block_cells": [2, 2]}),
     "counts": (["aaa", "aaa", "###"], {"block_cells": [1, 3], "blocks": [3, 4], "dry_faces": [4, 6]}),
     "extent": (["aaa", "aaa", "###"], {"block_extent": [None, 0.2], "tension": 5e3, "shear": 8e3}),
+    "cells too large unless exempt": (
+        ["aaa", "aaa", "###"],
+        {"block_extent": [None, 0.05], "except": ["c0r0", "c2r1"], "tension": 5e3, "shear": 8e3},
+    ),
     "kept": (
         ["aaa", "aaa", "###"],
         {"block_cells": [1, 3], "keep": {"dry": [["c0r0", "c1r0"]], "inner": [["c1r1", "c2r1"]]}},

@@ -27,7 +27,7 @@ from jld_core.refinement.arrangement import MOST, convex, cut, join_small, split
 from jld_core.scene.loads import FaceLoad, FacePlace
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
-from jld_core.scene.uncertain import Uncertain
+from jld_core.scene.uncertain import with_means
 
 _CAPACITIES: Final = ("tension", "compression", "prestress", "shear")
 """Forces of a member, of which each share has its part."""
@@ -50,7 +50,7 @@ class Piece:
 def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]]) -> dict[str, Any]:
     """Transfer loads to the pieces at their points; InputError for pressure on a free part with a hole."""
 
-    def moved(entry: dict[str, Any]) -> list[dict[str, Any]]:
+    def moved(entry: dict[str, Any], where: str) -> list[dict[str, Any]]:
         between = entry.get("face", {}).get("between")
         if between is not None and len(cut_up[assembly.elements.index[between[0]]]) > 1:
             return [{**entry, "face": place} for place in _free_parts(assembly, between)]
@@ -64,21 +64,19 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
         more: dict[str, Any] = {}
         for key in ("force", "moment"):
             if key in entry:
-                more[key] = (np.array(entry[key]) / len(held)).tolist()
+                more[key] = _share(entry[key], len(held), f"{where}.{key}")
         if "force" in more:
             more["at"] = at
         return [{**entry, "element": f"{entry['element']}.{number}", **more} for number in held]
 
-    def moved_all(entries: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        return [one for entry in entries for one in moved(entry)]
+    def moved_all(part: dict[str, Any], where: str) -> dict[str, Any]:
+        entries = {key: list(enumerate(part[key])) for key in ("live", "dead") if key in part}
+        return {key: [one for k, e in of for one in moved(e, f"{where}.{key}[{k}]")] for key, of in entries.items()}
 
-    found: dict[str, Any] = {key: moved_all(loads[key]) for key in ("live", "dead") if key in loads}
+    found = moved_all(loads, "loads")
     found |= {key: loads[key] for key in ("moving", "pushes") if key in loads}
     if "cases" in loads:
-        found["cases"] = [
-            {**case, **{key: moved_all(case[key]) for key in ("live", "dead") if key in case}}
-            for case in loads["cases"]
-        ]
+        found["cases"] = [{**case, **moved_all(case, f"loads.cases[{k}]")} for k, case in enumerate(loads["cases"])]
     return found
 
 
@@ -125,19 +123,25 @@ def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[l
                 one["through"] = through
             if len(ways) > 1:
                 one |= {"name": f"{name} ({number + 1} of {len(ways)})"}
-                one |= {key: _share(member[key], len(ways), position, key) for key in _CAPACITIES if key in member}
+                one |= {
+                    key: _share(member[key], len(ways), f"members[{position}].{key}")
+                    for key in _CAPACITIES
+                    if key in member
+                }
             found.append(one)
     return found
 
 
-def _share(value: Any, count: int, position: int, key: str) -> Any:
-    """Return a capacity over a count; a dict has a nominal and a low value."""
-    if not isinstance(value, dict):
-        return value / count
-    if "mean" in value:
-        problem = "it is uncertain, and cells with a common corner would share it"
-        raise InputError(f"members[{position}].{key}", problem, "points inside cells, or a number")
-    return {name: number / count for name, number in value.items()}
+def _share(value: Any, count: int, where: str, share: float | None = None) -> Any:
+    """Return a number or vector of one of so many pieces, the same part by default; a dict has nominal and low."""
+    if isinstance(value, list):
+        return [_share(one, count, where, share) for one in value]
+    if count == 1:
+        return value
+    if isinstance(value, dict) and "mean" in value:
+        raise InputError(where, "it is uncertain, and several cells would share it", "larger cells, or a number")
+    part = 1.0 / count if share is None else share
+    return {name: number * part for name, number in value.items()} if isinstance(value, dict) else value * part
 
 
 def _beside_face(
@@ -611,10 +615,10 @@ def _elements(
         old = given.get(name, {})
         for number, part in enumerate(parts):
             fresh = name if len(parts) == 1 else f"{name}.{number}"
-            keys: dict[str, Any] = {key: old[key] for key in ("density",) if key in old}
-            for key in ("weight", "volume"):
+            keys: dict[str, Any] = {}
+            for key, share in (("density", 1.0), ("weight", part.share), ("volume", part.share)):
                 if key in old:
-                    keys[key] = old[key] * part.share
+                    keys[key] = _share(old[key], len(parts), f"element {name!r}.{key}", share)
             if "centroid" in old and len(parts) == 1:
                 keys["centroid"] = old["centroid"]
             if elements.support[k]:
@@ -685,13 +689,13 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
 
 
 def _at_means(scene: Scene) -> Scene:
-    """Return a scene with mean capacities of members: pieces share a number, not a distribution."""
-    means = [
-        {key: float(value) for key, value in vars(member).items() if isinstance(value, Uncertain)}
-        for member in scene.members
-    ]
-    members = [member.model_copy(update=one) for member, one in zip(scene.members, means, strict=True)]
-    return scene.model_copy(update={"members": members}) if any(means) else scene
+    """Return a scene with the means of what cells may share: loads, capacities of members, weights."""
+    document = scene.model_dump(mode="json", exclude_defaults=True, include={"loads", "members", "elements"})
+    means = with_means(document)
+    if means == document:
+        return scene
+    whole = parse_scene(scene.model_dump(mode="json", exclude_defaults=True) | means, scene.name)
+    return scene.model_copy(update={"loads": whole.loads, "members": whole.members, "elements": whole.elements})
 
 
 def cells_of(assembly: Assembly, cell: float) -> CrackCells:

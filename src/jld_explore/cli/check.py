@@ -19,7 +19,7 @@ from jld_core.models.costs import require_memory
 from jld_core.scene.reading import load_scene
 from jld_core.scene.schema import Scene
 from jld_explore.cli.options import AsJson, SceneFile, Strict
-from jld_explore.cli.streams import say, warn
+from jld_explore.cli.streams import remark, say
 from jld_explore.verification import verify
 from jld_explore.verification.verify import Verified
 
@@ -41,11 +41,11 @@ def load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
 
 
 def warn_of(path: Path, assembly: Assembly) -> None:
-    """Write warnings and notes of an assembly to stderr, after all checks that may refuse it."""
+    """Write warnings and notes of an assembly to stderr, when the command ends."""
     for warning in assembly.warnings:
-        warn(f"jld: warning: {path}: {warning}")
+        remark(f"jld: warning: {path}: {warning}")
     for note in assembly.notes:
-        warn(f"jld: note: {path}: {note}")
+        remark(f"jld: note: {path}: {note}")
 
 
 def check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:

@@ -17,7 +17,7 @@ import typer
 from jld_core.errors import InputError, SolverError
 from jld_core.threads import memory_limit
 from jld_explore.cli.overview import COMMANDS
-from jld_explore.cli.streams import STOPPED, STOPPED_WORDS, failed, warn
+from jld_explore.cli.streams import STOPPED, STOPPED_WORDS, end_remarks, failed, warn
 from jld_explore.search.state import Interrupted
 
 INPUT, UNCERTIFIED = 2, 4
@@ -134,6 +134,15 @@ def ignore_signals() -> None:
 
 def run(app: typer.Typer, started: float) -> NoReturn:
     """Run the command line and exit; started: of the process, s by `time.perf_counter`."""
+    try:
+        sys.exit(_code_of(app, started))
+    except SystemExit as end:
+        end_remarks(write=end.code != INPUT)
+        raise
+
+
+def _code_of(app: typer.Typer, started: float) -> int:
+    """Run the command line and return its exit code, or exit with that of an error."""
     interrupt_on_signals()
     try:
         code = app(standalone_mode=False, obj=started)
@@ -157,4 +166,4 @@ def run(app: typer.Typer, started: float) -> NoReturn:
     if code == _INTERRUPTED:
         warn(STOPPED_WORDS)
         sys.exit(STOPPED)
-    sys.exit(code if isinstance(code, int) else 0)
+    return code if isinstance(code, int) else 0

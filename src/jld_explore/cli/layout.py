@@ -13,7 +13,7 @@ from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit.options import Model
 from jld_core.scene.reading import load_scene
 from jld_core.scene.schema import Scene
-from jld_explore.cli.streams import warn
+from jld_explore.cli.streams import remark
 
 if TYPE_CHECKING:
     pass
@@ -53,7 +53,7 @@ def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> Lai
         found = LaidOut(scene, assembly, assembly.labels, Model())
     unjudged = not_judged(found.scene)  # a word on plausibility, for the commands that judge it
     for note in () if uncertain else (one for one in found.assembly.notes if one not in unjudged):
-        warn(f"jld: note: {source}: {note}")
+        remark(f"jld: note: {source}: {note}")
     return found
 
 

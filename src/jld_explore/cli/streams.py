@@ -80,6 +80,21 @@ def warn(line: str) -> None:
         sys.stderr.flush()
 
 
+_remarks: Final[list[str]] = []  # lines for stderr at the end of the command
+
+
+def remark(line: str) -> None:
+    """Write a line to stderr when the command ends, unless bad input ends it: an error stands alone."""
+    _remarks.append(line)
+
+
+def end_remarks(*, write: bool) -> None:
+    """Write the lines of `remark`, or drop them."""
+    for line in _remarks if write else ():
+        warn(line)
+    _remarks.clear()
+
+
 def failed(error: OSError) -> str:
     """Return the line for reading or writing that failed: no permission, no space, or not a folder."""
     path = error.filename or "standard output or a file"

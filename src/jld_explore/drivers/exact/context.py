@@ -88,7 +88,8 @@ def _connected_sets(space: SearchSpace, links: Ints) -> Bools | None:
     for e, other in links.tolist():
         neighbours[e] |= 1 << other
         neighbours[other] |= 1 << e
-    level = {1 << e: neighbours[e] for e in range(number)}  # each set as bits, with the elements that it touches
+    # each set as bits, with the elements that it touches
+    level = _within_limits({1 << e: neighbours[e] for e in range(number)}, space)
     by_size = [np.zeros((0, number), dtype=bool)]
     total = 0
     while level:
