@@ -452,7 +452,10 @@ def verdict(summary: dict[str, Any]) -> str:
     told = f"{many} {carry}; uncut {whole}"
     if summary.get("only_crushing"):
         told += "; only crushing limits it"
-    if low is not None and start is not None and end is not None and low > start * (1 + 1e-3):
+    most = (summary.get("by_fields") or (None, None))[1]
+    above = low is not None and start is not None and end is not None and low > start * (1 + 1e-3)
+    # where fields refute λ by cells, nothing is above the uncut solid
+    if above and (most is None or most >= low):
         told += " (a dry joint opens over its whole depth, an uncut section cracks at its elastic limit)"
     if summary.get("proven"):
         of_cells, bound = summary.get("load_factor_of_cells"), summary.get("bound")

@@ -551,6 +551,8 @@ TOLD |= {"too_large": [], "can_be_laid": True, "coarse_truth": "", "faulty_files
             "at least 2",
         ),
         ({"by_fields": [None, 1.9]}, ["carry at most 1.9 times", "(2 with cracks between cells, "], "at least"),
+        ({"by_fields": [None, 1.9]}, ["uncut 1.5"], "opens over"),
+        ({"by_fields": [None, 2.5]}, ["uncut 1.5 (a dry joint opens over its whole depth"], "few faces"),
         ({"by_fields": [1.7, 2.5]}, ["at least 1.7 times your load with cracks anywhere"], "at least 2"),
         (
             {"by_fields": [None, 2.5]},
