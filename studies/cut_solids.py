@@ -182,7 +182,7 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
     path.write_bytes(stl_bytes(*surface_of(case.solid())))
     options = Options(case.box, case.loads, seconds=seconds, clearance=0.002)
     found = cut(path, options, out / name, print)
-    kept = ("family", "parts", "proven", "layouts", "bound", "meets", "can_be_laid", "volume_error", "verdict")
+    kept = ("family", "parts", "proven", "layouts", "bound", "bound_by", "meets", "can_be_laid")
     # the strongest of all layouts of planes along the axes with at most as many parts, on cells that crack too
     grids = [one for one in found["families"] if one["name"] == "grid"]
     same = [one for one in grids if one["parts"] is not None and one["parts"] <= found["parts"]]
@@ -190,7 +190,7 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
     grid, low = max(known, default=None), found["bracket"][0]
     return (
         {"solid": name}
-        | {key: found[key] for key in (*kept, "file_error", "seconds")}
+        | {key: found[key] for key in (*kept, "volume_error", "verdict", "file_error", "seconds")}
         | {"processor": processor() - start}
         | {f"{key}_{end}": found[key][k] for key in ("bracket", "uncut") for k, end in enumerate(("lo", "hi"))}
         | {"of_cells": found["load_factor_of_cells"], "grid": grid, "grid_proven": any(one["proven"] for one in same)}
@@ -253,6 +253,10 @@ def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: 
         for low, high in [np.array([row["by_fields_lo"], row["by_fields_hi"]], dtype=float)]
         if not np.isnan([low, high]).all()
     ]
+    unproven = [
+        f"{row['solid']} (λ of the cells ≤ {row['bound']:.4g} by {row['bound_by']})"
+        for _, row in whole[whole["proven"] != 1].iterrows()
+    ]
     report = Report(
         name=NAME,
         title="Ten solids cut to parts",
@@ -268,8 +272,8 @@ def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: 
             "all fit the box.",
             f"{counts['meets']} carry the load that was asked, {counts['can_be_laid']} go together by translations; "
             f"the largest overlap of two parts is {whole['overlap'].max():.1e} of a part.",
-            f"{counts['proven']} of {len(whole)} are proven: all layouts of their cells with at most as many parts are "
-            "known.",
+            f"{counts['proven']} of {len(whole)} are proven: no layout of their cells with at most as many parts is "
+            "stronger.",
             f"λ is at least {ratio.min():.3f} times that of planes along the axes with as many parts, and at least "
             f"1.15 times it on {len(better)}: {', '.join(better)} (the planes have no keys). Such planes need more "
             f"parts on {len(fewer)}: {', '.join(fewer)}.",
@@ -282,7 +286,7 @@ def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: 
             f"Parts above the uncut solid: {', '.join(above) or 'none'}. A dry joint opens over its whole depth, an "
             "inner section cracks at its elastic limit: where thrust exceeds half of tensile strength × area, the dry "
             "joint bends more.",
-            f"Not proven in time: {', '.join(whole['solid'][whole['proven'] != 1]) or 'none'}.",
+            f"Not proven in time: {', '.join(unproven) or 'none'}.",
             f"Solids with bounds by fields in time: {len(ends)} ({'; '.join(ends)}). The upper bound comes first, and "
             "says where the cells have too few faces to crack at.",
             "Without an upper end: no load makes these solids collapse while nothing is crushed.",

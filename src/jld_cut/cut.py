@@ -22,11 +22,11 @@ from jld_cut.families import FAMILIES
 from jld_cut.fields import bounds_beside, scene_of_parts
 from jld_cut.keys import Key, Keyed, are_sound, keyed
 from jld_cut.meshes import read_solid
-from jld_cut.partitions import Layouts, frames
+from jld_cut.partitions import BEST, Layouts, frames
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
 from jld_cut.scene import Matter, Setting, parse_load, parse_region
-from jld_cut.search import BEST, Bracket, Family, Truth, Wish, explored, finite, low_of, search_all, weaker
+from jld_cut.search import Bracket, Family, Truth, Wish, explored, finite, low_of, search_all, weaker
 from jld_explore.report import csv_of
 from jld_formats import step_of_solids
 from jld_views import figures, page_of_study
@@ -378,6 +378,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "load_factor_of_cells": finite(chosen.coarse),
         "proven": found.proven(parts),
         "bound": finite(found.bound(parts)),
+        "bound_by": found.kind(parts),
         "layouts": sum(one.solved for one in found.of.values()),
         "uncut": list(chosen.uncut[:2]),
         "require": options.require,
@@ -435,7 +436,8 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
             row = {"parts": parts, "load_factor_of_cells": finite(_top(best, parts)), "family": best.name}
             true = _true(best, parts)
             proven = all(one.found.proven(parts) for one in families)
-            rows.append(row | {"load_factor": finite(max(true)) if true else None, "proven": proven})
+            bound = finite(max(one.found.bound(parts) for one in families))
+            rows.append(row | {"load_factor": finite(max(true)) if true else None, "proven": proven, "bound": bound})
     return rows
 
 
@@ -452,7 +454,10 @@ def verdict(summary: dict[str, Any]) -> str:
     told = f"{many} {carry}; uncut {whole}"
     if summary.get("only_crushing"):
         told += "; only crushing limits it"
-    if low is not None and start is not None and end is not None and low > start * (1 + 1e-3):
+    most = (summary.get("by_fields") or (None, None))[1]
+    above = low is not None and start is not None and end is not None and low > start * (1 + 1e-3)
+    # where fields refute λ by cells, nothing is above the uncut solid
+    if above and (most is None or most >= low):
         told += " (a dry joint opens over its whole depth, an uncut section cracks at its elastic limit)"
     if summary.get("proven"):
         of_cells, bound = summary.get("load_factor_of_cells"), summary.get("bound")
@@ -460,6 +465,8 @@ def verdict(summary: dict[str, Any]) -> str:
         last = f"exceeds {bound:.3g} on them, whether it goes together or not" if below else "is stronger on them"
         joints = " with plane joints," if keys else ""
         told += f";{joints} no fewer parts of these cells do, and no layout of as many {last}"
+    else:
+        told += _bounded(summary)
     if low is not None and not summary["meets"]:
         told += f"; {summary['require']:g} was asked"
     if summary["too_large"]:
@@ -473,6 +480,16 @@ def verdict(summary: dict[str, Any]) -> str:
     if summary["can_be_laid"] is False:
         told += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
     return told + "."
+
+
+def _bounded(summary: dict[str, Any]) -> str:
+    """Return in words what bounds λ of the layouts of a search that proved nothing stronger impossible."""
+    bound = summary.get("bound")
+    by = {"branches": "a bound on all that were not solved", "joints": "a bound with each joint open or whole"}
+    if bound is None:
+        return "; not proven, and nothing bounds λ of other layouts of these cells"
+    joints, kind = " with plane joints" if summary.get("keys") else "", by[summary["bound_by"]]
+    return f"; not proven: no layout of as many parts of these cells{joints} exceeds {bound:.3g} ({kind})"
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
@@ -516,9 +533,9 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
 def _draw(chosen: Chosen, summary: dict[str, Any], out: Path, scale: float, clock: Clock) -> None:
     """Write the pages and pictures that time leaves, and the page of the search."""
     parts, told, steps = chosen.parts, summary["verdict"], steps_of(chosen.parts)
-    keys = ("parts", "load_factor", "load_factor_of_cells", "family", "proven")
+    keys = ("parts", "load_factor", "load_factor_of_cells", "family", "proven", "bound")
     front = (
-        ["parts", "λ", "λ of the cells", "cut by", "all known"],
+        ["parts", "λ", "λ of the cells", "cut by", "proven", "no layout of the cells exceeds"],
         [[_shown(row[key]) for key in keys] for row in summary["front"]],
     )
     table = table_of(parts, scale, chosen.keys)[

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from functools import cache
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 from itertools import islice, product
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from jld_core import (
     solve_many,
 )
 from jld_core.batch import batch_solver
+from jld_core.limit import case_relaxation
 from jld_cut.cells import Limits
 from jld_cut.meshes import kind_of
 
@@ -36,9 +37,12 @@ from jld_cut.meshes import kind_of
 SETS: Final = 60_000  # connected sets above which they are not listed
 GROUPS: Final = 14  # groups to which cells are joined then
 _LISTED: Final = 0.4  # share of the time for listing them
-LAYOUTS: Final = 20_000  # layouts of one number of parts above which they are not all solved
+LAYOUTS: Final = 20_000  # layouts and branches of one number of parts that are solved at most
 _EACH: Final = 1.0  # processor time of a layout that the batch solver does not settle, s
-_FURTHER: Final = 600  # the same of more parts than the fewest
+_FURTHER: Final = 600  # the same of more parts than the fewest, and after the strongest is proven
+BEST: Final = 10  # layouts of one number of parts that are judged on convex cells
+_SAME: Final = 1e-6  # relative difference of λ that is none
+_PLENTY: Final = 1e12  # scaled λ above all
 KEPT: Final = 40  # strongest layouts of each number of parts that are kept
 _CHUNK: Final = 256  # layouts solved together
 _MORE: Final = 3  # numbers of parts above the fewest that the front holds
@@ -156,52 +160,64 @@ def _sets_of_groups(
     return [one for one in sets if all(one & whole in (0, whole) for whole in together)]
 
 
-def covers(sets: list[int], count: int, parts: int) -> Iterator[list[int]]:
-    """Yield all ways to choose so many disjoint sets that hold all cells."""
-    holding = [[one for one in sets if one >> e & 1] for e in range(count)]
-    order = sorted(range(count), key=lambda e: len(holding[e]))
-    reach = [0] * count  # cells that may be in one part with this one
-    for e, own in enumerate(holding):
-        for one in own:
-            reach[e] |= one
+class Ways:
+    # to choose disjoint sets that hold all cells; of their kinds at most `alike` may differ
 
-    @cache
-    def fewest(left: int) -> int:
+    def __init__(
+        self, sets: list[int], count: int, kind: Callable[[int], Hashable] = hash, alike: int | None = None
+    ) -> None:
+        self.count, self.known, self._kind, self._alike = count, set(sets), kind, alike
+        self._holding = [[one for one in sets if one >> e & 1] for e in range(count)]
+        self._order = sorted(range(count), key=lambda e: len(self._holding[e]))
+        self._largest = max((one.bit_count() for one in sets), default=0)
+        self._reach = [0] * count  # cells that may be in one part with this one
+        self._fewest: dict[int, int] = {0: 0}
+        for e, own in enumerate(self._holding):
+            for one in own:
+                self._reach[e] |= one
+
+    def fewest(self, left: int) -> int:
         """Return how many cells no two of which may be in one part are left, at least."""
-        number = 0
-        while left:
-            e = min((e for e in order if left >> e & 1), key=lambda e: (reach[e] & left).bit_count())
-            number, left = number + 1, left & ~reach[e]
-        return number
+        if left not in self._fewest:
+            near = min((e for e in self._order if left >> e & 1), key=lambda e: (self._reach[e] & left).bit_count())
+            self._fewest[left] = 1 + self.fewest(left & ~self._reach[near])
+        return self._fewest[left]
 
-    known, largest = set(sets), max(one.bit_count() for one in sets)
+    def further(self, chosen: tuple[int, ...], left: int, parts: int) -> Iterator[tuple[tuple[int, ...], int]]:
+        # parts: that are left, 2 or more
+        e = next(e for e in self._order if left >> e & 1)
+        for one in self._holding[e]:
+            checkpoint()
+            rest = left & ~one
+            if one & ~left or not rest or not self._few((*chosen, one, *(() if parts > 2 else (rest,)))):
+                continue
+            if parts == 2:
+                good = rest in self.known
+            else:
+                good = rest.bit_count() <= (parts - 1) * self._largest and self.fewest(rest) < parts
+            if good:
+                yield (*chosen, one), rest
 
-    def rest(left: int, parts: int) -> Iterator[list[int]]:
-        checkpoint()
-        if parts == 1:
-            if left in known:
-                yield [left]
-            return
-        if left.bit_count() > parts * largest or fewest(left) > parts:
-            return
-        e = next(e for e in order if left >> e & 1)
-        for one in holding[e]:
-            if not one & ~left and one != left:
-                yield from ([one, *more] for more in rest(left & ~one, parts - 1))
+    def _few(self, chosen: tuple[int, ...]) -> bool:
+        return self._alike is None or len({self._kind(one) for one in chosen}) <= self._alike
 
-    yield from rest((1 << count) - 1, parts)
+    def blocks(self, rows: list[tuple[int, ...]]) -> Ints:
+        # part (k, n) of each cell; rows: the sets of each layout
+        bits = 1 << np.arange(self.count, dtype=object)
+        part = [sum(k * ((one & bits) > 0).astype(int) for k, one in enumerate(row)) for row in rows]
+        return np.array(part, dtype=np.int64).reshape(-1, self.count)
 
 
 @dataclass
 class Layouts:
-    """Layouts of the parts of one number that were solved, the strongest first."""
+    """Solved layouts of so many parts, the strongest first."""
 
-    complete: bool  # every layout was solved
+    complete: bool  # none that was not solved is stronger than the strongest
     solved: int
+    branches: int  # choices of some parts that were bounded
     blocks: Ints  # (k, n) part of each cell
     low: Floats  # (k,) infinite where no load makes the layout collapse
-    high: float  # no layout of the complete list carries more
-    open: int = 0  # layouts without an upper bound that are not known to be locked
+    high: float  # no layout of so many parts carries more, solved or not
 
 
 @dataclass
@@ -212,15 +228,25 @@ class Found:
     sets: int = 0
     problem: str = ""
     joined: bool = False  # cells were joined, since too many sets of them fit
+    require: float = 0.0
+    whole: float = np.inf  # no joining of the cells carries more, within the limits or not
 
     def proven(self, parts: int) -> bool:
-        """Return whether all layouts of at most so many parts were solved, with proven bounds."""
-        known = all(n in self.of and self.of[n].complete and not self.of[n].open for n in range(1, parts + 1))
-        return known and not self.joined
+        # no fewer carry what is required, and none of so many are stronger than the strongest
+        if self.kind(parts) == "joints":
+            return False
+        fewer = all(self.of[n].complete or self.of[n].high < self.require for n in range(1, parts))
+        return fewer and self.of[parts].complete
+
+    def kind(self, parts: int) -> str:
+        # what bounds λ of at most so many parts: "branches", or "joints" where these are not known for all
+        return "joints" if self.joined or any(n not in self.of for n in range(1, parts + 1)) else "branches"
 
     def bound(self, parts: int) -> float:
         """Return what no layout of at most so many parts exceeds; infinite where that is not known."""
-        return max(self.of[n].high for n in range(1, parts + 1)) if self.proven(parts) else np.inf
+        if self.kind(parts) == "joints":
+            return self.whole
+        return max(self.of[n].high for n in range(1, parts + 1))
 
 
 @dataclass(frozen=True)
@@ -262,6 +288,22 @@ class Bounds:
         low = np.where(np.isfinite(low) & ~falls & (low >= 0.0), low, -np.inf)
         return low, np.where(falls, -np.inf, np.where(np.isfinite(high) & ~locked, high, np.inf)), locked
 
+    @cached_property
+    def _relaxation(self) -> Any:
+        return case_relaxation.relaxation_of(self.assembly, [self.analysis])
+
+    def relaxed(self, blocks: Ints, free: Bools) -> Floats:
+        """Return upper bounds (k,) for parts (k, n) whose joints between free cells (k, n) may open or not."""
+        if self._relaxation is None:
+            return np.full(len(blocks), np.inf)
+        faces, either = self.assembly.interfaces, np.zeros((len(blocks), len(self.assembly.elements)), dtype=bool)
+        either[:, : free.shape[1]] = free
+        either = either[:, faces.a] & either[:, faces.b]
+        labels, plenty = labels_of(self.assembly, blocks), np.full(len(blocks), _PLENTY)
+        # a bound of all joinings may take its time
+        found = self._relaxation.refute_all(labels, either, plenty, None if free.all() else np.zeros(len(free), bool))
+        return self._relaxation.unit * np.array([np.inf if one is None else one.bound for one in found])
+
 
 def labels_of(assembly: Assembly, blocks: Ints) -> Bits:
     """Return labels (k, m), True = dry, for parts (k, n) of the first n elements."""
@@ -282,8 +324,13 @@ def search(
 ) -> Found:
     """Solve all layouts of the fewest parts that fit and carry, and of some more while time lasts."""
     require, count = asked.require * (1 - 1e-6), len(around)
-    found, fewest = Found(), count + 1
-    start = time.time()
+    found, fewest, start = Found(require=require), count + 1, time.time()
+    try:
+        bounds = Bounds(document)
+    except InputError as error:  # splinters may leave joints that no face bears out
+        found.problem = str(error)
+        return found
+    found.whole = float(bounds.relaxed(np.zeros((1, count), dtype=np.int64), np.ones((1, count), dtype=bool))[0])
     sets = connected_sets(boxes, around, limits, together, start + _LISTED * (asked.last - start))
     if not sets and time.time() < asked.last and (groups := _joined(boxes, around, limits)):
         found.joined, sets = True, _sets_of_groups(groups, boxes, around, limits, together, asked.last)
@@ -291,25 +338,20 @@ def search(
     if not sets:
         found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
         return found
-    try:
-        bounds = Bounds(document)
-    except InputError as error:  # splinters may leave joints that no face bears out
-        found.problem = str(error)
-        return found
 
     @cache
     def kind(one: int) -> tuple[int, ...]:
         members = [k for k in range(count) if one >> k & 1]
         return kind_of(boxes.moments[members].sum(axis=0), float(boxes.volume.max()))
 
+    ways = Ways(sets, count, kind, asked.alike)
     for parts in range(1, min(asked.most, count) + 1):
         if parts > fewest + _MORE:
             break
-        first, found_ways = parts < fewest, covers(sets, count, parts)
-        if asked.alike is not None:
-            found_ways = (way for way in found_ways if len({kind(one) for one in way}) <= (asked.alike or 0))
-        ways, most, end = found_ways, *((LAYOUTS, asked.last) if first else (_FURTHER, asked.until))
-        one = solved_layouts(ways, count, bounds, most, end)
+        last = asked.last if parts < fewest else asked.until
+        one = strongest(
+            ways, parts, bounds, found.whole, replace(asked, last=last), LAYOUTS if parts < fewest else _FURTHER
+        )
         found.of[parts] = one
         if len(one.low) and one.low[0] >= require:
             fewest = min(fewest, parts)
@@ -319,35 +361,106 @@ def search(
     return found
 
 
-def solved_layouts(
-    choices: Iterator[list[int]],
-    count: int,
-    solve: Callable[[Ints], tuple[Floats, Floats, Bools]],
-    number: int,
-    until: float,
-) -> Layouts:
-    """Return the strongest of at most so many layouts (sets of cells for each part), solved until the time ends."""
-    bits = 1 << np.arange(count, dtype=object)
-    blocks, low, high, solved, unknown = np.zeros((0, count), dtype=np.int64), np.zeros(0), -np.inf, 0, 0
-    size = 8
-    while True:
-        try:
-            with Deadline(max(0.1, until - time.time())).enforced():
-                rows = list(islice(choices, size))
-        except DeadlinePassed:
-            return Layouts(False, solved, blocks, low, np.inf)
-        if not rows:
-            return Layouts(True, solved, blocks, low, high, unknown)
-        if solved + len(rows) > number or (solved and time.time() > until):
-            return Layouts(False, solved, blocks, low, np.inf)
-        began = time.perf_counter()
-        part = np.array([sum(k * ((one & bits) > 0).astype(int) for k, one in enumerate(row)) for row in rows])
-        least, most, locked = solve(part.astype(np.int64))
-        least = np.where(locked, np.inf, least)
-        high, solved = max(high, float(most.max())), solved + len(rows)
-        unknown += int((np.isposinf(most) & ~locked).sum())
+class Solver(Protocol):
+    def __call__(self, blocks: Ints) -> tuple[Floats, Floats, Bools]: ...
+
+    def relaxed(self, blocks: Ints, free: Bools) -> Floats: ...
+
+
+@dataclass(eq=False)
+class _Branch:
+    chosen: tuple[int, ...]  # parts
+    high: float  # no layout with them exceeds it
+    further: Iterator[tuple[tuple[int, ...], int]]
+
+
+class _Strongest:
+    def __init__(self, ways: Ways, parts: int, solve: Solver, whole: float) -> None:
+        self._ways, self._parts, self._solve = ways, parts, solve
+        self.solved, self.branches, self._most = 0, 0, -np.inf
+        self.blocks, self.low = np.zeros((0, ways.count), dtype=np.int64), np.zeros(0)
+        self._open: list[_Branch] = []
+        cells = (1 << ways.count) - 1
+        if parts > 1:
+            self._add((), cells, whole)
+        elif cells in ways.known:
+            self._settle([((), cells, whole)])
+
+    @property
+    def top(self) -> float:
+        # what no layout that was not solved exceeds
+        return max((one.high for one in self._open), default=-np.inf)
+
+    @property
+    def best(self) -> float:
+        return float(self.low[0]) if len(self.low) else -np.inf
+
+    @property
+    def complete(self) -> bool:
+        return not self._open or self.top <= self.best * (1 + _SAME)
+
+    def layouts(self) -> Layouts:
+        high = max(self._most, self.top)
+        return Layouts(self.complete, self.solved, self.branches, self.blocks, self.low, high)
+
+    def _add(self, chosen: tuple[int, ...], left: int, high: float) -> None:
+        if high >= 0.0:
+            further = self._ways.further(chosen, left, self._parts - len(chosen))
+            self._open.append(_Branch(chosen, high, further))
+
+    def go_on(self, size: int, deep: bool) -> None:
+        # of those of the highest bounds, or of the deepest; DeadlinePassed leaves what is bounded
+        order = sorted(self._open, key=lambda one: (len(one.chosen), one.high) if deep else (one.high, len(one.chosen)))
+        found: list[tuple[tuple[int, ...], int, float]] = []
+        ended: set[_Branch] = set()
+        while order and len(found) < size:
+            taken = list(islice(order[-1].further, size - len(found)))
+            found += [(chosen, left, order[-1].high) for chosen, left in taken]
+            if len(found) < size:
+                ended.add(order.pop())
+        leaf = [len(chosen) == self._parts - 1 for chosen, _, _ in found]
+        rest = [one for one, last in zip(found, leaf, strict=True) if not last]
+        if rest:
+            free = self._ways.blocks([(0, left) for _, left, _ in rest]) > 0
+            high = self._solve.relaxed(self._ways.blocks([(*chosen, left) for chosen, left, _ in rest]), free)
+        self._settle([one for one, last in zip(found, leaf, strict=True) if last])
+        for (chosen, left, most), own in zip(rest, high if rest else (), strict=True):
+            self._add(chosen, left, min(most, float(own)))
+        self._open = [one for one in self._open if one not in ended]
+        self.branches += len(rest)
+
+    def _settle(self, leaves: list[tuple[tuple[int, ...], int, float]]) -> None:
+        if not leaves:
+            return
+        part = self._ways.blocks([(*chosen, left) for chosen, left, _ in leaves])
+        least, most, locked = self._solve(part)
+        least, most = np.where(locked, np.inf, least), np.minimum(most, [high for _, _, high in leaves])
+        self._most, self.solved = max(self._most, float(np.where(locked, np.inf, most).max())), self.solved + len(part)
         stands = least >= 0.0
-        blocks, low = np.concatenate([blocks, part[stands]]), np.concatenate([low, least[stands]])
+        low = np.concatenate([self.low, least[stands]])
         best = np.argsort(-low, kind="stable")[:KEPT]
-        blocks, low = blocks[best].astype(np.int64), low[best]
-        size = int(np.clip(len(rows) / (time.perf_counter() - began), 8, _CHUNK))  # a second each
+        self.blocks, self.low = np.concatenate([self.blocks, part[stands]])[best], low[best]
+
+
+def strongest(ways: Ways, parts: int, solve: Solver, whole: float, asked: Asked, number: int) -> Layouts:
+    """Return the strongest layouts of so many parts by branch and bound; number: of solves at most."""
+    found, size, settled = _Strongest(ways, parts, solve, whole), 8, number
+    while found.top >= 0.0:
+        require, done = asked.require * (1 - 1e-6), found.solved + found.branches
+        end = asked.until if found.best >= require else asked.last
+        if found.complete or found.top < require:
+            settled = min(settled, done + _FURTHER)
+            if len(found.low) >= BEST and found.low[BEST - 1] >= found.top:
+                break
+        if done >= settled or (done and time.time() > end):
+            break
+        began = time.perf_counter()
+        try:
+            with Deadline(max(0.1, end - time.time())).enforced():
+                # layouts and branches in turn: where bounds are far from λ, those of the highest lead to no layout
+                found.go_on(size, found.solved < found.branches)
+        except DeadlinePassed:
+            break
+        new = found.solved + found.branches - done
+        size = int(np.clip(new / (time.perf_counter() - began), 8, _CHUNK))  # a second each
+    return found.layouts()

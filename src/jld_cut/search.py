@@ -30,14 +30,13 @@ from jld_cut.cells import BENT, SPLIT, Cutting, Joint, Limits, convex_parts, joi
 from jld_cut.clock import SEARCHED, Clock
 from jld_cut.families import FAMILIES, Body
 from jld_cut.meshes import moments, surface_of
-from jld_cut.partitions import Asked, Bounds, Boxes, Found, frames, labels_of, search
+from jld_cut.partitions import BEST, Asked, Bounds, Boxes, Found, frames, labels_of, search
 from jld_cut.scene import Facet, Region, Setting, facet_of, grounds_of, scene_of, shares
 from jld_explore import Driver, Exploration, ExploreSettings, SearchSpace, explore, search_space
 from jld_explore.evaluation import Pool
 
 Bracket = tuple[float | None, float | None, bool]  # bounds on λ, and whether no load makes a layout collapse
 
-BEST: Final = 10  # layouts of one number of parts that are judged on convex cells
 PIECES: Final = 150  # most convex cells
 MOST: Final = 24  # parts, where no other number is asked for
 _BESIDE: Final = 8.0  # time of a search from which families are searched beside each other, s
@@ -281,15 +280,16 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
 def told(family: Family, require: float) -> str:
     """Return in words what was found on the cells of a family."""
     found = family.found
-    solved = sum(one.solved for one in found.of.values())
+    solved, branches = (sum(getattr(one, name) for one in found.of.values()) for name in ("solved", "branches"))
     best = next((n for n, one in sorted(found.of.items()) if len(one.low) and one.low[0] >= require), None)
     best = best or max((n for n, one in found.of.items() if len(one.low)), default=None)
     if best is None:
-        fits = "every layout falls" if solved else "no parts fit the box"
-        return f"{found.problem or fits}, {solved} layouts"
+        fits = "every layout falls" if solved + branches else "no parts fit the box"
+        return f"{found.problem or fits}, {solved} layouts and {branches} branches"
     value = f"λ = {found.of[best].low[0]:.4g}" if np.isfinite(found.of[best].low[0]) else "no load makes it collapse"
-    proof = ", all known" if found.proven(best) else ""
-    return f"{solved} layouts, {best} parts, {value}{proof}"
+    bound = found.bound(best)
+    proof = ", proven" if found.proven(best) else f", bound {bound:.4g}" if np.isfinite(bound) else ""
+    return f"{solved} layouts and {branches} branches, {best} parts, {value}{proof}"
 
 
 class Listed(Driver):

@@ -37,7 +37,7 @@ from jld_cut.meshes import (
     volume_of,
     write_3mf,
 )
-from jld_cut.partitions import Asked, Boxes, connected_sets, covers, frames, search
+from jld_cut.partitions import Asked, Bounds, Boxes, Ways, connected_sets, frames, search, strongest
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.scene import Matter, Region, Setting, outside, parse_load, scene_of, shares
 from jld_cut.search import Family, Truth, body_of, family_of
@@ -395,12 +395,36 @@ def test_all_layouts_of_a_row_of_cells(
     cells = [box(1, 1, 1, (k, 0, 0)) for k in range(8)]
     sets = sets_of(cells, chain(8), fit, together)
     assert max((one.bit_count() for one in sets), default=0) == min(most, 8)
-    found = [len(list(covers(sets, 8, parts))) if sets else 0 for parts in range(1, 1 + len(number))]
-    if together:
-        assert found[:4] == [0, 0, 0, 0]
-        assert all(any(one & 0b110 == 0b110 for one in way) for way in covers(sets, 8, 5))
-    else:
-        assert found == number
+    for parts, expected in enumerate(number, 1):
+        solver = _Listing()
+        found = strongest(Ways(sets, 8), parts, solver, 5.0, asked_for(60.0), 10_000)
+        rows = {tuple(row) for row in solver.rows}
+        assert len(rows) == len(solver.rows) == found.solved
+        assert found.complete
+        assert found.high == (5.0 if rows else -np.inf)
+        if together and parts == 5:
+            assert rows
+            assert all(row[1] == row[2] for row in rows)
+        else:
+            assert len(rows) == expected
+
+
+class _Listing:
+    """No bounds: each layout is listed, none refuted."""
+
+    def __init__(self) -> None:
+        self.rows: list[list[int]] = []
+
+    def __call__(self, blocks: Any) -> Any:
+        self.rows += blocks.tolist()
+        return np.ones(len(blocks)), np.full(len(blocks), 9.0), np.zeros(len(blocks), dtype=bool)
+
+    def relaxed(self, blocks: Any, free: Any) -> Any:
+        return np.full(len(blocks), np.inf)
+
+
+def asked_for(seconds: float, require: float = 1.0, most: int = 3, alike: int | None = None) -> Asked:
+    return Asked(require, most, time.time() + seconds, time.time() + seconds, alike)
 
 
 @pytest.mark.parametrize(("turn", "fits"), [(0.0, True), (30.0, True), (45.0, True), (82.5, True)])
@@ -437,6 +461,40 @@ def test_all_layouts_prove_what_the_exact_driver_proves(tmp_path: Path) -> None:
             assert len({round(float(whole[0]), 9) for whole in wholes}) == 1
 
 
+class _Unpruned(Bounds):
+    """Bounds of layouts that refute no branch: all layouts are solved."""
+
+    def relaxed(self, blocks: Any, free: Any) -> Any:
+        return np.full(len(blocks), np.inf)
+
+
+@pytest.mark.parametrize(
+    ("cells", "fit", "parts", "solved", "above"),
+    [(12, 0.95, 3, 30, False), (12, 0.95, 4, 1052, False), (20, 1.3, 2, 30, True)],
+)
+def test_bounds_of_branches_hold_for_all_layouts(cells: int, fit: float, parts: int, solved: int, above: bool) -> None:
+    """No layout exceeds what is stated, however soon a search ends, where parts carry more than the uncut solid too."""
+    load = "0,0,-1000@0.6,-1,0.49,1.2,1,0.51"
+    wish = Options((fit,) * 3, (load,), cells=cells, families=("grid",)).wish()
+    family = family_of("grid", "bench", body_of(bench(), wish), wish)
+    assert family is not None
+    count = len(family.around)
+    sets = connected_sets(family.boxes(), family.around, wish.limits, [], time.time() + 60)
+    solver, everything = Bounds(family.document), np.ones((1, count), dtype=bool)
+    whole = float(solver.relaxed(np.zeros((1, count), dtype=np.int64), everything)[0])
+    known = strongest(Ways(sets, count), parts, _Unpruned(family.document), np.inf, asked_for(60.0), 10**6)
+    assert known.complete
+    assert known.solved == solved
+    assert known.low[0] <= whole * (1 + 1e-6)
+    assert bool(known.low[0] > solver(np.zeros((1, count), dtype=np.int64))[1][0]) is above
+    for number in (1, 20, 100, 10**6):
+        found = strongest(Ways(sets, count), parts, solver, whole, asked_for(60.0), number)
+        assert known.low[0] * (1 - 1e-6) <= found.high <= whole * (1 + 1e-6)
+        assert not found.complete or found.low[0] == pytest.approx(known.low[0], rel=1e-5)
+    assert found.complete
+    assert found.low[:5] == pytest.approx(known.low[:5], rel=1e-5)
+
+
 @pytest.mark.parametrize(("solid", "fit", "parts"), [(box(1, 1, 1), 2.0, 1), (box(2, 1, 1), 1.2, 2)])
 def test_a_box_that_holds_many_cells_has_a_layout(solid: Any, fit: float, parts: int) -> None:
     """Where too many sets of cells fit to be listed, cells are joined, and nothing is proven."""
@@ -448,6 +506,8 @@ def test_a_box_that_holds_many_cells_has_a_layout(solid: Any, fit: float, parts:
     assert found.joined
     assert min(n for n, one in found.of.items() if len(one.low)) == parts
     assert not found.proven(parts)
+    assert found.kind(parts) == "joints"
+    assert found.bound(parts) == found.whole >= found.of[parts].low[0]
 
 
 @pytest.mark.parametrize("number", [3, 12])
@@ -537,7 +597,21 @@ TOLD |= {"too_large": [], "can_be_laid": True, "coarse_truth": "", "faulty_files
         ({}, ["no fewer parts", "opens over its whole depth"], "crushing"),
         ({"only_crushing": True}, ["only crushing limits it"], "watertight"),
         ({"load_factor_of_cells": 2.0, "bound": 3.0}, ["no layout of as many exceeds 3 on them"], "watertight"),
-        ({"proven": False, "uncut": [2.0, 2.0]}, ["carry at least 2 times"], "no fewer parts"),
+        (
+            {"proven": False, "uncut": [2.0, 2.0]},
+            ["carry at least 2 times", "nothing bounds λ of other"],
+            "no fewer parts",
+        ),
+        (
+            {"proven": False, "bound": 7.0, "bound_by": "branches"},
+            ["not proven: no layout of as many parts of these cells exceeds 7 (a bound on all that were not"],
+            "whole)",
+        ),
+        (
+            {"proven": False, "bound": 7.0, "bound_by": "joints"},
+            ["exceeds 7 (a bound with each joint open or"],
+            "fewer",
+        ),
         ({"faulty_files": ["part 3 has 1 edges"], "too_large": [2]}, ["not watertight: part 3", "fit the box: 2"], "λ"),
         (
             {"keys": [{"told": f"tongue of part {k} into 1"} for k in (2, 3, 4, 5)], "load_factor_without_keys": 1.2},
@@ -551,6 +625,8 @@ TOLD |= {"too_large": [], "can_be_laid": True, "coarse_truth": "", "faulty_files
             "at least 2",
         ),
         ({"by_fields": [None, 1.9]}, ["carry at most 1.9 times", "(2 with cracks between cells, "], "at least"),
+        ({"by_fields": [None, 1.9]}, ["uncut 1.5"], "opens over"),
+        ({"by_fields": [None, 2.5]}, ["uncut 1.5 (a dry joint opens over its whole depth"], "few faces"),
         ({"by_fields": [1.7, 2.5]}, ["at least 1.7 times your load with cracks anywhere"], "at least 2"),
         (
             {"by_fields": [None, 2.5]},

@@ -11,7 +11,7 @@ from jld_core.limit.options import FIELD_SECONDS, CaseBounds, governing
 from jld_core.limit.result import number, result_of
 
 if TYPE_CHECKING:
-    from jld_core.limit import mechanism
+    from jld_core.limit import case_relaxation, mechanism
     from jld_core.limit.batch import SampleAnalysis
     from jld_core.limit.bounds import crossed
     from jld_core.limit.mechanism import face_jumps, movements
@@ -25,6 +25,7 @@ __all__ = [
     "Prover",
     "SampleAnalysis",
     "State",
+    "case_relaxation",
     "crossed",
     "displacement",
     "effects",
@@ -47,4 +48,5 @@ export_lazily(
         "mechanism": ["face_jumps", "movements"],
         "result": ["effects", "without_idle"],
     },
+    submodules=["case_relaxation"],
 )
