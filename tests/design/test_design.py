@@ -412,7 +412,7 @@ def test_checks_that_fail_leave_no_pipe_open(monkeypatch: pytest.MonkeyPatch, wa
     """An error in the checks, after the experiment beside them has ended: nobody has read its output."""
     pipe = subprocess.PIPE
     experiment = subprocess.Popen([sys.executable, "-c", "print(1)"], stdout=pipe, stderr=pipe, text=True)
-    experiment.wait(30.0)
+    experiment.wait(120.0)
 
     def fail(*_: object) -> None:
         raise Interrupted

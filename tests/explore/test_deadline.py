@@ -165,11 +165,11 @@ def test_an_interrupted_search_leaves_its_page_and_says_the_best(tmp_path: Path)
     out = tmp_path / "out"
     arguments = ("explore", file, "--out", out, "--driver", "random", "--jobs", "1")
     with running(*arguments, stderr=subprocess.PIPE) as search:
-        until = time.monotonic() + 60.0
+        until = time.monotonic() + 120.0
         while not evaluated(out) and time.monotonic() < until:
             time.sleep(0.05)
         search.send_signal(signal.SIGINT)
-        said, warned = search.communicate(timeout=60.0)
+        said, warned = search.communicate(timeout=120.0)
     assert search.returncode == 3
     best = json.loads((out / "summary.json").read_text())["best"]
     assert f"best λ       {best:.9g}" in said

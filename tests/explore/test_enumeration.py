@@ -547,7 +547,7 @@ def server() -> Iterator[str]:
         yield f"postgresql+psycopg://jld@127.0.0.1:{port}/postgres"
     finally:
         running.terminate()
-        running.wait(20)
+        running.wait(120)
         shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -582,7 +582,7 @@ def test_certificates_hold_and_meet_enumeration(name: str, tmp_path: Path) -> No
 )
 def test_keys_unknown_to_the_checker_are_named(name: str, words: str, tmp_path: Path) -> None:
     command = [sys.executable, "-I", str(TOOL), str(written(SCENES[name], tmp_path))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("refused: ")
     assert words in done.stderr

@@ -41,7 +41,7 @@ def post(address: str, body: Any, **headers: str) -> tuple[int, Any]:
     sent = {"Content-Type": "application/json", **headers}
     try:
         with urllib.request.urlopen(
-            urllib.request.Request(f"{address}api/evaluate", content, sent), timeout=20
+            urllib.request.Request(f"{address}api/evaluate", content, sent), timeout=120
         ) as answer:
             return answer.status, json.load(answer)
     except urllib.error.HTTPError as error:

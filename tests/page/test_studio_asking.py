@@ -170,7 +170,7 @@ def test_axis_unit_and_lowest_of_solids(local: Local, tmp_path: Path) -> None:
 
 def ended(local: Local, job: dict[str, Any]) -> dict[str, Any]:
     begun = time.monotonic()
-    while job["state"] == "running" and time.monotonic() < begun + 60.0:
+    while job["state"] == "running" and time.monotonic() < begun + 120.0:
         time.sleep(0.2)
         fits(job, "job")
         job = next(one for one in local.api("jobs")[1]["jobs"] if one["name"] == job["name"])
@@ -197,7 +197,7 @@ def test_a_design_can_be_stopped(local: Local, wall: Path) -> None:
     job = local.api("design", sent(wall, {"seconds": 60}))[1]
     assert local.api("stop", {"name": job["name"]})[1]["state"] == "stopping"
     begun = time.monotonic()
-    while job["state"] != "stopped" and time.monotonic() < begun + 60.0:
+    while job["state"] != "stopped" and time.monotonic() < begun + 120.0:
         time.sleep(0.1)
         job = next(one for one in local.api("jobs")[1]["jobs"] if one["name"] == job["name"])
     assert (job["state"], job["error"]) == ("stopped", "")

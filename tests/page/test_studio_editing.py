@@ -283,7 +283,7 @@ def _search_tells_its_best_layout(local: Local) -> None:
     changes = {"materials": document["materials"] | {"density": 1500.0}}
     state = {"scene": opened[1]["scene"], "labelling": letters(document), "changes": changes}
     job = local.api("start", {**state, "kind": "explore", "seconds": 60})[1]
-    until = time.monotonic() + 60.0
+    until = time.monotonic() + 120.0
     while not job["progress"].get("labelling") and time.monotonic() < until:
         time.sleep(0.05)
         job = local.api("jobs")[1]["jobs"][-1]
