@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
@@ -204,6 +205,15 @@ class Elements:
     def index(self) -> dict[str, int]:
         """Return the position of each element in these arrays, by its id."""
         return {name: position for position, name in enumerate(self.ids)}
+
+    def named(self, name: str, where: str, expected: str, support: bool | None = None) -> int:
+        # an InputError gives the three ids most like an unknown one, of supports or of free elements alone
+        if name not in self.index:
+            held = self.support.tolist()
+            ids = [one for one, fixed in zip(self.ids, held, strict=True) if support in (None, fixed)]
+            like = get_close_matches(name, ids, 3, 0.5) or ids[:3]
+            raise InputError(where, f"no element is named {name!r}", f"{expected}, such as {', '.join(like)}")
+        return self.index[name]
 
     @cached_property
     def free(self) -> Ints:

@@ -157,7 +157,11 @@ IN_WALL: list[Row] = [
     (("loads", "live"), [{"element": "c0r0", "force": [0, 0]}], ("loads.live", "the live load is zero")),
     (("loads", "live"), [{"element": "c0r0"}], ("loads.live[0]: it does nothing", '"force" or "moment"')),
     (("loads", "live"), [{"force": [1, 0]}], ("loads.live[0].element: missing", "the id")),
-    (("loads", "live"), [{"element": "c9r0", "force": [0, 1]}], ("loads.live[0].element", "'c9r0'", "free element")),
+    (
+        ("loads", "live"),
+        [{"element": "c9r0", "force": [0, 1]}],
+        ("live[0].element", "'c9r0'", "such as c2r0, c1r0, c0r0"),
+    ),
     (("loads", "live"), [{"element": "c0r2", "force": [0, 1]}], ("'c0r2' is a support", "a free element")),
     (("loads", "live"), [{"element": "c0r0", "force": [0, 1, 2]}], ("loads.live[0].force: it has 3 numbers", "2")),
     (("loads", "live"), [{"element": "c0r0", "force": [0]}], ("loads.live[0].force: it has 1 entry",)),

@@ -124,12 +124,10 @@ def refuse_twins(ids: list[str]) -> None:
 
 def pair_index(pair: list[str], elements: Elements, where: str) -> tuple[int, int]:
     """Return the indices of two different elements named by their ids; raise InputError for others."""
-    for name in pair:
-        if name not in elements.index:
-            raise InputError(where, f"no element is named {name!r}", "ids of two elements")
-    if pair[0] == pair[1]:
+    one, other = (elements.named(name, where, "ids of two elements") for name in pair)
+    if one == other:
         raise InputError(where, f"{pair[0]!r} is named twice", "ids of two elements")
-    return elements.index[pair[0]], elements.index[pair[1]]
+    return one, other
 
 
 def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Interfaces, where: str) -> Bits:

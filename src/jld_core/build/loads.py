@@ -222,9 +222,8 @@ def body_forces(entry: BodyLoad | TiltLoad, elements: Elements, where: str) -> F
 
 
 def couple_of(entry: PointLoad, elements: Elements, where: str) -> tuple[int, Floats]:
-    if entry.element not in elements.index:
-        raise InputError(f"{where}.element", f"no element is named {entry.element!r}", "the id of a free element")
-    index, expected = elements.index[entry.element], 1 if elements.centroid.shape[1] == 2 else 3
+    index = elements.named(entry.element, f"{where}.element", "the id of a free element", support=False)
+    expected = 1 if elements.centroid.shape[1] == 2 else 3
     if elements.support[index]:
         raise InputError(f"{where}.element", f"{entry.element!r} is a support", "the id of a free element")
     moment = np.atleast_1d(np.asarray(entry.moment, dtype=float))
@@ -352,9 +351,7 @@ def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
         names = [part.elements] if isinstance(part.elements, str) else part.elements
         rows = []
         for name in names:
-            if name not in elements.index:
-                raise InputError(f"{key}.elements", f"no element is named {name!r}", "ids of supports")
-            row = elements.index[name]
+            row = elements.named(name, f"{key}.elements", "ids of supports", support=True)
             if not elements.support[row]:
                 raise InputError(f"{key}.elements", f"{name!r} is no support", "ids of supports")
             rows.append(row)

@@ -279,11 +279,10 @@ def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
 def _anchored(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floats]:
     """Return the element and the point (d,) of an anchor, checked to lie inside it."""
     elements, d = assembly.elements, assembly.dimension
-    if anchor.element not in elements.index:
-        raise InputError(f"{where}.element", f"no element is named {anchor.element!r}", "the id of an element")
+    index = elements.named(anchor.element, f"{where}.element", "the id of an element")
     if len(anchor.at) != d:
         raise InputError(f"{where}.at", f"it has {len(anchor.at)} numbers", f"{d} in this scene")
-    index, point = elements.index[anchor.element], np.array(anchor.at, dtype=float)
+    point = np.array(anchor.at, dtype=float)
     loops = elements.faces[index] if elements.faces else ()
     if not contains(elements.shape[index], loops, point, tolerances.ON_OUTLINE * assembly.size):
         problem = f"({', '.join(f'{x:g}' for x in anchor.at)}) lies outside element {anchor.element!r}"
