@@ -111,7 +111,10 @@ def compiled(function: F) -> F:
     """Return a function of arrays and numbers that numba compiles at its first call."""
     # No fast-math, so that runs are bitwise equal. The cache on disk depends on all sources of the package: numba alone
     # checks the file of the function and would keep outdated code of others.
-    made: Any = numba.njit(cache=True, error_model="numpy")(function)
+    # Wrappers for calls from C, and from Python where `march` and its likes alone call, were a quarter of the work.
+    inner = {"Bench", "Plane", "Space"} & {*function.__annotations__.values()} and "march" not in function.__name__
+    options = {"no_cfunc_wrapper": True, "no_cpython_wrapper": bool(inner)}
+    made: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
     made._cache._cache_file._source_stamp = _SOURCES
     return cast(F, made)
 

@@ -364,7 +364,7 @@ def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(tmp_path: P
     images = np.argsort(space.group, axis=1)[:, faces]
     known = every_layout(space)[:1]
     scale = LimitAnalysis(space.assembly).template.scaling.load
-    for number, best in enumerate((1e-3 * np.random.default_rng(4).random(30)).tolist()):
+    for number, best in enumerate((1e-3 * np.random.default_rng(4).random(10)).tolist()):
         records = Records(tmp_path / str(number), {}, len(space.fixed))
         DRIVERS["exact"](space, search=0).start(None, lambda: None, records)
         driver = DRIVERS["exact"](space, search=0)

@@ -33,7 +33,7 @@ def test_best_of_the_flagship_within_500() -> None:
         driver, left, best = Genetic(space, seed), 500, 0.0
         while left and best < BEST * (1.0 - 1e-6):
             rows = driver.ask(left)
-            found = [solver.evaluate(labels) for labels in rows]
+            found = solver.evaluate_all(rows)
             driver.tell(rows, found)
             left -= len(rows)
             best = max([best, *(e.load_factor for e in found if e.status is Status.COLLAPSE)])
