@@ -33,6 +33,7 @@ from jld_views import figures, page_of_study
 
 _FIELDS: Final = 3.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
+_UNKNOWN, _LAID = 1, 2  # ranks of layouts that fit: time ended before an order of assembly was known, and with one
 _NAMED: Final = 3  # keys that the verdict names
 _DRAWING: Final = 7.0  # time that pictures and pages need after them, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
@@ -156,6 +157,11 @@ class Chosen:
         return low_of(self.bracket)
 
     @property
+    def rank(self) -> int:
+        # whether parts fit and go together
+        return 0 if self.too_large or self.laying is False else _UNKNOWN if self.laying is None else _LAID
+
+    @property
     def can_be_laid(self) -> bool | None:
         """Whether an order by translations exists; None where time ended before."""
         return None if self.laying is None else self.laying is not False
@@ -203,7 +209,9 @@ def cut(
     if options.keys:
         chosen = _keyed(chosen, wish, scale, options.clearance, clock)
     if chosen.laying is None:  # the search for others had the time of this one
-        chosen = replace(chosen, laying=chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED))))
+        laying = chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED)))
+        locking = chosen.fine.locking(chosen.block, _LAYING) if laying is False else []
+        chosen = replace(chosen, laying=laying, locking=locking)
     summary = _summary(chosen, families, solid, options)
     scene = clock.run("bounds by fields", DRAWN, lambda: _by_fields(chosen, wish.setting, out), _FIELDS + _DRAWING)
     with bounds_beside(scene, clock.left(DRAWN) - _DRAWING) if scene else nullcontext() as bracket:
@@ -256,15 +264,15 @@ def _choose(families: list[Family], wish: Wish, clearance: float, clock: Clock, 
     carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
     for parts in carrying or numbers[-1:]:
         for family, block, coarse, bracket in _judged(families, parts, wish, clock, say):
-            if made and time.time() > end:
+            if made and time.time() > end and not family.truth.order(block, 0.0):
+                continue
+            # an order that is not known yet leaves time for those of others
+            tried = _chosen(family, block, coarse, bracket, wish, clearance, (time.time() + end) / 2)
+            made = tried if made is None or tried.rank > made.rank else made
+            if tried.rank == _LAID:
                 break
-            tried = _chosen(family, block, coarse, bracket, wish, clearance, end)
-            made = made or tried
-            if not tried.too_large and tried.can_be_laid is not False:
-                if tried.low >= wish.require * (1 - 1e-6):
-                    return tried
-                made = tried if made.too_large or made.can_be_laid is False else made
-                break
+        if made and made.rank >= _UNKNOWN and made.low >= wish.require * (1 - 1e-6):
+            return made
         if time.time() > end:
             break
     assert made is not None
@@ -306,13 +314,19 @@ def _judged(
 
 
 def _loose(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
-    """Yield the best layouts whose parts are not known to lock one another, or else the best."""
-    rows, count = list(zip(found.blocks, found.low.tolist(), strict=True)), 0
+    """Yield the best layouts: those with an order, those not known to lock, or else the best."""
+    rows, count, later = list(zip(found.blocks, found.low.tolist(), strict=True)), 0, list[tuple[Ints, float]]()
+    half = (time.time() + end) / 2
     for block, coarse in rows:
-        if count < BEST and family.truth.order(block, max(_LAYING, (end - time.time()) / 2)) is not False:
+        if count == BEST or (count + len(later) and time.time() > half):
+            break
+        laying = family.truth.order(block, _LAYING)
+        if laying:
             count += 1
             yield block, coarse
-    yield from () if count else rows[:1]
+        elif laying is None:
+            later.append((block, coarse))
+    yield from later[: BEST - count] or (() if count else rows[:1])
 
 
 def _chosen(

@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import pairwise
 from math import comb
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ from jld_cut.meshes import (
     volume_of,
     write_3mf,
 )
-from jld_cut.partitions import Asked, Bounds, Boxes, Ways, connected_sets, frames, search, strongest
+from jld_cut.partitions import Asked, Bounds, Boxes, Layouts, Ways, connected_sets, frames, search, strongest
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.scene import Matter, Region, Setting, outside, parse_load, scene_of, shares
 from jld_cut.search import Family, Truth, body_of, family_of
@@ -668,6 +669,28 @@ def test_a_part_within_another_is_named() -> None:
     assert truth.order(core.astype(np.int64), 60.0) is False
     assert int(np.flatnonzero(core)[0]) in truth.locking(core.astype(np.int64), 60.0)
     assert len(truth.order(np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0)), 60.0).steps) == 3
+
+
+def test_layouts_that_go_together_come_first() -> None:
+    """Those with an order are judged first, then those that are not known to lock; a locked one only if all are."""
+
+    class Orders:
+        def __init__(self, known: dict[int, Any]) -> None:
+            self.known = known
+
+        def order(self, block: Any, seconds: float) -> Any:
+            assert seconds > 0.0
+            return self.known[int(block[0])]
+
+    rows = Layouts(True, 4, 0, np.arange(4)[:, None], np.array([9.0, 8.0, 7.0, 6.0]), 9.0)
+    for known, expected in (
+        ({0: None, 1: "steps", 2: False, 3: "steps"}, [1, 3, 0]),
+        ({0: False, 1: False, 2: None, 3: False}, [2]),
+        (dict.fromkeys(range(4), False), [0]),
+    ):
+        family = SimpleNamespace(truth=Orders(known))
+        found = list(sys.modules["jld_cut.cut"]._loose(family, rows, time.time() + 60.0))
+        assert [int(block[0]) for block, _ in found] == expected
 
 
 def test_a_part_with_a_hook_slides_out() -> None:
