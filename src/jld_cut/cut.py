@@ -21,7 +21,7 @@ from jld_cut.clock import CHOSEN, DRAWN, FILED, KEYED, Clock
 from jld_cut.families import FAMILIES
 from jld_cut.fields import bounds_beside, scene_of_parts
 from jld_cut.keys import Key, Keyed, are_sound, keyed
-from jld_cut.meshes import read_solid
+from jld_cut.meshes import UNITS, read_solid, unit_of
 from jld_cut.partitions import BEST, Layouts, frames
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
@@ -37,7 +37,6 @@ _UNKNOWN, _LAID = 1, 2  # ranks of layouts that fit: time ended before an order 
 _NAMED: Final = 3  # keys that the verdict names
 _DRAWING: Final = 7.0  # time that pictures and pages need after them, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
-UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
 
 @dataclass(frozen=True)
@@ -66,8 +65,8 @@ class Options:
         Ways to cut that are tried.
     cells : int
         Cells that a way to cut aims at.
-    unit : str
-        Unit of the file: mm, cm, m, in or ft.
+    unit : str or None
+        Unit of lengths: mm, cm, m, in or ft; None: that of a 3MF file, else m.
     seconds : float
         Time for all.
     alike : int or None
@@ -92,7 +91,7 @@ class Options:
     clearance: float = 0.0
     families: tuple[str, ...] = tuple(FAMILIES)
     cells: int = 24
-    unit: str = "m"
+    unit: str | None = None
     seconds: float = 60.0
     alike: int | None = None
     keep_whole: tuple[str, ...] = ()
@@ -100,11 +99,16 @@ class Options:
     marks: bool = False
     keys: bool = True
 
+    @property
+    def scale(self) -> float:
+        """Length of the unit, m."""
+        if self.unit is not None and self.unit not in UNITS:
+            raise ParameterError("unit", f"{self.unit!r} is no unit", ", ".join(UNITS))
+        return UNITS[self.unit or "m"]
+
     def wish(self) -> Wish:
         """Return what the search is asked for, in m and kg; ParameterError for what cannot be used."""
-        if self.unit not in UNITS:
-            raise ParameterError("unit", f"{self.unit!r} is no unit", ", ".join(UNITS))
-        scale = UNITS[self.unit]
+        scale = self.scale
         positive = {
             "require": self.require,
             "seconds": self.seconds,
@@ -195,8 +199,15 @@ def cut(
     """
     clock, out, path = Clock(options.seconds), Path(out), Path(path)
     say = announce or (lambda _: None)
-    wish = options.wish()
-    scale = UNITS[options.unit]
+    stated, warnings = unit_of(path), list[str]()
+    options = replace(options, unit=options.unit or stated)
+    wish, scale = options.wish(), options.scale
+    if stated and UNITS[stated] != scale:
+        warnings = [
+            f"the file states {stated}, the options are read in {options.unit}: 1 {options.unit} is "
+            f"{scale / UNITS[stated]:.6g} {stated} of it"
+        ]
+        say(f"warning: {warnings[0]}")
     files.require_folder(out)
     if out.exists() and any(out.iterdir()):
         raise InputError(str(out), "the folder is not empty", "a new one")
@@ -212,7 +223,7 @@ def cut(
         laying = chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED)))
         locking = chosen.fine.locking(chosen.block, _LAYING) if laying is False else []
         chosen = replace(chosen, laying=laying, locking=locking)
-    summary = _summary(chosen, families, solid, options)
+    summary = _summary(chosen, families, solid, options) | {"unit": options.unit or "m", "warnings": warnings}
     scene = clock.run("bounds by fields", DRAWN, lambda: _by_fields(chosen, wish.setting, out), _FIELDS + _DRAWING)
     with bounds_beside(scene, clock.left(DRAWN) - _DRAWING) if scene else nullcontext() as bracket:
         _write(chosen, summary, out, options, clock)
@@ -407,7 +418,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "front": _front(families),
         "volume": solid.volume(),
         "volume_error": abs(sum(volumes) - solid.volume()) / solid.volume(),
-        "largest_box": (box.max(axis=0) / UNITS[options.unit]).tolist(),
+        "largest_box": (box.max(axis=0) / options.scale).tolist(),
         "largest_mass": max(part.mass for part in chosen.parts),
         "different_parts": different(chosen.parts),
     }
@@ -507,7 +518,7 @@ def _bounded(summary: dict[str, Any]) -> str:
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
-    scale = UNITS[options.unit]
+    scale = options.scale
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}
     for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):

@@ -316,6 +316,36 @@ def test_objects_of_a_3mf_file_stand_where_it_builds_them(tmp_path: Path, build:
         assert read_solid(path, 1.0).bounding_box() == pytest.approx(found)
 
 
+@pytest.mark.parametrize(
+    ("states", "unit", "side", "used", "warned"),
+    [
+        (' unit="inch"', None, 1.2 / 0.0254, "in", ""),
+        ("", None, 1200.0, "mm", ""),  # millimetres are the default of the format
+        (' unit="millimeter"', "mm", 1200.0, "mm", ""),
+        (' unit="millimeter"', "m", 1.2, "m", "the file states mm, the options are read in m: 1 m is 1000 mm of it"),
+        (' unit="micron"', None, 1.2e6, "micron", ""),
+    ],
+)
+def test_options_are_read_in_the_unit_that_a_3mf_file_states(
+    tmp_path: Path, states: str, unit: str | None, side: float, used: str, warned: str
+) -> None:
+    path, mesh, said = tmp_path / "pillar.3mf", mesh_of(box(1, 1, 2)), list[str]()
+    write_3mf(path, [("a", mesh.vertices * (side / 1.2 if not warned else 1e3), mesh.faces)])
+    with zipfile.ZipFile(path) as archive:
+        model = archive.read("3D/3dmodel.model").decode().replace(' unit="millimeter"', states)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("3D/3dmodel.model", model)
+    options = Options((side,) * 3, DOWN, unit=unit, families=("grid",), cells=2, seconds=3.0, keys=False)
+    found = cut(path, options, tmp_path / "out", said.append)
+    assert found["volume"] == pytest.approx(2.0, rel=1e-6)
+    assert found["unit"] == used
+    assert found["parts"] == 2
+    assert found["fits"]
+    assert found["largest_box"] == pytest.approx([side / 1.2] * 3, rel=1e-4)
+    assert found["warnings"] == [warned] * bool(warned)
+    assert [line for line in said if "warning" in line] == [f"warning: {warned}"] * bool(warned)
+
+
 def _open(mesh: Any) -> None:
     mesh.faces = mesh.faces[1:]
 
