@@ -541,6 +541,38 @@ def test_a_box_that_holds_many_cells_has_a_layout(solid: Any, fit: float, parts:
     assert found.bound(parts) == found.whole >= found.of[parts].low[0]
 
 
+@pytest.mark.parametrize("together", [[], [0b11]])
+def test_a_search_without_time_has_a_layout(together: list[int]) -> None:
+    """Cells joined pair by pair while they fit; parts that may not be parted are not."""
+    wish = Options((1.1,) * 3, DOWN, cells=12, families=("grid",)).wish()
+    family = family_of("grid", "block", body_of(box(2, 1, 1), wish), wish)
+    assert family is not None
+    boxes, count = family.boxes(), len(family.around)
+    found = search(family.document, boxes, family.around, wish.limits, together, asked_for(-1.0, most=24))
+    stands = {n: one for n, one in found.of.items() if len(one.low)}
+    assert 2 <= min(stands) <= 4
+    for number, one in stands.items():
+        (block,) = one.blocks
+        parts = [[k for k in range(count) if block[k] == name] for name in range(number)]
+        wholes = boxes.grouped([sum(1 << k for k in own) for own in parts])
+        assert boxes.fit(wholes.low, wholes.high, wish.limits).all()
+        assert not together or block[0] == block[1]
+    assert not found.proven(2)
+    assert found.kind(2) == "joints"
+
+
+@pytest.mark.parametrize("seconds", [0.1, 4.0])
+def test_a_cut_always_reaches_its_verdict(tmp_path: Path, seconds: float) -> None:
+    hollow = box(2, 1, 1) - box(1.6, 0.6, 0.6, (0.2, 0.2, 0.2))
+    options = Options((1.1,) * 3, DOWN, seconds=seconds, clearance=0.002)
+    found = cut(written(hollow, tmp_path / "hollow.stl"), options, tmp_path / "out")
+    assert found == json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert found["verdict"].startswith(f"{found['parts']} parts carry ")
+    assert found["fits"]
+    assert found["left_out"]
+    assert len(list((tmp_path / "out" / "parts").glob("*.stl"))) == found["parts"]
+
+
 @pytest.mark.parametrize("number", [3, 12])
 def test_a_number_is_engraved_in_a_closed_part(number: int) -> None:
     whole = box(0.3, 0.4, 0.5)
