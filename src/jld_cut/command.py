@@ -30,7 +30,9 @@ def cut_(
         list[str] | None,
         typer.Option(help="x0,y0,z0,x1,y1,z1: faces in it are held; default: those on the ground."),
     ] = None,
-    unit: Annotated[str, typer.Option(help="Unit of the file's lengths: mm, cm, m, in or ft.")] = "m",
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of all lengths: mm, cm, m, in or ft; default that of a 3MF file, else m.")
+    ] = None,
     clearance: Annotated[float, typer.Option(help="Gap of joints, file's unit.")] = 0.0,
     density: Annotated[float, typer.Option(min=1e-6, help="kg/m³.")] = 2400.0,
     friction_angle: Annotated[float, typer.Option(min=0.0, max=89.0, help="Of joints, degrees.")] = 35.0,

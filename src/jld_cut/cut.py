@@ -21,7 +21,7 @@ from jld_cut.clock import CHOSEN, DRAWN, FILED, KEYED, Clock
 from jld_cut.families import FAMILIES
 from jld_cut.fields import bounds_beside, scene_of_parts
 from jld_cut.keys import Key, Keyed, are_sound, keyed
-from jld_cut.meshes import read_solid
+from jld_cut.meshes import UNITS, read_solid, unit_of
 from jld_cut.partitions import BEST, Layouts, frames
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
@@ -33,10 +33,10 @@ from jld_views import figures, page_of_study
 
 _FIELDS: Final = 3.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
+_UNKNOWN, _LAID = 1, 2  # ranks of layouts that fit: time ended before an order of assembly was known, and with one
 _NAMED: Final = 3  # keys that the verdict names
 _DRAWING: Final = 7.0  # time that pictures and pages need after them, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
-UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ class Options:
         Ways to cut that are tried.
     cells : int
         Cells that a way to cut aims at.
-    unit : str
-        Unit of the file: mm, cm, m, in or ft.
+    unit : str or None
+        Unit of lengths: mm, cm, m, in or ft; None: that of a 3MF file, else m.
     seconds : float
         Time for all.
     alike : int or None
@@ -91,7 +91,7 @@ class Options:
     clearance: float = 0.0
     families: tuple[str, ...] = tuple(FAMILIES)
     cells: int = 24
-    unit: str = "m"
+    unit: str | None = None
     seconds: float = 60.0
     alike: int | None = None
     keep_whole: tuple[str, ...] = ()
@@ -99,11 +99,16 @@ class Options:
     marks: bool = False
     keys: bool = True
 
+    @property
+    def scale(self) -> float:
+        """Length of the unit, m."""
+        if self.unit is not None and self.unit not in UNITS:
+            raise ParameterError("unit", f"{self.unit!r} is no unit", ", ".join(UNITS))
+        return UNITS[self.unit or "m"]
+
     def wish(self) -> Wish:
         """Return what the search is asked for, in m and kg; ParameterError for what cannot be used."""
-        if self.unit not in UNITS:
-            raise ParameterError("unit", f"{self.unit!r} is no unit", ", ".join(UNITS))
-        scale = UNITS[self.unit]
+        scale = self.scale
         positive = {
             "require": self.require,
             "seconds": self.seconds,
@@ -156,6 +161,11 @@ class Chosen:
         return low_of(self.bracket)
 
     @property
+    def rank(self) -> int:
+        # whether parts fit and go together
+        return 0 if self.too_large or self.laying is False else _UNKNOWN if self.laying is None else _LAID
+
+    @property
     def can_be_laid(self) -> bool | None:
         """Whether an order by translations exists; None where time ended before."""
         return None if self.laying is None else self.laying is not False
@@ -189,8 +199,15 @@ def cut(
     """
     clock, out, path = Clock(options.seconds), Path(out), Path(path)
     say = announce or (lambda _: None)
-    wish = options.wish()
-    scale = UNITS[options.unit]
+    stated, warnings = unit_of(path), list[str]()
+    options = replace(options, unit=options.unit or stated)
+    wish, scale = options.wish(), options.scale
+    if stated and UNITS[stated] != scale:
+        warnings = [
+            f"the file states {stated}, the options are read in {options.unit}: 1 {options.unit} is "
+            f"{scale / UNITS[stated]:.6g} {stated} of it"
+        ]
+        say(f"warning: {warnings[0]}")
     files.require_folder(out)
     if out.exists() and any(out.iterdir()):
         raise InputError(str(out), "the folder is not empty", "a new one")
@@ -203,8 +220,10 @@ def cut(
     if options.keys:
         chosen = _keyed(chosen, wish, scale, options.clearance, clock)
     if chosen.laying is None:  # the search for others had the time of this one
-        chosen = replace(chosen, laying=chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED))))
-    summary = _summary(chosen, families, solid, options)
+        laying = chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED)))
+        locking = chosen.fine.locking(chosen.block, _LAYING) if laying is False else []
+        chosen = replace(chosen, laying=laying, locking=locking)
+    summary = _summary(chosen, families, solid, options) | {"unit": options.unit or "m", "warnings": warnings}
     scene = clock.run("bounds by fields", DRAWN, lambda: _by_fields(chosen, wish.setting, out), _FIELDS + _DRAWING)
     with bounds_beside(scene, clock.left(DRAWN) - _DRAWING) if scene else nullcontext() as bracket:
         _write(chosen, summary, out, options, clock)
@@ -256,15 +275,15 @@ def _choose(families: list[Family], wish: Wish, clearance: float, clock: Clock, 
     carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
     for parts in carrying or numbers[-1:]:
         for family, block, coarse, bracket in _judged(families, parts, wish, clock, say):
-            if made and time.time() > end:
+            if made and time.time() > end and not family.truth.order(block, 0.0):
+                continue
+            # an order that is not known yet leaves time for those of others
+            tried = _chosen(family, block, coarse, bracket, wish, clearance, (time.time() + end) / 2)
+            made = tried if made is None or tried.rank > made.rank else made
+            if tried.rank == _LAID:
                 break
-            tried = _chosen(family, block, coarse, bracket, wish, clearance, end)
-            made = made or tried
-            if not tried.too_large and tried.can_be_laid is not False:
-                if tried.low >= wish.require * (1 - 1e-6):
-                    return tried
-                made = tried if made.too_large or made.can_be_laid is False else made
-                break
+        if made and made.rank >= _UNKNOWN and made.low >= wish.require * (1 - 1e-6):
+            return made
         if time.time() > end:
             break
     assert made is not None
@@ -306,13 +325,19 @@ def _judged(
 
 
 def _loose(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
-    """Yield the best layouts whose parts are not known to lock one another, or else the best."""
-    rows, count = list(zip(found.blocks, found.low.tolist(), strict=True)), 0
+    """Yield the best layouts: those with an order, those not known to lock, or else the best."""
+    rows, count, later = list(zip(found.blocks, found.low.tolist(), strict=True)), 0, list[tuple[Ints, float]]()
+    half = (time.time() + end) / 2
     for block, coarse in rows:
-        if count < BEST and family.truth.order(block, max(_LAYING, (end - time.time()) / 2)) is not False:
+        if count == BEST or (count + len(later) and time.time() > half):
+            break
+        laying = family.truth.order(block, _LAYING)
+        if laying:
             count += 1
             yield block, coarse
-    yield from () if count else rows[:1]
+        elif laying is None:
+            later.append((block, coarse))
+    yield from later[: BEST - count] or (() if count else rows[:1])
 
 
 def _chosen(
@@ -393,7 +418,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "front": _front(families),
         "volume": solid.volume(),
         "volume_error": abs(sum(volumes) - solid.volume()) / solid.volume(),
-        "largest_box": (box.max(axis=0) / UNITS[options.unit]).tolist(),
+        "largest_box": (box.max(axis=0) / options.scale).tolist(),
         "largest_mass": max(part.mass for part in chosen.parts),
         "different_parts": different(chosen.parts),
     }
@@ -493,7 +518,7 @@ def _bounded(summary: dict[str, Any]) -> str:
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
-    scale = UNITS[options.unit]
+    scale = options.scale
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}
     for number, step in enumerate(chosen.laying.steps if chosen.laying else (), 1):

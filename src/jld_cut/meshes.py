@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -150,7 +151,15 @@ _RECORD: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("a
 _NAMESPACE: Final = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _DEEP: Final = 20  # components within components of a 3MF file
 _SIZES: Final = (1e-3, 1e4)  # lengths of a solid, m
-_UNITS: Final = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
+_UNITS: Final = {
+    "micron": "micron",
+    "millimeter": "mm",
+    "centimeter": "cm",
+    "inch": "in",
+    "foot": "ft",
+    "meter": "m",
+}  # of 3MF
+UNITS: Final = {"micron": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
 
 def manifold3d() -> Any:
@@ -233,10 +242,8 @@ def read_solid(path: Path, unit: float) -> Any:
 
 
 def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
-    """Read the surfaces of an STL or OBJ file as points (p, 3) and triangles (t, 3), in its unit.
-
-    Triangles of a binary STL file that share corners are one surface; otherwise each part that the reader finds is.
-    """
+    """Read the surfaces of an STL or OBJ file as points (p, 3) and triangles (t, 3), in its unit."""
+    # triangles of a binary STL file that share corners are one surface; otherwise each part that the reader finds is
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -263,23 +270,41 @@ def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
     ]
 
 
+def unit_of(path: Path) -> str | None:
+    """Return the unit that a 3MF file states, None for others."""
+    if path.suffix.lower() != ".3mf":
+        return None
+    with error_context(path), _readable():
+        return _UNITS[_model(path).get("unit", "millimeter")]
+
+
+def _model(path: Path) -> ElementTree.Element:
+    with zipfile.ZipFile(path) as archive:
+        name = next(name for name in archive.namelist() if name.lower().endswith(".model"))
+        return ElementTree.fromstring(archive.read(name))
+
+
+@contextmanager
+def _readable() -> Iterator[None]:
+    try:
+        yield
+    except (OSError, zipfile.BadZipFile, StopIteration, ElementTree.ParseError, KeyError, ValueError):
+        raise InputError(
+            "", "it is no 3MF file that can be read", "a zip archive with a model: its objects, transforms and unit"
+        ) from None
+
+
 def _read_3mf(path: Path) -> list[tuple[Floats, Ints]]:
     """Read the meshes of a 3MF file in metres, as points and triangles."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            name = next(name for name in archive.namelist() if name.lower().endswith(".model"))
-            root = ElementTree.fromstring(archive.read(name))
-        scale = _UNITS[root.get("unit", "millimeter")]
+    with _readable():
+        root = _model(path)
+        scale = UNITS[_UNITS[root.get("unit", "millimeter")]]
         objects = {one.get("id", ""): one for one in root.iter(f"{{{_NAMESPACE}}}object")}
         items = root.findall(f"{{{_NAMESPACE}}}build/{{{_NAMESPACE}}}item")
         # what is not built is not part of the model; a file that builds nothing holds it all
         named = [(one.get("objectid", ""), _placing(one)) for one in items] or [(name, np.eye(4)) for name in objects]
         found = [one for name, placing in named for one in _placed(objects, name, placing, _DEEP)]
         found = [(scale * points, faces) for points, faces in found]
-    except (OSError, zipfile.BadZipFile, StopIteration, ElementTree.ParseError, KeyError, ValueError):
-        raise InputError(
-            "", "it is no 3MF file that can be read", "a zip archive with a model: its objects, transforms and unit"
-        ) from None
     if not found or not all(len(faces) and faces.max() < len(points) for points, faces in found):
         raise InputError("", "it holds no whole mesh", "one closed mesh")
     return found
@@ -446,7 +471,7 @@ def obj_text(points: Floats, triangles: Ints, name: str) -> str:
 
 
 def write_3mf(path: Path, parts: list[tuple[str, Floats, Ints]]) -> None:
-    """Write named surfaces, lengths in mm, as the objects of a 3MF file."""
+    """Write named surfaces, lengths in mm."""
     objects, items = [], []
     for number, (name, points, triangles) in enumerate(parts, 1):
         corners = "".join(f'<vertex x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in points.tolist())

@@ -124,12 +124,10 @@ def connected_sets(boxes: Boxes, around: list[int], limits: Limits, together: li
     return [one for one in found if all(one & whole in (0, whole) for whole in together)]
 
 
-def _joined(boxes: Boxes, around: list[int], limits: Limits) -> list[int]:
-    # the smallest neighbours first; none for few cells
+def _joined(boxes: Boxes, around: list[int], limits: Limits, least: int) -> Iterator[list[int]]:
+    # groups that are joined, pair by pair, to so many or as few as fit
     groups = [1 << e for e in range(len(around))]
-    if len(groups) <= GROUPS:
-        return []
-    while len(groups) > GROUPS:
+    while len(groups) > least:
         known = boxes.grouped(groups)
         near = _around(groups, around)
         pairs = [(a, b) for a, one in enumerate(near) for b in range(a) if one >> b & 1]
@@ -139,11 +137,11 @@ def _joined(boxes: Boxes, around: list[int], limits: Limits) -> list[int]:
         fits = boxes.fit(low, high, limits) & (volume <= limits.volume * (1 + 1e-9))
         if not fits.any():
             break
-        # of pairs alike the most compact one
+        # the smallest first, of pairs alike the most compact one
         size = np.where(fits, np.round(volume / boxes.volume.sum(), 6) + 1e-9 * (high - low)[:, 0].sum(axis=-1), np.inf)
         a, b = pairs[int(np.argmin(size))]
         groups[b] |= groups.pop(a)
-    return groups
+        yield list(groups)
 
 
 def _around(groups: list[int], around: list[int]) -> list[int]:
@@ -189,7 +187,7 @@ class Ways:
         for one in self._holding[e]:
             checkpoint()
             rest = left & ~one
-            if one & ~left or not rest or not self._few((*chosen, one, *(() if parts > 2 else (rest,)))):
+            if one & ~left or not rest or not self.few((*chosen, one, *(() if parts > 2 else (rest,)))):
                 continue
             if parts == 2:
                 good = rest in self.known
@@ -198,7 +196,7 @@ class Ways:
             if good:
                 yield (*chosen, one), rest
 
-    def _few(self, chosen: tuple[int, ...]) -> bool:
+    def few(self, chosen: tuple[int, ...]) -> bool:
         return self._alike is None or len({self._kind(one) for one in chosen}) <= self._alike
 
     def blocks(self, rows: list[tuple[int, ...]]) -> Ints:
@@ -292,7 +290,7 @@ class Bounds:
     def _relaxation(self) -> Any:
         return case_relaxation.relaxation_of(self.assembly, [self.analysis])
 
-    def relaxed(self, blocks: Ints, free: Bools) -> Floats:
+    def relaxed(self, blocks: Ints, free: Bools, *, thorough: bool = False) -> Floats:
         """Return upper bounds (k,) for parts (k, n) whose joints between free cells (k, n) may open or not."""
         if self._relaxation is None:
             return np.full(len(blocks), np.inf)
@@ -300,8 +298,7 @@ class Bounds:
         either[:, : free.shape[1]] = free
         either = either[:, faces.a] & either[:, faces.b]
         labels, plenty = labels_of(self.assembly, blocks), np.full(len(blocks), _PLENTY)
-        # a bound of all joinings may take its time
-        found = self._relaxation.refute_all(labels, either, plenty, None if free.all() else np.zeros(len(free), bool))
+        found = self._relaxation.refute_all(labels, either, plenty, np.full(len(free), thorough))
         return self._relaxation.unit * np.array([np.inf if one is None else one.bound for one in found])
 
 
@@ -323,29 +320,42 @@ def search(
     asked: Asked,
 ) -> Found:
     """Solve all layouts of the fewest parts that fit and carry, and of some more while time lasts."""
-    require, count = asked.require * (1 - 1e-6), len(around)
-    found, fewest, start = Found(require=require), count + 1, time.time()
+    found = Found(require=asked.require * (1 - 1e-6))
     try:
         bounds = Bounds(document)
     except InputError as error:  # splinters may leave joints that no face bears out
         found.problem = str(error)
         return found
-    found.whole = float(bounds.relaxed(np.zeros((1, count), dtype=np.int64), np.ones((1, count), dtype=bool))[0])
-    sets = connected_sets(boxes, around, limits, together, start + _LISTED * (asked.last - start))
-    if not sets and time.time() < asked.last and (groups := _joined(boxes, around, limits)):
-        found.joined, sets = True, _sets_of_groups(groups, boxes, around, limits, together, asked.last)
-    found.sets = len(sets)
-    if not sets:
-        found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
-        return found
+    count = len(around)
 
     @cache
     def kind(one: int) -> tuple[int, ...]:
         members = [k for k in range(count) if one >> k & 1]
         return kind_of(boxes.moments[members].sum(axis=0), float(boxes.volume.max()))
 
-    ways = Ways(sets, count, kind, asked.alike)
-    for parts in range(1, min(asked.most, count) + 1):
+    cells, everything = np.zeros((1, count), dtype=np.int64), np.ones((1, count), dtype=bool)
+    found.whole = float(bounds.relaxed(cells, everything)[0])
+    start = time.time()
+    sets = connected_sets(boxes, around, limits, together, start + _LISTED * (asked.last - start))
+    if not sets and time.time() < asked.last and (chain := list(_joined(boxes, around, limits, GROUPS))):
+        found.joined, sets = True, _sets_of_groups(chain[-1], boxes, around, limits, together, asked.last)
+    found.sets = len(sets)
+    if sets:
+        _search(found, Ways(sets, count, kind, asked.alike), bounds, asked)
+    else:
+        found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
+    if not any(len(one.low) for one in found.of.values()) and time.time() > asked.until:
+        chain = [[1 << e for e in range(count)], *_joined(boxes, around, limits, 1)]
+        chain = [groups for groups in chain if len(groups) <= asked.most]
+        _add_joined(found, Ways([], count, kind, asked.alike), chain, bounds, together)
+    if np.isposinf(found.whole) and time.time() < asked.until:
+        found.whole = float(bounds.relaxed(cells, everything, thorough=True)[0])
+    return found
+
+
+def _search(found: Found, ways: Ways, bounds: Bounds, asked: Asked) -> None:
+    fewest = ways.count + 1
+    for parts in range(1, min(asked.most, ways.count) + 1):
         if parts > fewest + _MORE:
             break
         last = asked.last if parts < fewest else asked.until
@@ -353,12 +363,29 @@ def search(
             ways, parts, bounds, found.whole, replace(asked, last=last), LAYOUTS if parts < fewest else _FURTHER
         )
         found.of[parts] = one
-        if len(one.low) and one.low[0] >= require:
+        if len(one.low) and one.low[0] >= found.require:
             fewest = min(fewest, parts)
-        if time.time() > (asked.until if fewest <= count else asked.last):
-            found.problem = "" if fewest <= count else "time ended"
+        if time.time() > (asked.until if fewest <= ways.count else asked.last):
+            found.problem = "" if fewest <= ways.count else "time ended"
             break
-    return found
+
+
+def _add_joined(found: Found, ways: Ways, chain: list[list[int]], bounds: Bounds, together: list[int]) -> None:
+    # to a search that time ended before it had one that stands
+    rows = [
+        tuple(groups)
+        for groups in chain
+        if ways.few(tuple(groups)) and all(any(one & whole == whole for one in groups) for whole in together)
+    ]
+    if not rows:
+        return
+    blocks = ways.blocks(rows)
+    low, _, locked = bounds(blocks)
+    for row, block, own in zip(rows, blocks, np.where(locked, np.inf, low), strict=True):
+        if own >= 0.0:
+            before = found.of.get(len(row))
+            high = found.whole if before is None else before.high
+            found.of[len(row)] = Layouts(False, 1, 0, block[None], np.array([own]), high)
 
 
 class Solver(Protocol):

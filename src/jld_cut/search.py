@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -167,21 +167,28 @@ class Truth:
         # pieces that are convex pass each other as they are, others as their hulls
         key, assembly = block.tobytes(), self._bounds.assembly
         if self._orders.get(key) is None:
-            labels = labels_of(assembly, block[self.of][None])[0]
+            labels, bodies = labels_of(assembly, block[self.of][None])[0], self._laying.bodies
             try:
                 with Deadline(seconds).enforced():
-                    self._orders[key] = plugins.part("order_without_stages")(assembly, labels) or False
+                    found = plugins.part("order_without_stages")(assembly, labels, bodies=bodies)
+                    self._orders[key] = found or False
             except DeadlinePassed:
                 return None
         return self._orders[key]
 
+    @cached_property
+    def _laying(self) -> Any:
+        # what moves past what is known to all layouts
+        assembly = self._bounds.assembly
+        may_join = np.ones(len(assembly.interfaces), dtype=bool)
+        return plugins.part("laying_constraint")(assembly, "translation", may_join)
+
     def locking(self, block: Ints, seconds: float) -> list[int]:
         """Return cells of parts that lock one another, as few as are found in time."""
-        assembly = self._bounds.assembly
-        labels, may_join = labels_of(assembly, block[self.of][None])[0], np.ones(len(assembly.interfaces), dtype=bool)
+        labels = labels_of(self._bounds.assembly, block[self.of][None])[0]
         try:
             with Deadline(seconds).enforced():
-                lock = plugins.part("laying_constraint")(assembly, "translation", may_join).lock(labels)
+                lock = self._laying.lock(labels)
         except DeadlinePassed:
             return list(range(len(block)))
         return [] if lock is None else np.unique(self.of[np.asarray(lock.elements)]).tolist()

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
+from scipy.spatial import ConvexHull
 
 from cases import assembly_in_space as spatial_assembly
 from cases import box, dry_and_inner, grid_assembly
@@ -37,6 +38,7 @@ from jld_practice.laying import (
     locked_blocks,
     order_without_stages,
 )
+from jld_practice.laying import freedom as freedom_of_blocks
 from jld_practice.laying.command import words_of
 from jld_practice.laying.freedom import stations_below
 
@@ -516,3 +518,23 @@ def test_forces_in_words_have_no_exponent() -> None:
     assert units.force_in_words(60241.0, "N") == "60.24 kN"
     assert units.force_in_words(999.5, "N") == "999.5 N"
     assert units.force_in_words(6e4, "apples") == "6e+04 apples"
+
+
+@pytest.mark.parametrize("corners", [8, 60])
+def test_the_shadow_of_a_solid_needs_few_planes(corners: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a convex solid passes along a direction is the same without the planes that do not bound it."""
+    random = np.random.default_rng(corners)
+    points = random.normal(size=(corners, 3))
+    planes = np.unique(np.round(ConvexHull(points / np.linalg.norm(points, axis=1)[:, None]).equations, 12), axis=0)
+    spots = random.uniform(-3.0, 3.0, size=(20_000, 3))
+    for direction in (np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, -0.8]), np.ones(3) / np.sqrt(3.0)):
+        found = []
+        for most in (freedom_of_blocks._SIDES, 10**9):
+            monkeypatch.setattr(freedom_of_blocks, "_SIDES", most)
+            one = freedom_of_blocks._swept(planes, direction, np.zeros(3))
+            found.append((len(one), (spots @ one[:, :3].T + one[:, 3]).max(axis=1) <= 0.0))
+            monkeypatch.undo()
+        (few, within), (many, same) = found
+        assert np.array_equal(within, same)
+        assert 0 < within.sum() < len(spots)
+        assert few < (many / 4 if corners == 60 else many + 1)

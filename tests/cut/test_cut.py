@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import pairwise
 from math import comb
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ from jld_cut.meshes import (
     volume_of,
     write_3mf,
 )
-from jld_cut.partitions import Asked, Bounds, Boxes, Ways, connected_sets, frames, search, strongest
+from jld_cut.partitions import Asked, Bounds, Boxes, Layouts, Ways, connected_sets, frames, search, strongest
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.scene import Matter, Region, Setting, outside, parse_load, scene_of, shares
 from jld_cut.search import Family, Truth, body_of, family_of
@@ -315,6 +316,36 @@ def test_objects_of_a_3mf_file_stand_where_it_builds_them(tmp_path: Path, build:
         assert read_solid(path, 1.0).bounding_box() == pytest.approx(found)
 
 
+@pytest.mark.parametrize(
+    ("states", "unit", "side", "used", "warned"),
+    [
+        (' unit="inch"', None, 1.2 / 0.0254, "in", ""),
+        ("", None, 1200.0, "mm", ""),  # millimetres are the default of the format
+        (' unit="millimeter"', "mm", 1200.0, "mm", ""),
+        (' unit="millimeter"', "m", 1.2, "m", "the file states mm, the options are read in m: 1 m is 1000 mm of it"),
+        (' unit="micron"', None, 1.2e6, "micron", ""),
+    ],
+)
+def test_options_are_read_in_the_unit_that_a_3mf_file_states(
+    tmp_path: Path, states: str, unit: str | None, side: float, used: str, warned: str
+) -> None:
+    path, mesh, said = tmp_path / "pillar.3mf", mesh_of(box(1, 1, 2)), list[str]()
+    write_3mf(path, [("a", mesh.vertices * (side / 1.2 if not warned else 1e3), mesh.faces)])
+    with zipfile.ZipFile(path) as archive:
+        model = archive.read("3D/3dmodel.model").decode().replace(' unit="millimeter"', states)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("3D/3dmodel.model", model)
+    options = Options((side,) * 3, DOWN, unit=unit, families=("grid",), cells=2, seconds=3.0, keys=False)
+    found = cut(path, options, tmp_path / "out", said.append)
+    assert found["volume"] == pytest.approx(2.0, rel=1e-6)
+    assert found["unit"] == used
+    assert found["parts"] == 2
+    assert found["fits"]
+    assert found["largest_box"] == pytest.approx([side / 1.2] * 3, rel=1e-4)
+    assert found["warnings"] == [warned] * bool(warned)
+    assert [line for line in said if "warning" in line] == [f"warning: {warned}"] * bool(warned)
+
+
 def _open(mesh: Any) -> None:
     mesh.faces = mesh.faces[1:]
 
@@ -510,6 +541,38 @@ def test_a_box_that_holds_many_cells_has_a_layout(solid: Any, fit: float, parts:
     assert found.bound(parts) == found.whole >= found.of[parts].low[0]
 
 
+@pytest.mark.parametrize("together", [[], [0b11]])
+def test_a_search_without_time_has_a_layout(together: list[int]) -> None:
+    """Cells joined pair by pair while they fit; parts that may not be parted are not."""
+    wish = Options((1.1,) * 3, DOWN, cells=12, families=("grid",)).wish()
+    family = family_of("grid", "block", body_of(box(2, 1, 1), wish), wish)
+    assert family is not None
+    boxes, count = family.boxes(), len(family.around)
+    found = search(family.document, boxes, family.around, wish.limits, together, asked_for(-1.0, most=24))
+    stands = {n: one for n, one in found.of.items() if len(one.low)}
+    assert 2 <= min(stands) <= 4
+    for number, one in stands.items():
+        (block,) = one.blocks
+        parts = [[k for k in range(count) if block[k] == name] for name in range(number)]
+        wholes = boxes.grouped([sum(1 << k for k in own) for own in parts])
+        assert boxes.fit(wholes.low, wholes.high, wish.limits).all()
+        assert not together or block[0] == block[1]
+    assert not found.proven(2)
+    assert found.kind(2) == "joints"
+
+
+@pytest.mark.parametrize("seconds", [0.1, 4.0])
+def test_a_cut_always_reaches_its_verdict(tmp_path: Path, seconds: float) -> None:
+    hollow = box(2, 1, 1) - box(1.6, 0.6, 0.6, (0.2, 0.2, 0.2))
+    options = Options((1.1,) * 3, DOWN, seconds=seconds, clearance=0.002)
+    found = cut(written(hollow, tmp_path / "hollow.stl"), options, tmp_path / "out")
+    assert found == json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert found["verdict"].startswith(f"{found['parts']} parts carry ")
+    assert found["fits"]
+    assert found["left_out"]
+    assert len(list((tmp_path / "out" / "parts").glob("*.stl"))) == found["parts"]
+
+
 @pytest.mark.parametrize("number", [3, 12])
 def test_a_number_is_engraved_in_a_closed_part(number: int) -> None:
     whole = box(0.3, 0.4, 0.5)
@@ -668,6 +731,28 @@ def test_a_part_within_another_is_named() -> None:
     assert truth.order(core.astype(np.int64), 60.0) is False
     assert int(np.flatnonzero(core)[0]) in truth.locking(core.astype(np.int64), 60.0)
     assert len(truth.order(np.where(core, 1, np.where(middles[:, 2] > 2.0, 2, 0)), 60.0).steps) == 3
+
+
+def test_layouts_that_go_together_come_first() -> None:
+    """Those with an order are judged first, then those that are not known to lock; a locked one only if all are."""
+
+    class Orders:
+        def __init__(self, known: dict[int, Any]) -> None:
+            self.known = known
+
+        def order(self, block: Any, seconds: float) -> Any:
+            assert seconds > 0.0
+            return self.known[int(block[0])]
+
+    rows = Layouts(True, 4, 0, np.arange(4)[:, None], np.array([9.0, 8.0, 7.0, 6.0]), 9.0)
+    for known, expected in (
+        ({0: None, 1: "steps", 2: False, 3: "steps"}, [1, 3, 0]),
+        ({0: False, 1: False, 2: None, 3: False}, [2]),
+        (dict.fromkeys(range(4), False), [0]),
+    ):
+        family = SimpleNamespace(truth=Orders(known))
+        found = list(sys.modules["jld_cut.cut"]._loose(family, rows, time.time() + 60.0))
+        assert [int(block[0]) for block, _ in found] == expected
 
 
 def test_a_part_with_a_hook_slides_out() -> None:

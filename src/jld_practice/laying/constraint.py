@@ -117,7 +117,7 @@ class SequenceConstraint:
     ) -> None:
         assembly.members.refuse("an assembly sequence")
         self.assembly, self.wish, self.group = assembly, wish, group
-        self._bodies = Bodies(assembly, sideways)
+        self.bodies = Bodies(assembly, sideways)
         self._parts = Parts(assembly)
         self._known: dict[bytes, Lock | None] = {}
         self.locks: list[Lock] = []
@@ -150,7 +150,7 @@ class SequenceConstraint:
         for key in refused:
             packed = np.frombuffer(key, dtype=np.uint8)
             labels = np.unpackbits(packed, count=len(self.assembly.interfaces)).astype(bool)
-            laying = assembly_order(self.assembly, labels, group=self.group, bodies=self._bodies, parts=self._parts)
+            laying = assembly_order(self.assembly, labels, group=self.group, bodies=self.bodies, parts=self._parts)
             if laying.first_fall is not None:
                 share = laying.first_fall[0] / len(laying.steps)
                 if best is None or share > best[0]:
@@ -180,7 +180,7 @@ class SequenceConstraint:
 
     def _found(self, labels: Bits) -> Lock | None:
         """Test labels (m,) and return their conflict, or None."""
-        members = locked_blocks(self.assembly, labels, group=self.group, bodies=self._bodies)
+        members = locked_blocks(self.assembly, labels, group=self.group, bodies=self.bodies)
         if members:
             lock = self._lock_conflict(labels, np.array(members, dtype=np.int64))
             self.locks.append(lock)
@@ -193,7 +193,7 @@ class SequenceConstraint:
         every, elements = np.arange(len(labels)), self.assembly.elements
         whole = Lock(every, labels, elements.free)
         blocks = blocks_of_labelling(self.assembly, labels)
-        freedom, standing = Freedom(blocks, bodies=self._bodies), Standing(blocks, labels, self._parts)
+        freedom, standing = Freedom(blocks, bodies=self.bodies), Standing(blocks, labels, self._parts)
         stands = standing.stage(np.ones(len(blocks), dtype=bool)).stands
         if not stands:
             return replace(whole, proven=stands is False)
@@ -205,7 +205,7 @@ class SequenceConstraint:
             if built.possible is False:
                 return self._visited_conflict(built.seen, labels)
         laying = assembly_order(
-            self.assembly, labels, wish="standing", group=self.group, bodies=self._bodies, parts=self._parts
+            self.assembly, labels, wish="standing", group=self.group, bodies=self.bodies, parts=self._parts
         )
         if laying.possible and laying.stands:
             return None
@@ -274,7 +274,7 @@ class SequenceConstraint:
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         blocks = blocks_of_labelling(self.assembly, labels | ground[faces.a] | ground[faces.b])
         first = np.unique(blocks.of, return_index=True)[1]
-        freedom = Freedom(replace(blocks, fixed=blocks.fixed | ~among[first]), bodies=self._bodies)
+        freedom = Freedom(replace(blocks, fixed=blocks.fixed | ~among[first]), bodies=self.bodies)
         needed = ground.copy()
         for tried in [ground, *(np.arange(len(ground)) == e for e in np.flatnonzero(ground))]:
             there = np.zeros(len(blocks), dtype=bool)

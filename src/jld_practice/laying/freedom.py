@@ -15,6 +15,7 @@ from jld_core.geometry import across, area_of, area_vector
 
 # relative volume by which a sweep may overlap an element by rounding; its power 2/3 times the size is a depth
 SHARED: Final = 1e-6
+_SIDES: Final = 12  # planes around a shadow above which those that do not bound it are dropped
 
 
 class Solids:
@@ -30,6 +31,7 @@ class Solids:
         hulls = [ConvexHull(corners) for corners in elements.shape]
         self.planes = [np.unique(np.round(hull.equations, 12), axis=0) for hull in hulls]
         self._met: dict[tuple[int, int, bytes], bool] = {}
+        self._paths: dict[tuple[int, float, bytes], Floats] = {}
         self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + SHARED) * _volumes(elements)
 
     def swept(self, mine: Ints, others: Ints, direction: Floats) -> Ints:
@@ -57,7 +59,7 @@ class Solids:
         # equivalent: a convex element at rest moves the opposite way, past the surface of one that is not
         if self.convex[still] and not self.convex[moving]:
             moving, still, direction = still, moving, -direction
-        p, faces = self.planes[moving], self._skin(still)
+        p, (faces, normals) = self.planes[moving], self._skin(still)
         # one that meets a solid takes in some of its surface, by more than two elements overlap that only touch
         depth = 2.0 * SHARED ** (2.0 / 3.0) * float(min(self.size[moving], self.size[still]))
         if self.convex[still]:
@@ -65,8 +67,6 @@ class Solids:
             behind = (self.elements.shape[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
             if np.any((behind >= -depth) & (q[:, :3] @ direction >= -1e-9)):
                 return False
-        normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-        normals = normals / np.linalg.norm(normals, axis=1)[:, None]
         ways = normals @ direction
         ahead = (faces @ p[:, :3].T).min(axis=1) + p[:, 3]
         clear = ((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)).any(axis=1)
@@ -75,22 +75,33 @@ class Solids:
         clear |= (height.max(axis=0) <= depth) & (ways <= 1e-9)
         if clear.all():
             return False
-        planes = _swept(p + np.array([0.0, 0.0, 0.0, depth]), direction)
-        return any(_meets(planes, face, 1e-3 * depth) for face in faces[~clear])
+        key = (moving, depth, direction.tobytes())
+        if key not in self._paths:
+            middle = self.elements.shape[moving].mean(axis=0)
+            self._paths[key] = _swept(p + np.array([0.0, 0.0, 0.0, depth]), direction, middle)
+        planes = self._paths[key]
+        faces = faces[~clear]
+        # most are settled at once: a corner or the middle within, or all corners beyond one plane
+        spots = np.concatenate([faces, faces.mean(axis=1, keepdims=True)], axis=1) @ planes[:, :3].T + planes[:, 3]
+        if (spots <= 0.0).all(axis=2).any():
+            return True
+        return any(_meets(planes, face, 1e-3 * depth) for face in faces[~(spots.min(axis=1) > 0.0).any(axis=1)])
 
-    def _skin(self, element: int) -> Floats:
+    def _skin(self, element: int) -> tuple[Floats, Floats]:
+        # triangles and their unit normals
         if element not in self._skins:
             corners = self.elements.shape[element]
-            faces = [corners[list(loop)] for loop in self.elements.faces[element]]
-            self._skins[element] = np.concatenate([_triangles(face) for face in faces])
+            faces = np.concatenate([_triangles(corners[list(loop)]) for loop in self.elements.faces[element]])
+            normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+            self._skins[element] = faces, normals / np.linalg.norm(normals, axis=1)[:, None]
         return self._skins[element]
 
     @cached_property
-    def _skins(self) -> dict[int, Floats]:
+    def _skins(self) -> dict[int, tuple[Floats, Floats]]:
         return {}
 
 
-def _swept(planes: Floats, direction: Floats) -> Floats:
+def _swept(planes: Floats, direction: Floats, middle: Floats) -> Floats:
     """Return the planes (k, 4) around all that the solid in planes (p, 4), n·x + c ≤ 0, passes along a direction."""
     # a point x is passed if n·(x − t·d) + c ≤ 0 for some t ≥ 0: t is eliminated between each pair of planes
     speed = planes[:, :3] @ direction
@@ -99,6 +110,12 @@ def _swept(planes: Floats, direction: Floats) -> Floats:
     sides = (lower[:, None] - upper[None]).reshape(-1, 4)
     length = np.linalg.norm(sides[:, :3], axis=1)
     sides = sides[length > 1e-9] / length[length > 1e-9, None]
+    # of hundreds of pairs few bound the shadow: the corners of its polar about a point within
+    room = -(sides[:, :3] @ middle + sides[:, 3])
+    if len(sides) > _SIDES and (room > 0.0).all():
+        from scipy.spatial import ConvexHull
+
+        sides = sides[ConvexHull(sides[:, :3] @ tangents(direction)[:2].T / room[:, None]).vertices]
     return np.concatenate([planes[~ahead], sides])
 
 
