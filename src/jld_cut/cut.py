@@ -292,7 +292,7 @@ def _judged(
         if not family.truth or (judged and time.time() > end):
             continue
         found, count = family.found.of[parts], 0
-        for block, coarse in _loose(family, found, end):
+        for block, coarse in _to_judge(family, found, end):
             if judged and (count and time.time() > end):
                 break
             bracket = family.truth.known[block.tobytes()] = weaker(family.truth.solve(block), coarse)
@@ -305,14 +305,15 @@ def _judged(
     return [one for _, _, one in judged]
 
 
-def _loose(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
+def _to_judge(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
     """Yield the best layouts whose parts are not known to lock one another, or else the best."""
-    rows, count = list(zip(found.blocks, found.low.tolist(), strict=True)), 0
-    for block, coarse in rows:
-        if count < BEST and family.truth.order(block, max(_LAYING, (end - time.time()) / 2)) is not False:
+    ranked, count = list(zip(found.blocks, found.low.tolist(), strict=True)), 0
+    for block, coarse in ranked:
+        seconds = max(_LAYING, (end - time.time()) / 2)
+        if count < BEST and family.truth.order(block, seconds) is not False:  # None: not decided in that time
             count += 1
             yield block, coarse
-    yield from () if count else rows[:1]
+    yield from [] if count else ranked[:1]
 
 
 def _chosen(
@@ -555,7 +556,8 @@ def _shown(value: Any) -> str:
 
 def _carried(summary: dict[str, Any]) -> str:
     """Return what parts carry in words, by the model that knows more."""
-    low, (least, most) = low_of((*summary["bracket"], summary["locked"])), summary.get("by_fields") or (None, None)
+    low = low_of((*summary["bracket"], summary["locked"]))
+    least, most = summary.get("by_fields") or (None, None)
     anywhere, between = "with cracks anywhere in them", "with cracks between cells"
     if summary["locked"]:
         carry, of_cells = f"any multiple of your load {between} (only crushing would limit it)", f"any {between}"
@@ -563,6 +565,7 @@ def _carried(summary: dict[str, Any]) -> str:
         return "have no proven load factor"
     else:
         carry, of_cells = f"at least {low:.3g} times your load {between}", f"{low:.3g} {between}"
+    # blocks that crack anywhere carry no more; where that bound is lower, cells had too few faces to crack along
     if most is not None and most < low:
         start = "" if least is None else f"at least {least:.3g} and "
         return f"carry {start}at most {most:.3g} times your load {anywhere} ({of_cells}, where few faces can crack)"

@@ -613,7 +613,7 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
     if not isinstance(support, bool):
         raise InputError("support", f"it is {str(support)[:40]!r}", "true or false")
     if "grid" in document:
-        rows = _rows(document["grid"]["rows"], element, support)
+        rows = _rows_with_support(document["grid"]["rows"], element, support)
         found = {**document, "grid": {**document["grid"], "rows": rows}}
         held = {f"c{c}r{r}" for r, row in enumerate(rows) for c, cell in enumerate(row) if cell == "#"}
     else:
@@ -635,18 +635,16 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
     return found
 
 
-def _rows(rows: list[str], element: object, support: bool) -> list[str]:
+def _rows_with_support(rows: list[str], element: object, support: bool) -> list[str]:
     place = _CELL.fullmatch(element) if isinstance(element, str) else None
     column, row = (int(place[1]), int(place[2])) if place else (-1, -1)
     if not (0 <= row < len(rows) and 0 <= column < len(rows[row]) and rows[row][column] != "."):
         raise _unknown(element)
     if support == (rows[row][column] == "#"):
         return list(rows)
-    near = {
-        rows[r][c]
-        for r, c in ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1))
-        if 0 <= r < len(rows) and 0 <= c < len(rows[r])
-    }
+    # a cell that is free again is a block of its own: its letter is none of its neighbours'
+    places = ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1))
+    near = {rows[r][c] for r, c in places if 0 <= r < len(rows) and 0 <= c < len(rows[r])}
     letter = "#" if support else next(letter for letter in _LETTERS if letter not in near)
     changed = rows[row][:column] + letter + rows[row][column + 1 :]
     return [*rows[:row], changed, *rows[row + 1 :]]

@@ -529,21 +529,22 @@ def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: in
 
 
 def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Floats, Bools]:
-    """Return B (m, 2, 2); k, c and μ (3, m, 2) of the gauges of shear and torsion; and a mask (m,) of those in one."""
+    """Return B (m, 2, 2); k, c and μ (3, m, 2) of the gauge of shear, then of torsion; True (m,) where one is both."""
     # Gauges are divided by the larger of the size of B and k. Where rows limit shear, B is zero.
     shear, coupled = np.zeros((count, 2, 2)), np.zeros(count, dtype=bool)
     numbers = np.zeros((3, count, 2))
-    for which, rows in groups:
+    for faces, rows in groups:
         for gauge in rows.gauges:
-            torsion, capacity, friction = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
-            size = np.array(torsion)
+            k, c, mu = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
+            size = np.array(k)
             if gauge.shear is not None:
                 size = np.maximum(size, np.linalg.norm(gauge.shear, ord=2, axis=(1, 2)))
-                shear[which] = gauge.shear / size[:, None, None]
-                coupled[which] = torsion > 0.0
-            for place, limits in ((0, gauge.shear is not None), (1, bool(np.all(torsion > 0.0)))):
-                if limits and len(which):
-                    numbers[:, which, place] = np.array([torsion if place else size, capacity, friction]) / size
+                shear[faces] = gauge.shear / size[:, None, None]
+                coupled[faces] = k > 0.0
+            limited = (gauge.shear is not None, bool(np.all(k > 0.0)))
+            for column, factor in enumerate((size, k)):
+                if limited[column] and len(faces):
+                    numbers[:, faces, column] = np.array([factor, c, mu]) / size
     return shear, numbers, coupled
 
 

@@ -449,7 +449,7 @@ def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
         answer = spread[:, None] * (equilibrium.T @ splu(system).solve(np.asfortranarray(-parts.T)))
         if not np.isfinite(answer).all() or abs(equilibrium @ answer + parts.T).max() > _SAFE * abs(parts).max():
             break
-        taken = _taken(program, np.asarray(rows @ answer))
+        taken = _largest_losses(program, np.asarray(rows @ answer))
         robust = replace(program, rhs=program.rhs - np.concatenate([np.zeros(equations), taken]))
         point = make_solver("clarabel").solve(robust).point
         slack = robust.rhs - robust.matrix @ point
@@ -463,8 +463,9 @@ def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
     return best if best >= 0.0 else -math.inf
 
 
-def _taken(program: ConicProgram, change: Floats) -> Floats:
-    """Return what changes (rows, k) of slacks can take of each row together: of cones at their tips."""
+def _largest_losses(program: ConicProgram, change: Floats) -> Floats:
+    """Return what changes (rows, k) of slacks, each of either sign, take of a row at the most."""
+    # of a cone the tip must give what its body may grow by
     linear, sizes = program.structure.linear, program.structure.cones
     taken = np.zeros(len(change))
     taken[:linear] = abs(change[:linear]).sum(axis=1)
