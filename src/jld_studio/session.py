@@ -49,11 +49,8 @@ from jld_geometry.variables import SAME, Variables, mirrored, variables_of, vert
 from jld_views import page_contract, page_data, page_of_study
 from jld_views import page_data as report_page_data
 
-ASKED_SECONDS: Final = 3.0
-"""Time limit of one improvement, s; a page waits for it."""
-
-STEPS: Final = 6
-"""Number of steps of an improvement that are tried."""
+ASKED_SECONDS: Final = 3.0  # time limit of one improvement, s; a page waits for it
+STEPS: Final = 6  # number of steps of an improvement that are tried
 
 
 class JointVertices:
@@ -150,8 +147,7 @@ class JointVertices:
         }
 
 
-METRIC: Final = ("MN", "kN", "N")
-"""Units of force among which a number chooses the largest in which it is at least 1."""
+METRIC: Final = ("MN", "kN", "N")  # units of force among which a number chooses the largest in which it is at least 1
 
 
 def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult) -> list[list[str]]:
@@ -237,7 +233,6 @@ SECONDS: Final = 2.0
 
 # Longest expected time of one mesh, s: a change of the page waits for the mesh that is being solved.
 STEP: Final = 0.6
-
 LARGEST: Final = 3000
 """Triangles of the coarsest mesh above which nothing is bounded: both bounds would take longer than `SECONDS`."""
 
@@ -322,15 +317,11 @@ class FieldBrackets:
                 return {"refused": str(error), "more": False}
 
 
-KEPT: Final = 16
-"""Number of cached assemblies; the cache key contains all changes except labels."""
-
-SPACES: Final = 4
-"""Number of cached search spaces; the key contains limits and weights."""
+KEPT: Final = 16  # number of cached assemblies; the cache key contains all changes except labels
+SPACES: Final = 4  # number of cached search spaces; the key contains limits and weights
 
 # Parts of a scene besides labels that a page may change; "vertices" are those of joints of planar scenes.
 CHANGEABLE: Final = ("materials", "loads", "search", "vertices")
-
 _SCENE: Final = "scene"  # name of the scene in messages, which a key of the page does not have
 
 
@@ -531,8 +522,7 @@ def _bodies(assembly: Assembly) -> dict[str, Any]:
 
 # Number of scenes beside the first whose solver stays in memory; others are built again when they are asked for.
 SESSIONS: Final = 6
-FOLDER: Final = "scenes"
-"""Folder for the scenes of kept candidates."""
+FOLDER: Final = "scenes"  # folder for the scenes of kept candidates
 _NAME: Final = re.compile(r"[0-9a-f]{16}")  # pattern of the name of a scene
 
 

@@ -224,16 +224,12 @@ _NEAR: Final = 1e-6
 
 # Size of the minors of unit rows below which their line of intersection is found in exact arithmetic alone
 _FLAT: Final = 1e-9
-
 _TRIES: Final = 8  # parts in which the ends of a hull are tried as normals of its facets
-
 _SAME: Final = 1e-9  # distance below which two unit normals of facets are one
 
 # Distance of a vertex beyond a row, relative to all, below which the row is a facet; rows are moved out then
 _INSIDE: Final = 1e-11
-
-Vector = tuple[int, ...]
-"""Point or ray in homogeneous coordinates: (x w, w) with w > 0, and (x, 0)."""
+Vector = tuple[int, ...]  # point or ray in homogeneous coordinates: (x w, w) with w > 0, and (x, 0)
 
 
 def corners(rows: Floats, constants: Floats) -> tuple[Floats, Floats]:
@@ -376,9 +372,7 @@ def _firsts(normals: Floats) -> Bools:
 
 
 _ROUNDED: Final = 1e-12  # share of a strength by which N may pass the apex of friction in rounding
-
 _MOST: Final = 600_000  # largest number of groups of rows that are tried for vertices and rays
-
 _TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strengths, below which the row touches it
 
 
