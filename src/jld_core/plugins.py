@@ -15,7 +15,7 @@ from jld_core.errors import InputError
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-GROUPS: Final = {
+GROUPS: Final = {  # group of entry points → what an object of it is
     "jld.drivers": "a search driver",
     "jld.counts": "a count of layouts",
     "jld.objectives": "an objective of a search",
@@ -25,7 +25,6 @@ GROUPS: Final = {
     "jld.formats": "a file format",
     "jld.parts": "a part of jld",
 }
-"""Group of entry points → what an object of it is."""
 
 
 @cache
@@ -100,7 +99,6 @@ def refuse_type(group: str, name: str, expected: str, problem: str = "") -> Inpu
 
 
 _OWN_WORDS: Final = ("jld_core", "jld_explore", "typer", "click")  # packages whose errors say what is wrong
-
 _LONGEST: Final = 200  # characters of what a stranger's error says
 
 

@@ -28,18 +28,10 @@ FACTS: Final[Mapping[str, tuple[str, str]]] = {
 }
 """Key of a scene and a name in words for each fact about strengths."""
 
-ADHESION: Final = frozenset({"cohesion"})
-"""Facts of joints that resist shear without pressure."""
-
-CRITERIA: Final = frozenset({"dry criterion", "inner criterion"})
-"""Facts of yield criteria that plug-ins add."""
-
-STANDARD: Final = frozenset(FACTS) - CRITERIA
-"""Facts of the standard criterion."""
-
-
-GROUP: Final = "jld.criteria"
-"""Group of entry points of yield criteria."""
+ADHESION: Final = frozenset({"cohesion"})  # facts of joints that resist shear without pressure
+CRITERIA: Final = frozenset({"dry criterion", "inner criterion"})  # facts of yield criteria that plug-ins add
+STANDARD: Final = frozenset(FACTS) - CRITERIA  # facts of the standard criterion
+GROUP: Final = "jld.criteria"  # group of entry points of yield criteria
 
 
 @dataclass(frozen=True)

@@ -311,7 +311,7 @@ def _judged(
         if not family.truth or (judged and time.time() > end):
             continue
         found, count = family.found.of[parts], 0
-        for block, coarse in _loose(family, found, end):
+        for block, coarse in _to_judge(family, found, end):
             if judged and (count and time.time() > end):
                 break
             bracket = family.truth.known[block.tobytes()] = weaker(family.truth.solve(block), coarse)
@@ -324,11 +324,11 @@ def _judged(
     return [one for _, _, one in judged]
 
 
-def _loose(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
+def _to_judge(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, float]]:
     """Yield the best layouts: those with an order, those not known to lock, or else the best."""
-    rows, count, later = list(zip(found.blocks, found.low.tolist(), strict=True)), 0, list[tuple[Ints, float]]()
+    ranked, count, later = list(zip(found.blocks, found.low.tolist(), strict=True)), 0, list[tuple[Ints, float]]()
     half = (time.time() + end) / 2
-    for block, coarse in rows:
+    for block, coarse in ranked:
         if count == BEST or (count + len(later) and time.time() > half):
             break
         laying = family.truth.order(block, _LAYING)
@@ -337,7 +337,7 @@ def _loose(family: Family, found: Layouts, end: float) -> Iterator[tuple[Ints, f
             yield block, coarse
         elif laying is None:
             later.append((block, coarse))
-    yield from later[: BEST - count] or (() if count else rows[:1])
+    yield from later[: BEST - count] or (() if count else ranked[:1])
 
 
 def _chosen(
@@ -597,7 +597,8 @@ def _shown(value: Any) -> str:
 
 def _carried(summary: dict[str, Any]) -> str:
     """Return what parts carry in words, by the model that knows more."""
-    low, (least, most) = low_of((*summary["bracket"], summary["locked"])), summary.get("by_fields") or (None, None)
+    low = low_of((*summary["bracket"], summary["locked"]))
+    least, most = summary.get("by_fields") or (None, None)
     anywhere, between = "with cracks anywhere in them", "with cracks between cells"
     if summary["locked"]:
         carry, of_cells = f"any multiple of your load {between} (only crushing would limit it)", f"any {between}"
@@ -605,6 +606,7 @@ def _carried(summary: dict[str, Any]) -> str:
         return "have no proven load factor"
     else:
         carry, of_cells = f"at least {low:.3g} times your load {between}", f"{low:.3g} {between}"
+    # blocks that crack anywhere carry no more; where that bound is lower, cells had too few faces to crack along
     if most is not None and most < low:
         start = "" if least is None else f"at least {least:.3g} and "
         return f"carry {start}at most {most:.3g} times your load {anywhere} ({of_cells}, where few faces can crack)"

@@ -37,8 +37,7 @@ from jld_dilation.rlt_relaxation import (
     zero_product_pairs,
 )
 
-BITS: Final = 70
-"""Number of binary places to which numbers are rounded."""
+BITS: Final = 70  # number of binary places to which numbers are rounded
 
 
 @dataclass(frozen=True)
@@ -107,26 +106,17 @@ _ROUNDS: Final = 20  # maximum number of corrections of the multipliers
 
 # Size above which a multiplier may change without limit in a correction; smaller ones change in proportion
 _FREE: Final = 1e-7
-
 _GONE: Final = 1e-14  # size below which a multiplier counts as zero
-
 _FINER: Final = 0.2  # factor by which the slack σ decreases after a proof, as less slack may prove a higher bound
-
 _FINEST: Final = 2e-4  # fraction of the initial slack at which this reduction ends
-
 _ASTRAY: Final = 1e4  # ratio of the charge to the least charge so far at which corrections have diverged
 
 # Factor by which a correction must reduce the charge; three failures in a row end the corrections
 _STALLED: Final = 0.7
-
 _REFINED: Final = 12  # maximum number of refinements of a correction with the same factor
-
 _GAINS: Final = 0.5  # factor by which each refinement must reduce the residual
-
 _IN_FULL: Final = 9000  # number of unknowns up to which normal equations are factored as a dense matrix (0.65 GB)
-
 _SHIFT: Final = 1e-15  # regularisation of the normal equations, compensated by refinement
-
 _NIL: Final = 1e-60  # upper limit of what is lost where residuals are converted to doubles
 
 
@@ -405,9 +395,7 @@ _FREE_BLOCKS: Final = (
 
 
 _SHIFT_BLOCKS: Final = 1e-14  # regularisation of the normal equations, compensated by refinement
-
 _REFINED_BLOCKS: Final = 40  # maximum number of steps of conjugate gradients per correction
-
 _EXACT: Final = 1e-9  # relative residual at which these steps end
 
 

@@ -31,19 +31,12 @@ from jld_dilation.modes import LinearModes, LinearRows, Modes, Statics
 from jld_dilation.product_space import PrimalDualPair, rank
 from jld_dilation.rlt_relaxation import LowerBoundProblem
 
-_STEP, _GAP = 1e-9, 1e-11
-"""Solver residuals: of proximal steps (`_STEP`) and of the minimisation of Γ (`_GAP`)."""
-
+_STEP, _GAP = 1e-9, 1e-11  # solver residuals: of proximal steps (`_STEP`) and of the minimisation of Γ (`_GAP`)
 _BACK = 6  # maximum number of solves of one proximal step; after each failure its centre moves back half way
-
 _DOWN = 0.02  # relative reduction of the weight of λ in Γ, so that the lowest λ is preferred among equal Γ
-
 _LEAST = 0.1  # least fraction of a proximal step that is applied
-
 _LOST = 1e30  # size of scaled forces at which the solver is considered to have failed
-
 _LIGHT = 1e-3  # lower limit of the largest scaled N in the test for compressed faces; below it N is rounding
-
 _PRESSED = 1e-6  # N relative to the largest N above which a face counts as compressed and may not dilate
 
 
@@ -358,20 +351,14 @@ class FixedPointSearch:
 
 # Values of y below which a mode may move, tried in order until some mechanism exists
 _CLOSED: Final = (1e-9, 1e-7, 1e-5)
-
 _MOVING: Final = 1e-9  # value of z above which a mode counts as moving
-
 _BETTER: Final = 1e-9  # relative gain in λ that counts
-
 _IDLES: Final = 1e-3  # scaled weight of a mode whose slack is zero, so that few of these modes move
-
 _SWAY: Final = 1e-3  # size of the random objective that selects another vertex of the same λ
 
 # Random change of the weights y where the gap is closed: relative, absolute. The second is also the weight of λ.
 _UNEVEN: Final = (0.2, 1e-6)
-
 _ROUNDS: Final = 6  # maximum number of rounds to close the gap
-
 _CLOSING: Final = 0.9  # factor by which Σ yz must decrease in each round
 
 

@@ -90,9 +90,7 @@ _NOTHING: Final = 1e-9
 
 # Largest coefficient, relative to that of the slide; larger ones come from nearly parallel faces and bound little
 _LARGE: Final = 1e3
-
-Loop = tuple[int, ...]
-"""Numbers of the faces of one loop."""
+Loop = tuple[int, ...]  # numbers of the faces of one loop
 
 
 def loops_of(assembly: Assembly, rates: Floats) -> Floats:
@@ -297,9 +295,7 @@ def adjacent_faces(assembly: Assembly) -> Bools:
 
 
 _SUMS: Final = 1e-13  # rounding error of a sum of a few hundred products, relative to the sum of their absolute values
-
 _MOVES_NOT: Final = 1e-6  # least scaled slack that proves that a mode cannot move
-
 _SEEN: Final = 1e-8  # slack of a known state below which a form is not tested, as its minimum cannot be positive enough
 
 

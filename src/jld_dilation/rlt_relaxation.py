@@ -18,11 +18,8 @@ from jld_core import Bools, Floats, Ints, time_left, tolerances
 from jld_dilation.modes import BoundedModes, LinearAnswer, LinearModes, Modes, Region, interior_point
 
 _NOTHING: Final = 1e-11  # size of coefficients that are rounding errors of an elimination
-
 _MIXED: Final = 6  # number of modes, the largest, whose states are computed from X
-
 _SEEN: Final = 1e-6  # least z of a mode whose state is computed from X
-
 _VIOLATED: Final = 1e-7  # size of a negative product from which its row is added to the program
 
 
@@ -254,11 +251,8 @@ def _all(first: int, second: int, start: int = 0, chosen: Ints | None = None) ->
     return np.repeat(np.arange(first) + start, len(other)), np.tile(other, first)
 
 
-PATIENT: Final = 600.0
-"""Processor time in seconds from which products are formed for any number of faces."""
-
+PATIENT: Final = 600.0  # processor time in seconds from which products are formed for any number of faces
 _LEAST: Final = 1e-8  # lower limit of the scaled |λ| to which relative distances refer
-
 _ROOM: Final = 0.02  # margin above the lowest solution found, relative to the interval of λ not yet excluded
 
 # Additional margin relative to λ; an interval of zero width leaves the interior-point method no interior
@@ -266,7 +260,6 @@ _LEAST_ROOM: Final = 1e-3
 
 # Fraction of the remaining distance that a step must gain; below it rows are added or the region is split
 _STALL: Final = 0.05
-
 _TRUSTED: Final = 1e-7  # relative reduction of an unproven bound; it exceeds the tolerance of the solver
 
 

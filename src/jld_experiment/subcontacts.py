@@ -186,7 +186,7 @@ def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: boo
     faces = assembly.interfaces
     arm = faces.polygon[face] - faces.origin[face]
     corners = np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]])
-    triangles, size = _cut(corners), float(faces.area[face])
+    triangles, size = _triangles(corners), float(faces.area[face])
     one, two = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     share = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
     share = share * size / float(share.sum())
@@ -203,8 +203,8 @@ def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: boo
     return np.column_stack([points, _balanced(points, areas)])
 
 
-def _cut(corners: Floats) -> Floats:
-    """Return (t, 3, 2) triangles of a polygon about its centroid, with it if it sees all edges."""
+def _triangles(corners: Floats) -> Floats:
+    """Return triangles (t, 3, 2) of a polygon about 0: a fan from there if it sees all edges."""
     after = np.roll(corners, -1, axis=0)
     signed = corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]
     if np.all(signed > 0.0) or np.all(signed < 0.0):

@@ -83,7 +83,6 @@ _BOUNDING: Final = 5.0
 # Seconds after the end of a search for the bound on all labellings. After an interrupt it also limits the solves for
 # the page, which shows forces of the best layout unless solving it takes long.
 _STOPPING: Final = 0.5
-
 _FOUND: Final = 1.2  # time to find and evaluate a first layout after a signal, s
 
 
@@ -353,8 +352,7 @@ def _makers(
     return kind, VoidCellsEvaluator if void else make
 
 
-Drawn = tuple[list[Path], list[str]]
-"""Pictures that were written, and those that were left out for lack of time."""
+Drawn = tuple[list[Path], list[str]]  # pictures that were written, and those that were left out for lack of time
 
 
 def _pictures_of(done: Exploration, deadline: Deadline, settings: ExploreSettings) -> Callable[[], Drawn]:

@@ -18,8 +18,7 @@ from jld_formats.read_dem import data_of, model_and_problems, solids_of
 from jld_formats.solids import spatial_scene
 from jld_formats.write_dem import Dem
 
-NAME: Final = "JLD"
-"""Name of the solver in compas_dem."""
+NAME: Final = "JLD"  # name of the solver in compas_dem
 
 
 def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:

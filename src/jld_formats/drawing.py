@@ -49,17 +49,11 @@ from jld_formats.options import (
 from jld_formats.paths import Path, flatten, without_repeats
 
 _LEVEL: Final = 1e-6  # height above the lowest point, relative to the size, up to which an edge or a face lies there
-
 _LEAN: Final = 0.05  # least run of the sides of a flat arch over its depth; below it an outline is a wall
-
 _FOOT: Final = 0.05  # height of supports that are added, relative to the size
-
 _SMOOTH: Final = np.cos(np.radians(35.0))  # cosine of the largest turn between chords of one curve
-
 _CURVED: Final = np.radians(10.0)  # least turn of a curve from end to end
-
 _RINGS: Final = 8  # largest number of rings of an arch
-
 _RISING: Final = 0.6  # largest upward component of the outer normal of a springing
 
 
@@ -178,14 +172,9 @@ def _skewbacks(corners: Floats, size: float, near: float) -> list[Floats]:
     ]
 
 
-_LEAST, _MOST_SIZE = 1e-12, 1e12
-"""Limits of the size of a drawing, scene units."""
-
-
+_LEAST, _MOST_SIZE = 1e-12, 1e12  # limits of the size of a drawing, scene units
 _REACH: Final = 0.05  # width of a gap, relative to the size, up to which a tolerance may close it
-
 _OPEN: Final = 20.0  # width of a gap, in tolerances, up to which it is one that was hardly meant
-
 _SHARE: Final = 0.9  # least share of closed area and of entities that is read without a word
 
 

@@ -15,8 +15,7 @@ from jld_formats.forces import WrittenForce, closest_first, parse_force
 from jld_formats.options import ImportOptions, Notes, listed
 from jld_formats.paths import Path
 
-MOST: Final = 200_000
-"""Largest number of corners, lines or cells of a drawing; more indicate a wrong or malicious file."""
+MOST: Final = 200_000  # largest number of corners, lines or cells of a drawing; more indicate a wrong or malicious file
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,9 @@ _DRAWN: Final = {"elements", "grid", "interfaces", "labels"}
 # Element keys that a file represents by its geometry; all others are stored
 _SHAPE: Final = {"id", "polygon", "vertices", "faces", "support"}
 
-STORED: Final = frozenset(
+STORED: Final = frozenset(  # scene keys that a file of an earlier export may hold and that are read back
     {field.alias or name for name, field in Scene.model_fields.items()} - (_DRAWN - {"elements", "interfaces"})
 )
-"""Scene keys that a file of an earlier export may hold and that are read back."""
 
 # Parts of a yield surface that say the same in the plane and in space; Hoek–Brown, if it is at one point
 _ALIKE: Final = ("friction", "bending", "hoek_brown", "reference_strength")

@@ -21,10 +21,9 @@ Read = Callable[[Path, ImportOptions, Notes], Drawing | Solids]
 State = tuple[int, bool]
 """Dimension of a scene, and whether every element is written instead of every block."""
 
-PLANAR: Final = frozenset({(2, False), (2, True)})
-"""Both states of planar scenes."""
+PLANAR: Final = frozenset({(2, False), (2, True)})  # both states of planar scenes
 
-OUTLINES: Final = (
+OUTLINES: Final = (  # scene keys that the shapes of blocks hold
     "grid",
     "elements.id",
     "elements.polygon",
@@ -32,20 +31,18 @@ OUTLINES: Final = (
     "elements.faces",
     "tolerance",
 )
-"""Scene keys that the shapes of blocks hold."""
 
 WEIGHTS: Final = ("elements.density", "elements.weight", "elements.volume", "elements.centroid", "materials.density")
 """Scene keys on weights."""
 
-FORCES: Final = tuple(
+FORCES: Final = tuple(  # scene keys of forces on elements
     f"loads.{where}{kind}.{key}"
     for where in ("", "cases.")
     for kind in ("live", "dead")
     for key in ("element", "force", "at", "moment", "body")
 )
-"""Scene keys of forces on elements."""
 
-OF_BLOCKS: Final = (
+OF_BLOCKS: Final = (  # scene keys that a file of blocks with stored values keeps
     *OUTLINES,
     *WEIGHTS,
     *FORCES,
@@ -53,7 +50,6 @@ OF_BLOCKS: Final = (
     *("materials.gravity", "materials.dry", "materials.inner", "loads.cases.name", "loads.cases.required"),
     "loads.pushes",
 )
-"""Scene keys that a file of blocks with stored values keeps."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +125,6 @@ def of_text(module: str, function: str) -> Callable[..., None]:
 
 
 _NAMED: Final = (*OUTLINES, "thickness", "name")
-
 _WEIGHED: Final = (*OUTLINES, *WEIGHTS, "thickness", "elements.support")
 
 _OWN: Final = (

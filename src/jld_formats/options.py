@@ -23,25 +23,17 @@ from jld_core.scene import units
 
 # Pattern of a tolerance, scene units, in messages about a scene
 _TOLERANCE: Final = re.compile(r'(?:a )?"tolerance":? (above )?([0-9.e+-]*[0-9])')
-
 _TELL: Final = 0.2  # time between two reports of a reader on how far it is, s
-
 _ZERO: Final = 1e-12  # coordinate, relative to the size of the drawing, below which it is rounding of zero
-
-LOWEST: Final = "lowest"
-"""Value of `support` that makes every element at the lowest point a support."""
-
-SNAP: Final = 1e-6
-"""Default snapping tolerance of solids, and least one of drawings, relative to the size."""
+LOWEST: Final = "lowest"  # value of `support` that makes every element at the lowest point a support
+SNAP: Final = 1e-6  # default snapping tolerance of solids, and least one of drawings, relative to the size
 
 # Default snapping tolerance of drawings, relative to the size: gaps of 1 mm in 2 m are closed.
 CLOSED: Final = 5e-4
-
 EDGE: Final = 0.02
 """Largest default snapping tolerance of drawings, relative to the median edge, so that small shapes are kept."""
 
-FACET: Final = 1e-3
-"""Default distance of chords from their arcs, relative to the size of the drawing."""
+FACET: Final = 1e-3  # default distance of chords from their arcs, relative to the size of the drawing
 
 # Words of layer names by role, in English, German, Italian, French, Spanish and the codes of AIA, without accents; the
 # first role with a word of a name counts. A word may stand within another one; with "." it is a whole word.

@@ -20,12 +20,8 @@ from jld_formats.libraries import library, parsing, readable
 from jld_formats.options import ImportOptions, Notes, several
 from jld_formats.solids import Part, Solids, split
 
-PROPERTIES: Final = "Pset_MaterialCommon"
-"""Name of the standard property set of a material that holds its density."""
-
-DENSITY: Final = "MassDensity"
-"""Name of the density in that set."""
-
+PROPERTIES: Final = "Pset_MaterialCommon"  # name of the standard property set of a material that holds its density
+DENSITY: Final = "MassDensity"  # name of the density in that set
 _GRAM: Final = 1e-3  # kilograms in the mass unit of IFC, the gram
 
 
@@ -78,12 +74,8 @@ def _scale(unit: Any) -> float:
 
 # Largest number of clippings and openings of a product; the kernel's time grows with its square
 _MOST_CUTS: Final = 300
-
-
 _MOST_SOLIDS: Final = 20_000  # largest number of solids that mapped items unfold into
-
 _FACETED: Final = ("IfcFacetedBrep", "IfcPolygonalFaceSet", "IfcTriangulatedFaceSet")
-
 _FILLETS: Final = ("RoundingRadius", "InnerFilletRadius", "OuterFilletRadius")
 
 # Kinds of shapes that have curved faces

@@ -30,9 +30,7 @@ _SPACE: Final = uuid.UUID("7046bc60-2e03-5556-92a4-4d5840e259ee")
 
 # Prefixes of the metre; lengths in other units are written in metres
 _PREFIX: Final = {"m": None, "mm": "MILLI", "cm": "CENTI", "dm": "DECI", "km": "KILO"}
-
-PROPERTIES: Final = "Jld_Block"
-"""Name of the property set of a block."""
+PROPERTIES: Final = "Jld_Block"  # name of the property set of a block
 
 
 def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
@@ -218,9 +216,7 @@ def _values(facts: BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
 
 # Prefixes of the metre; other units are conversion based
 _SI_PREFIX: Final = {"m": "$", "mm": ".MILLI.", "cm": ".CENTI.", "dm": ".DECI.", "km": ".KILO."}
-
 _SCHEMA: Final = "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }"  # schema of AP214
-
 _UNCERTAINTY: Final = 1e-9  # stated uncertainty of lengths, relative to the size
 
 
@@ -570,7 +566,6 @@ def _polygons_of(layout: Layout) -> _Polygons:
 
 
 _FLOAT: Final = 5126  # glTF code of numbers of four bytes with a sign and an exponent
-
 _VERTICES: Final = 34962  # glTF code of a buffer of vertices
 
 # Red, green and blue of the shapes, used cyclically; supports are grey

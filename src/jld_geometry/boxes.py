@@ -307,8 +307,9 @@ class BoxStructure:
             weights[k] = tuple(Fraction(density) * thickness * Fraction(one) for one in vector)  # type: ignore[assignment]
         return weights, sizes
 
-    def _loads(self, entries: list[dict[str, Any]], sizes: dict[int, Fraction], start: dict[int, Vector]) -> Loads:
-        per_area = dict(start)
+    def _loads(self, entries: list[dict[str, Any]], sizes: dict[int, Fraction], weights: dict[int, Vector]) -> Loads:
+        # in fractions, which nothing rounds; `sizes`: weight per area, of which a body load is a multiple
+        per_area = dict(weights)
         points: list[tuple[int, Vector, Vector, Fraction]] = []
         for entry in entries:
             if (body := scene_loads.body_of(entry)) is not None:

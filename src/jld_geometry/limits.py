@@ -180,7 +180,7 @@ class Limits:
         along = edge / length
         normal = np.column_stack([along[:, 1], -along[:, 0]])
         sine = normal @ lift
-        if drafted:
+        if drafted:  # a joint keeps the side of the direction to which it leans at the start
             self._sign = np.where(sine < 0.0, -1.0, 1.0)
         slope = -(self._sign * (along @ lift))[:, None] * normal / length
         columns = np.concatenate([2 * ends[:, :1] + np.arange(2), 2 * ends[:, 1:] + np.arange(2)], axis=1)

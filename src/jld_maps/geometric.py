@@ -18,12 +18,8 @@ from jld_core.models import limit_analysis
 
 _NEAR: Final = 1e-6  # distance, relative to the size of a structure, up to which points are one
 _SHARP: Final = 0.6  # turn of an outline, radians, from which on it is a corner
-
-Map = Callable[[Floats], Floats]
-"""Points (k, 2) on the middle line for points of a structure."""
-
-Sizes = tuple[float, float]
-"""Least and largest thickness."""
+Map = Callable[[Floats], Floats]  # points (k, 2) on the middle line for points of a structure
+Sizes = tuple[float, float]  # least and largest thickness
 
 
 @dataclass(frozen=True)

@@ -55,12 +55,10 @@ def without(pieces: list[tuple[float, float]], left: float, right: float, least:
     return before + after
 
 
-Rectangle = tuple[float, float, float, float]
-"""Least x and y, and largest x and y, of an upright wall or stone in plan."""
+Rectangle = tuple[float, float, float, float]  # least x and y, and largest x and y, of an upright wall or stone in plan
 
 # Least distance of a head joint from an end of its wall and from a line that it must not meet, in stretchers.
 SLIVER = 0.25
-
 _NEAR = 1e-6  # distance, relative to the extent of a plan, up to which coordinates are the same
 
 
@@ -190,9 +188,7 @@ _SAME: Final = 1e-9
 
 # Default bearing of a lintel, and least stone between a lintel and the end of its wall behind a corner, stretchers
 _HALF: Final = 0.5
-
-Interval = tuple[float, float]
-"""Two positions along a wall."""
+Interval = tuple[float, float]  # two positions along a wall
 
 
 @dataclass(frozen=True)

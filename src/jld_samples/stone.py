@@ -36,9 +36,7 @@ class Stone:
         parameters.require_field_types(self)
 
 
-MOST: Final = 100_000
-"""Largest number of elements of a sample."""
-
+MOST: Final = 100_000  # largest number of elements of a sample
 LOADS: Final = ("push", "crown", "quarter")
 """Names of the live loads.
 

@@ -22,13 +22,10 @@ from jld_studio.opening import design_command, options_of, read_file, received, 
 from jld_studio.session import SceneStore, StudioSession, drawing_data, parsed, scene_data, with_support
 from jld_views import page_contract, page_of_study
 
-SECONDS: Final = (1.0, 86_400.0)
-"""Smallest and largest time limit of a search begun from the page, s."""
+SECONDS: Final = (1.0, 86_400.0)  # smallest and largest time limit of a search begun from the page, s
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}")  # names under which a scene may be saved
-PAGES: Final = 64
-"""Number of open pages whose newest revision is remembered."""
-CANDIDATES: Final = "candidates.json"
-"""File of the candidates that the page keeps."""
+PAGES: Final = 64  # number of open pages whose newest revision is remembered
+CANDIDATES: Final = "candidates.json"  # file of the candidates that the page keeps
 
 
 class Api:

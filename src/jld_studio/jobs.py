@@ -32,11 +32,8 @@ _KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 State = Literal["running", "stopping", "stopped", "done", "failed"]
 """State of a search."""
 
-ORDERS: Final = "order.json"
-"""File in the folder of a job that holds its settings."""
-
-MOST: Final = 4
-"""Largest number of searches that may run at a time."""
+ORDERS: Final = "order.json"  # file in the folder of a job that holds its settings
+MOST: Final = 4  # largest number of searches that may run at a time
 
 # Time for a stopped search to write its tables and its page, s; 1 s on an idle core, 10 s where six share two cores
 _LAST_PAGE: Final = 60.0
@@ -311,8 +308,7 @@ def orders_for(kind: Kind, labelling: str, seconds: float) -> dict[str, Any]:
     return {"seconds": seconds}
 
 
-EVERY: Final = 0.2
-"""Smallest time between two progress reports, s."""
+EVERY: Final = 0.2  # smallest time between two progress reports, s
 
 
 class _Teller:
@@ -359,8 +355,7 @@ if __name__ == "__main__":
     sys.exit(main(*sys.argv[1:]))
 
 
-KEYS = ("scene", "labelling")
-"""Entries of a request."""
+KEYS = ("scene", "labelling")  # entries of a request
 
 
 @one_thread()

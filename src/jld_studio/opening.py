@@ -35,12 +35,9 @@ from jld_formats import (
 from jld_formats import options as exchange_options
 from jld_formats import paths as exchange_paths
 
-LAYERS: Final = (*exchange_options.LAYER_ROLES, "layer")
-"""Options of an import that name layers."""
-NUMBERS: Final = ("thickness", "tolerance", "facet")
-"""Options of an import that are lengths."""
-KNOWN: Final = (*LAYERS, *NUMBERS, "unit", "up")
-"""Options of an import that the page may state."""
+LAYERS: Final = (*exchange_options.LAYER_ROLES, "layer")  # options of an import that name layers
+NUMBERS: Final = ("thickness", "tolerance", "facet")  # options of an import that are lengths
+KNOWN: Final = (*LAYERS, *NUMBERS, "unit", "up")  # options of an import that the page may state
 KINDS: Final = ("found", "snapped", "assumed", "skipped", "doubtful")
 """Kinds of sentences of a report, as its attributes."""
 
@@ -168,17 +165,11 @@ DESIGNED: Final = {"mass": "block-mass", "force": "load", "seconds": "seconds"}
 """Settings of a design that the page states, and the options of `jld design`."""
 
 _SECONDS: Final = 60.0, 10.0  # time in which a file is read and understood, s, and further time for each megabyte
-
 _REACH: Final = 2e-3  # distance, relative to the size, within which a path lies on the boundary of an element
-
 _MOST_FACES: Final = 6_000  # number of faces above which the page draws solids as boxes
-
 _REMEDY: Final = re.compile(r"--(hole|unit|up|tolerance) (.+)")  # what the sentence of a report advises
-
 _LACKING: Final = "it has no support"  # problem of a file that stands on nothing
-
 _Y_UP: Final = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))  # rows by which y becomes z
-
 _BOX: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
 

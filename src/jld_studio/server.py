@@ -29,7 +29,7 @@ from jld_studio.opening import read_file, require_followed, stated, understood
 from jld_studio.session import StudioSession, first_data
 from jld_views import page_data
 
-START: dict[str, Any] = {
+START: dict[str, Any] = {  # scene that the studio opens without a source
     "name": "a wall to begin with",
     "grid": {"cell": [0.4, 0.2], "thickness": 0.2, "rows": ["aabbcc", "addeec", "ffgghh", "######"]},
     "materials": {
@@ -39,7 +39,6 @@ START: dict[str, Any] = {
     },
     "loads": {"live": [{"body": [1, 0]}]},
 }
-"""Scene that the studio opens without a source."""
 
 _SENT: Final = 11_500_000  # largest drawing that the page can send back, bytes
 
@@ -185,10 +184,9 @@ def _listener(port: int) -> socket.socket:
     return listener
 
 
-LARGEST: Final = 16_000_000
-"""Largest size of a request, bytes: files of 12 MB in base64."""
+LARGEST: Final = 16_000_000  # largest size of a request, bytes: files of 12 MB in base64
 
-HEADERS: Final = {
+HEADERS: Final = {  # security headers of every response
     "content-security-policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
         "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -199,7 +197,6 @@ HEADERS: Final = {
     "x-content-type-options": "nosniff",
     "cache-control": "no-store",
 }
-"""Security headers of every response."""
 
 
 class Guard:

@@ -49,11 +49,8 @@ from jld_geometry.variables import SAME, Variables, mirrored, variables_of, vert
 from jld_views import page_contract, page_data, page_of_study
 from jld_views import page_data as report_page_data
 
-ASKED_SECONDS: Final = 3.0
-"""Time limit of one improvement, s; a page waits for it."""
-
-STEPS: Final = 6
-"""Number of steps of an improvement that are tried."""
+ASKED_SECONDS: Final = 3.0  # time limit of one improvement, s; a page waits for it
+STEPS: Final = 6  # number of steps of an improvement that are tried
 
 
 class JointVertices:
@@ -150,8 +147,7 @@ class JointVertices:
         }
 
 
-METRIC: Final = ("MN", "kN", "N")
-"""Units of force among which a number chooses the largest in which it is at least 1."""
+METRIC: Final = ("MN", "kN", "N")  # units of force among which a number chooses the largest in which it is at least 1
 
 
 def collapse_loads(scene: Scene, assembly: Assembly, result: LimitAnalysisResult) -> list[list[str]]:
@@ -237,7 +233,6 @@ SECONDS: Final = 2.0
 
 # Longest expected time of one mesh, s: a change of the page waits for the mesh that is being solved.
 STEP: Final = 0.6
-
 LARGEST: Final = 3000
 """Triangles of the coarsest mesh above which nothing is bounded: both bounds would take longer than `SECONDS`."""
 
@@ -322,15 +317,11 @@ class FieldBrackets:
                 return {"refused": str(error), "more": False}
 
 
-KEPT: Final = 16
-"""Number of cached assemblies; the cache key contains all changes except labels."""
-
-SPACES: Final = 4
-"""Number of cached search spaces; the key contains limits and weights."""
+KEPT: Final = 16  # number of cached assemblies; the cache key contains all changes except labels
+SPACES: Final = 4  # number of cached search spaces; the key contains limits and weights
 
 # Parts of a scene besides labels that a page may change; "vertices" are those of joints of planar scenes.
 CHANGEABLE: Final = ("materials", "loads", "search", "vertices")
-
 _SCENE: Final = "scene"  # name of the scene in messages, which a key of the page does not have
 
 
@@ -531,8 +522,7 @@ def _bodies(assembly: Assembly) -> dict[str, Any]:
 
 # Number of scenes beside the first whose solver stays in memory; others are built again when they are asked for.
 SESSIONS: Final = 6
-FOLDER: Final = "scenes"
-"""Folder for the scenes of kept candidates."""
+FOLDER: Final = "scenes"  # folder for the scenes of kept candidates
 _NAME: Final = re.compile(r"[0-9a-f]{16}")  # pattern of the name of a scene
 
 
@@ -613,7 +603,7 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
     if not isinstance(support, bool):
         raise InputError("support", f"it is {str(support)[:40]!r}", "true or false")
     if "grid" in document:
-        rows = _rows(document["grid"]["rows"], element, support)
+        rows = _rows_with_support(document["grid"]["rows"], element, support)
         found = {**document, "grid": {**document["grid"], "rows": rows}}
         held = {f"c{c}r{r}" for r, row in enumerate(rows) for c, cell in enumerate(row) if cell == "#"}
     else:
@@ -635,18 +625,16 @@ def with_support(document: Mapping[str, Any], element: object, support: object) 
     return found
 
 
-def _rows(rows: list[str], element: object, support: bool) -> list[str]:
+def _rows_with_support(rows: list[str], element: object, support: bool) -> list[str]:
     place = _CELL.fullmatch(element) if isinstance(element, str) else None
     column, row = (int(place[1]), int(place[2])) if place else (-1, -1)
     if not (0 <= row < len(rows) and 0 <= column < len(rows[row]) and rows[row][column] != "."):
         raise _unknown(element)
     if support == (rows[row][column] == "#"):
         return list(rows)
-    near = {
-        rows[r][c]
-        for r, c in ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1))
-        if 0 <= r < len(rows) and 0 <= c < len(rows[r])
-    }
+    # a cell that is free again is a block of its own: its letter is none of its neighbours'
+    places = ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1))
+    near = {rows[r][c] for r, c in places if 0 <= r < len(rows) and 0 <= c < len(rows[r])}
     letter = "#" if support else next(letter for letter in _LETTERS if letter not in near)
     changed = rows[row][:column] + letter + rows[row][column + 1 :]
     return [*rows[:row], changed, *rows[row + 1 :]]

@@ -17,9 +17,7 @@ from jld_core import Assembly, Bits, InputError, Model, Scene, Status, solve
 from jld_explore import Evaluation, Exploration, ExploreSettings, Step, StepContext, explore, with_entries
 from jld_explore.space import from_string
 
-Bracket = tuple[float, float]
-"""Bounds on an angle, degrees; NaN where one is unknown."""
-
+Bracket = tuple[float, float]  # bounds on an angle, degrees; NaN where one is unknown
 _BEST: Final = 10  # layouts whose angles are found after a search
 _TRIES: Final = 6  # searches of turned scenes
 _SECONDS: Final = 30.0  # most time of each

@@ -38,31 +38,23 @@ from jld_views.look import (
 from jld_views.quantities import MovementSign
 from jld_views.structure import DOTTED, Drawn, LineStyle, Move, element_points, extent, projection_of
 
-USED: Final = LinearSegmentedColormap.from_list("used", list(USED_STOPS))
-"""Colour map of utilisation, 0 … 1."""
-
+USED: Final = LinearSegmentedColormap.from_list("used", list(USED_STOPS))  # colour map of utilisation, 0 … 1
 TURN: Final[dict[str, Any]] = {"marker": r"$\circlearrowleft$", "linestyle": "none", "markeredgewidth": 0.2}
 """Marker style of a counter-clockwise couple."""
 
-BACK: Final[dict[str, Any]] = {**TURN, "marker": r"$\circlearrowright$"}
-"""Marker style of a clockwise couple."""
-
+BACK: Final[dict[str, Any]] = {**TURN, "marker": r"$\circlearrowright$"}  # marker style of a clockwise couple
 THRUST: Final[dict[str, Any]] = {"color": THRUST_COLOUR, "linewidth": 1.2, "linestyle": (0, THRUST_DASH)}
 """Line style of the thrust line, for matplotlib."""
 
-YIELD: Final[dict[str, dict[str, Any]]] = {
+YIELD: Final[dict[str, dict[str, Any]]] = {  # marker styles of yielding faces, for matplotlib
     f"yield {kind}": {**mark.style, "markeredgewidth": 0.6 if kind == "dry" else 0.4} for kind, mark in YIELDS.items()
 }
-"""Marker styles of yielding faces, for matplotlib."""
 
 MOVES: Final[dict[MovementSign, dict[str, Any]]] = {kind: mark.style for kind, mark in MOVEMENTS.items()}
 """Marker styles by kind of movement, for matplotlib."""
 
-MEANING: Final = {kind: mark.meaning for kind, mark in MOVEMENTS.items()}
-"""Legend texts by kind of movement."""
-
-FONT: Final = 7.5
-"""Font size of legends, points."""
+MEANING: Final = {kind: mark.meaning for kind, mark in MOVEMENTS.items()}  # legend texts by kind of movement
+FONT: Final = 7.5  # font size of legends, points
 
 
 def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
@@ -261,7 +253,6 @@ def mechanism_handles(assembly: Assembly, labels: Bits, ink: LineStyle, drawn: D
 
 
 _WIDTH = 1.6  # width of the line of a member, points; up to twice as much with its force
-
 _SEEN = 1e-3  # least pressure of fill that is drawn, in the largest force of a member
 
 

@@ -26,22 +26,12 @@ from jld_views.look import HATCH, INK, LOAD, PLAIN, PRESS, SUPPORT
 from jld_views.quantities import typical
 from jld_views.structure import Drawn, LineStyle, default_ink, extent, paint, projection_of
 
-Sign = Literal["compression", "tension"]
-"""Sign of a principal stress."""
-
-GRID: Final = 12
-"""Grid points along a typical element on which stresses are averaged for drawing."""
-
-APART: Final = 0.2
-"""Distance between trajectories over the size of a typical element."""
-
-FAINT: Final = 0.06
-"""Share of the largest principal stress of its sign below which no trajectory is drawn."""
-
+Sign = Literal["compression", "tension"]  # sign of a principal stress
+GRID: Final = 12  # grid points along a typical element on which stresses are averaged for drawing
+APART: Final = 0.2  # distance between trajectories over the size of a typical element
+FAINT: Final = 0.06  # share of the largest principal stress of its sign below which no trajectory is drawn
 _MOST_POINTS: Final = 400  # largest number of grid points along one side of the structure
-
 _STEPS: Final = 600  # largest number of steps of one trajectory in each direction; one step is half a grid spacing
-
 _PIECES: Final = 4  # parts of each edge of a triangle: stresses are sampled at the middles of its equal parts
 
 
@@ -191,17 +181,12 @@ def _followed(
     return np.array(points)
 
 
-DISPLACED: Final = 0.06
-"""Largest displacement that is drawn, over the size of the scene."""
-
-JUMP: Final = 0.02
-"""Share of the largest velocity above which the jump across an edge is drawn."""
+DISPLACED: Final = 0.06  # largest displacement that is drawn, over the size of the scene
+JUMP: Final = 0.02  # share of the largest velocity above which the jump across an edge is drawn
 
 # Width of a trajectory at the largest stress of its sign, points; it falls to a fifth with the stress
 _WIDEST: Final = 2.2
-
 _DASH: Final = (5, 3)  # steps of a tensile trajectory that are drawn, and steps that are left out
-
 _CRUSHED: Final = 0.02  # share of the largest dissipation per area above which a triangle is shaded
 
 

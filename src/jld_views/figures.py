@@ -93,17 +93,15 @@ def title_of(result: LimitAnalysisResult) -> str:
     return f"{name}\n{value}  ·  {result.status}  ·  {result.friction} friction"
 
 
-FADED: Final = HATCH
-"""Colour of faces where forces or mechanism are missing."""
+FADED: Final = HATCH  # colour of faces where forces or mechanism are missing
 
-NO_MECHANISM: Final = {
+NO_MECHANISM: Final = {  # texts by status for a missing mechanism
     Status.LOCKED: "none: no live load, however large, brings it down",
     Status.UNSTABLE: "none: it does not stand under any λ ≥ 0",
     Status.UNCERTIFIED: "none was proven",
     Status.FAILED: "none: the solve failed",
     Status.COLLAPSE: "not computed",
 }
-"""Texts by status for a missing mechanism."""
 
 
 def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, plain: bool = False) -> Drawn:
@@ -364,9 +362,7 @@ def tints_of(assembly: Assembly, labels: Bits) -> list[str]:
 
 # Number of frames from rest to the drawn displacement and back; the opposite one would let blocks penetrate.
 FRAMES: Final = 24
-
-PER_SECOND: Final = 12
-"""Frames per second."""
+PER_SECOND: Final = 12  # frames per second
 
 
 def save_animation(result: LimitAnalysisResult, path: str | Path) -> None:
@@ -389,12 +385,10 @@ def save_animation(result: LimitAnalysisResult, path: str | Path) -> None:
 
 
 _SVG: Final = 50_000  # largest size of a drawing as SVG text, bytes; a notebook stores it in two forms
-
 _PNG: Final = 45_000  # largest size of a drawing as PNG, bytes; larger ones are drawn with fewer pixels
 
 # Pixels per inch of a PNG, of which the first that is small enough is taken, else the last
 _DOTS: Final = (100, 75, 55, 40, 25)
-
 _COLOURS: Final = 64  # number of colours of a PNG
 
 

@@ -49,20 +49,13 @@ DOTS: Final = "#7C9CBF"
 USED_STOPS: Final = ("#B4B4B4", "#D89A2B", "#8C2300")
 """Colours of utilisation 0 … 1, darker with it."""
 
-INNER_DASH: Final = (1.0, 1.6)
-"""Lengths of line and gap of inner faces, in line widths."""
-
+INNER_DASH: Final = (1.0, 1.6)  # lengths of line and gap of inner faces, in line widths
 THRUST_COLOUR: Final = "#8A2F8F"
 """Colour of the thrust line."""
 
-THRUST_DASH: Final = (4.0, 1.5)
-"""Lengths of line and gap of the thrust line, in line widths."""
-
-EYE: Final = (-62.0, 24.0)
-"""Azimuth and elevation of the viewing direction in spatial figures, degrees."""
-
-Shape = Literal["circle", "diamond", "thin diamond", "triangle", "cross"]
-"""Name of a marker shape."""
+THRUST_DASH: Final = (4.0, 1.5)  # lengths of line and gap of the thrust line, in line widths
+EYE: Final = (-62.0, 24.0)  # azimuth and elevation of the viewing direction in spatial figures, degrees
+Shape = Literal["circle", "diamond", "thin diamond", "triangle", "cross"]  # name of a marker shape
 
 # Markers of matplotlib by shape
 _MARKERS: Final[dict[Shape, str]] = {
@@ -86,26 +79,23 @@ class Mark:
         return {"marker": _MARKERS[self.shape], "color": self.fill, "markeredgecolor": self.edge}
 
 
-MOVEMENTS: Final[dict[MovementSign, Mark]] = {
+MOVEMENTS: Final[dict[MovementSign, Mark]] = {  # marks by kind of movement of a face
     MovementSign.HINGE: Mark("circle", WHITE, INK, "hinge"),
     MovementSign.SLIDE: Mark("diamond", "#E69F00", INK, "slide"),
     MovementSign.OPEN: Mark("triangle", "#56B4E9", INK, "joint opens"),
     MovementSign.CRACK: Mark("cross", LOAD, WHITE, "crack in a block"),
 }
-"""Marks by kind of movement of a face."""
 
-YIELDS: Final[dict[str, Mark]] = {
+YIELDS: Final[dict[str, Mark]] = {  # marks of yielding faces, by label
     "dry": Mark("thin diamond", "#F0E442", INK, "dry face at yield"),
     "inner": Mark("cross", LOAD, WHITE, "inner face at yield"),
 }
-"""Marks of yielding faces, by label."""
 
-EVIDENCE: Final[dict[str, Mark]] = {
+EVIDENCE: Final[dict[str, Mark]] = {  # marks of layouts, by evidence for their optimality
     "proven": Mark("diamond", FRONT, INK, "proven: none carries more, or as much with a better count"),
     "found": Mark("circle", WHITE, FRONT, "found: the best known for its count"),
     "visited": Mark("circle", DOTS, DOTS, "visited on the way"),
 }
-"""Marks of layouts, by evidence for their optimality."""
 
 
 def rules() -> dict[str, Any]:

@@ -7,14 +7,11 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import ConfigDict, Field, TypeAdapter, with_config
 from typing_extensions import TypeAliasType, TypedDict
 
-FORMAT: Final = "jld-page"
-"""Identifier of the data format."""
-VERSION: Final = 1
-"""Version of the data format."""
+FORMAT: Final = "jld-page"  # identifier of the data format
+VERSION: Final = 1  # version of the data format
 
 # Objects have all of their keys and no others
 _EXACT: Final = ConfigDict(extra="forbid", use_attribute_docstrings=True)
-
 Point = TypeAliasType("Point", Annotated[list[float], Field(min_length=2, max_length=3)])
 Bracket = Annotated[list[float | None], Field(min_length=2, max_length=2)]
 Pair = Annotated[list[int], Field(min_length=2, max_length=2)]

@@ -12,17 +12,14 @@ from jld_core.limit import displacement
 from jld_core.limit import mechanism as core_mechanism
 from jld_core.mechanics import scaling_of, yield_set
 
-REACH: Final = 0.12
-"""Largest displacement drawn, relative to the size of the scene."""
-
+REACH: Final = 0.12  # largest displacement drawn, relative to the size of the scene
 TURN: Final = 0.35
 """Largest rotation drawn, radians.
 
 Displacements are linear in velocities; larger rotations would visibly enlarge elements.
 """
 
-SMALL: Final = 0.01
-"""Share of the largest movement or force of a figure below which nothing is drawn."""
+SMALL: Final = 0.01  # share of the largest movement or force of a figure below which nothing is drawn
 
 # Utilisation from which a face is marked as yielding, below 1 because forces belong to a lower bound of λ.
 YIELDING: Final = 0.995

@@ -21,12 +21,8 @@ from jld_views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
 from jld_views.quantities import typical
 
 Drawn = dict[str, list[Artist]]
-
-Move = Callable[[int, Floats], Floats]
-"""Displacement for drawing: (element index, points (k, d)) → points (k, d)."""
-
-DOTTED: Final = (0, INNER_DASH)
-"""Dash pattern of inner faces for matplotlib."""
+Move = Callable[[int, Floats], Floats]  # displacement for drawing: (element index, points (k, d)) → points (k, d)
+DOTTED: Final = (0, INNER_DASH)  # dash pattern of inner faces for matplotlib
 
 
 @dataclass(frozen=True)

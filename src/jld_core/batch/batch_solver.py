@@ -21,11 +21,8 @@ from jld_core.mechanics.yield_set import Rows
 from jld_core.program import Template
 
 _FATES: Final = interface.codes("JldFate")
-REFUTED: Final = _FATES["REFUTED"]
-"""Fate of a labelling that a mechanism refutes at its threshold."""
-
-CARRIED: Final = _FATES["CARRIED"]
-"""Fate of a labelling whose forces carry more than its threshold."""
+REFUTED: Final = _FATES["REFUTED"]  # fate of a labelling that a mechanism refutes at its threshold
+CARRIED: Final = _FATES["CARRIED"]  # fate of a labelling whose forces carry more than its threshold
 
 
 @dataclass(frozen=True)
@@ -79,21 +76,11 @@ class MinimizationResults:
 
 
 _VERDICTS: Final = interface.codes("JldVerdict")
-
-OPEN: Final = _VERDICTS["OPEN"]
-"""Verdict: nothing proven yet."""
-
-PROVEN: Final = _VERDICTS["PROVEN"]
-"""Verdict: both bounds are proven and the bracket is narrow."""
-
-FALLS: Final = _VERDICTS["FALLS"]
-"""Verdict: no λ ≥ 0 is admissible."""
-
-CARRIES: Final = _VERDICTS["CARRIES"]
-"""Verdict: λ is above its threshold."""
-
-LOCKED: Final = _VERDICTS["LOCKED"]
-"""Verdict: λ is unbounded."""
+OPEN: Final = _VERDICTS["OPEN"]  # verdict: nothing proven yet
+PROVEN: Final = _VERDICTS["PROVEN"]  # verdict: both bounds are proven and the bracket is narrow
+FALLS: Final = _VERDICTS["FALLS"]  # verdict: no λ ≥ 0 is admissible
+CARRIES: Final = _VERDICTS["CARRIES"]  # verdict: λ is above its threshold
+LOCKED: Final = _VERDICTS["LOCKED"]  # verdict: λ is unbounded
 
 
 @dataclass(frozen=True)
@@ -398,10 +385,8 @@ SOLVED: Final = interface.codes("JldBlockState")["SOLVED"]
 
 _Q: Final = 3  # shared rows of one node
 _GAP: Final = 1e-5  # relative gap at which iterations end; the bounds are only compared with one another
-
 _NEAR: Final = 1e-4  # relative distance of λ from its threshold below which `_FINE` replaces `_GAP`
 _FINE: Final = 1e-8  # relative gap at which iterations end close to the threshold
-
 _BLOCK_ROOM: Final = 1e-6  # error of the multipliers at which iterations end; the caller repairs the remaining error
 
 # Largest number of iterations of one choice from the common starting point: 15 to 30 were measured for walls. After 50

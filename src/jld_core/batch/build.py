@@ -24,9 +24,8 @@ from pathlib import Path
 from threading import BoundedSemaphore
 from typing import Final
 
-SOURCE: Final = Path(__file__).parent / "source"
-"""Folder of the C++ source."""
-UNITS: Final = (
+SOURCE: Final = Path(__file__).parent / "source"  # folder of the C++ source
+UNITS: Final = (  # translation units, slowest first, compiled at the same time
     "planar_labellings.cpp",
     "spatial_labellings.cpp",
     "planar_narrow.cpp",
@@ -36,7 +35,6 @@ UNITS: Final = (
     "graphs.cpp",
     "fronts.cpp",
 )
-"""Translation units, slowest first, compiled at the same time."""
 UNIT_FLAGS: Final[dict[str, tuple[str, ...]]] = {"cones.cpp": ("-ffp-contract=off",)}
 """Compiler flags of single units. Cone programs write fused products out, and round alike alone and together."""
 INTERFACE: Final = Path(__file__).parent / "interface.py"
@@ -46,7 +44,7 @@ PATIENCE: Final = 600.0
 # Compiler flags of every variant, without fast-math: proofs compare with infinities and rely on the order of sums.
 FLAGS: Final = ("-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-g0")
 
-VARIANT_FLAGS: Final[dict[str, tuple[str, ...]]] = {
+VARIANT_FLAGS: Final[dict[str, tuple[str, ...]]] = {  # compiler flags of each variant
     # Default tuning avoids chains of fused products; it was measured 25 % slower here.
     "avx512": (
         *("-mavx512f", "-mavx512dq", "-mavx512vl", "-mavx2", "-mfma"),
@@ -56,14 +54,12 @@ VARIANT_FLAGS: Final[dict[str, tuple[str, ...]]] = {
     "base": (),
     "neon": (),
 }
-"""Compiler flags of each variant."""
-NEEDED: Final[dict[str, tuple[str, ...]]] = {
+NEEDED: Final[dict[str, tuple[str, ...]]] = {  # processor flags that each variant needs, as /proc/cpuinfo names them
     "avx512": ("avx512f", "avx512dq", "avx512vl"),
     "avx2": ("avx2", "fma"),
     "neon": (),
     "base": (),
 }
-"""Processor flags that each variant needs, as /proc/cpuinfo names them."""
 
 # Compiler flags of code for shared libraries; code for Windows can always be moved
 _SHARED: Final = () if os.name == "nt" else ("-fPIC",)

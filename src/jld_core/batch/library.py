@@ -38,11 +38,8 @@ SWITCH: Final = "JLD_KERNEL"
 """Environment variable that names a variant, the path of a library of these sources, "built", or "off"."""
 
 _BUILT: Final = "built"  # value of `SWITCH` for the fastest variant that is built; no compiler is run on first use
-
 _OUTCOMES: Final = codes("JldOutcome")  # outcomes of a call by name
-
 _LIBRARIES: Final = (".so", ".pyd", ".dll", ".dylib")  # file extensions of shared libraries
-
 FactorPattern = JldFactorPattern
 Problem = JldProblem
 Try = JldTry
@@ -171,8 +168,7 @@ def described() -> str:
 
 # Of 512 layouts of 278 faces, 128 of 946, 64 of 2 016, `LARGE_TRIES` proves 493, 124 and 53 in its first pass and all
 # but 0, 1 and 0 at last, with 15.6, 21.7 and 31 iterations for one; `TRIES` took 17.1 at 278 faces.
-LARGE: Final = 200
-"""Faces of a planar assembly from which on `LARGE_TRIES` apply. Source: benchmarks/batch_solver.py."""
+LARGE: Final = 200  # faces of a planar assembly from which on `LARGE_TRIES` apply. Source: benchmarks/batch_solver.py.
 # Faces of a planar assembly from which on bounds use half the lanes of AVX-512.
 # Workspaces of eight labellings no longer fit into the cache: half take 1.2, 1.0 and 0.7 to 0.9 times as long at 278,
 # 946 and 1 225 faces and more.
@@ -186,8 +182,7 @@ DRY_SHARES: Final = (0.0, 1.0)
 # Below a half, random labels join elements to few blocks, and λ is far above that of layouts. Source:
 # benchmarks/batch_solver.py.
 LARGE_DRY_SHARES: Final = (0.5, 1.0)
-SAMPLES: Final = 32
-"""Random labellings whose mean solution gives the starting point."""
+SAMPLES: Final = 32  # random labellings whose mean solution gives the starting point
 # With 32, 16, 8 and none a layout takes 31.2, 30.5, 29.3 and 31.8 iterations at 2 016 faces, 21.8, 22.4, 22.5 and 22.3
 # at 946, and 15.8, 16.2, 16.2 and 17.7 at 278.
 # The same for planar assemblies of `NARROW` faces and more, and spatial ones of `LARGE` faces and more.

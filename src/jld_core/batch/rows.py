@@ -18,8 +18,7 @@ from jld_core.mechanics import YieldSet
 from jld_core.mechanics.yield_set import RowPattern, Rows
 from jld_core.program import Template
 
-Names = NDArray[np.int32]
-"""Array of int32 with the name of the part of each atom."""
+Names = NDArray[np.int32]  # array of int32 with the name of the part of each atom
 
 
 class Graph:
@@ -87,8 +86,7 @@ def _library(variant: str | None) -> Any:
     return None if name is None else library.library(name)
 
 
-Int32s = NDArray[np.int32]
-"""Array of int32."""
+Int32s = NDArray[np.int32]  # array of int32
 
 # Numbers of nodes at which nested dissection stops; each order is compared with minimum degree
 _LEAVES: Final = (4, 12)
@@ -238,10 +236,7 @@ def _flat(lists: list[list[int]]) -> Int32s:
 # Number of faces above which the batch solver is not used: it takes a tenth of the time of others at 3 160, a third at
 # 4 950, nearly half at 8 128, and sets up for as long as three layouts of theirs, from there on more.
 LARGEST: Final = 6000
-
-EDGES: Final = 16
-"""Largest number of hull edges of a spatial face."""
-
+EDGES: Final = 16  # largest number of hull edges of a spatial face
 _SIZES: Final = (4, 8, EDGES)  # numbers of hull edges for which the batch solver is compiled
 
 # Rows of the shear cone of a spatial face, columns N, V1, V2, M1, M2, MT and the bound t on shear
@@ -251,7 +246,6 @@ _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0,
 # 6³ cubes take 8 million, 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million. A wall of 420 bricks, 18 million,
 # takes more than 100 s for 12 layouts with set-up, though 7³ cubes, 22 million, take a sixth of the time of others.
 MOST: Final = 15_000_000
-
 _SMALL: Final = 300  # number of faces up to which every structure stays below `MOST`, so that none is counted
 
 

@@ -28,9 +28,7 @@ from jld_core.scene.schema import Contact, Scene
 from jld_core.scene.uncertain import in_words, uncertain_values
 from jld_core.strengths import FaceStrengths
 
-LABELS = {"dry": DRY, "inner": INNER}
-"""Label values by their names in a scene: True = dry, False = inner."""
-
+LABELS = {"dry": DRY, "inner": INNER}  # label values by their names in a scene: True = dry, False = inner
 _NAMED = 4  # largest number of values with uncertainty that a sentence names
 
 

@@ -257,7 +257,12 @@ def cases_of_pushes(pushes: Pushes, downwards: Floats, where: str) -> list[Case]
     Angles are planar 0 or 180, spatial from the first horizontal axis; downwards: (d,) unit direction of weights.
     """
     d = len(downwards)
-    first = _first_axis(downwards)
+    # angles count from gravity turned by +90°, in space from the horizontal part of the first axis that has one
+    first = np.array([-downwards[-1], downwards[0]])
+    if d == 3:
+        axis = next(row for row in np.eye(3) if abs(float(row @ downwards)) < 0.9)
+        flat = axis - (axis @ downwards) * downwards
+        first = np.asarray(flat / np.linalg.norm(flat))
     if isinstance(pushes.directions, int):
         if d == 2 and pushes.directions > _PLANAR:
             problem = f"{pushes.directions} horizontal directions in a planar scene"
@@ -273,18 +278,6 @@ def cases_of_pushes(pushes: Pushes, downwards: Floats, where: str) -> list[Case]
         Case(name=name, live=[BodyLoad(body=(pushes.of_weight * unit + 0.0).tolist())], required=pushes.required)
         for name, unit in zip(names, units, strict=True)
     ]
-
-
-def _first_axis(downwards: Floats) -> Floats:
-    """Return the unit vector (d,) of angle 0.
-
-    Planar gravity turned by +90°, spatial the horizontal part of the first axis that is not nearly vertical.
-    """
-    if len(downwards) == 2:
-        return np.array([-downwards[1], downwards[0]])
-    axis = next(row for row in np.eye(3) if abs(float(row @ downwards)) < 0.9)
-    flat = axis - (axis @ downwards) * downwards
-    return np.asarray(flat / np.linalg.norm(flat))
 
 
 def _horizontal(count: int, first: Floats, downwards: Floats) -> list[Floats]:

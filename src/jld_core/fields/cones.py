@@ -23,7 +23,6 @@ from jld_core.linalg.factors import columns_of_factor
 
 # Pivot of an equation over the largest below which it depends on others; independent ones have 1e-4 and more
 _DEPENDENT = 1e-7
-
 _SMALL = 1e-10  # added to the diagonal where dependent equations are looked for
 
 
@@ -188,13 +187,12 @@ def _products(matrix: sp.csr_array, rows: Ints, others: Ints, weight: Ints) -> t
     return matrix.indices[first], matrix.indices[second], weight[pair], matrix.data[first] * matrix.data[second]
 
 
-STATUS: Final = {
+STATUS: Final = {  # names of `JldConeState`, those of Clarabel; "Open" is a program without result
     code: {"OPEN": "Open", "SOLVED": "Solved", "INFEASIBLE": "PrimalInfeasible", "UNBOUNDED": "DualInfeasible"}[
         name.removeprefix("CONES_")
     ]
     for name, code in interface.codes("JldConeState").items()
 }
-"""Names of `JldConeState`, those of Clarabel; "Open" is a program without result."""
 
 
 @dataclass(frozen=True)
@@ -317,7 +315,6 @@ _RESIDUAL = 1e-9  # residuals and duality gap that the solver is asked to reach,
 
 # Statuses after which a second attempt with iterative refinement would change nothing
 _ENDED = ("Solved", "PrimalInfeasible", "DualInfeasible")
-
 _NEAR = 1e-7  # largest residual or relative gap at which an answer of status AlmostSolved needs no second attempt
 
 
@@ -489,9 +486,7 @@ def _settings(**choices: Any) -> Any:
 
 
 _FEASIBILITY = 1e-9  # residual that the solver is asked for: below the margins to flow rules and yield in its programs
-
 _GAP = 1e-5  # relative duality gap that the solver is asked for: far below the relative gap of two meshes
-
 _MOST_STEPS = 100  # largest number of iterations of the interior-point method
 
 # Regularisation of the solver's linear systems. With its default 1e-8 it fails half way, because rows of equilibrium

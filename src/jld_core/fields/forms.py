@@ -81,12 +81,8 @@ class Material:
         return np.asarray(np.where(self.missing(trace, shear) > allowance, np.inf, power))
 
 
-COMPONENTS = {2: 3, 3: 6}
-"""Number of components of a stress by the dimension."""
-
-DIAGONAL = (0, 2, 5)
-"""Positions of xx, yy and zz in the vector of a tensor in space."""
-
+COMPONENTS = {2: 3, 3: 6}  # number of components of a stress by the dimension
+DIAGONAL = (0, 2, 5)  # positions of xx, yy and zz in the vector of a tensor in space
 _PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # row and column of the tensor for each entry of its vector
 
 

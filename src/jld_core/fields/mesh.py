@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 
-FREE = -1
-"""Tag of an outline edge that belongs to no interface."""
+FREE = -1  # tag of an outline edge that belongs to no interface
 
 
 @dataclass(frozen=True)
@@ -130,7 +129,6 @@ _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])  # local cor
 
 # Weight of the length alone in the choice of an edge. Layers end at an aspect ratio of half its inverse.
 _ASPECT = 0.05
-
 _DIGITS = 9  # decimal digits to which lengths of edges are compared; edges of equal length are ordered by number
 
 

@@ -166,7 +166,7 @@ def units_of(assembly: Assembly, material: Material) -> Units:
 
 
 def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh, loads: FieldLoads) -> Problem:
-    density = units.length / units.stress
+    per_volume = units.length / units.stress  # scales forces per volume
     dry_strengths, sides = assembly.strengths(_ROUTE).side(dry=True), mesh.sides
     crushing = np.where(np.isnan(dry_strengths.crush), np.inf, dry_strengths.crush)
     pull = np.zeros((2, len(sides), mesh.dimension, mesh.dimension))
@@ -180,8 +180,8 @@ def problem_of(assembly: Assembly, material: Material, units: Units, mesh: Mesh,
             np.nan_to_num(dry_strengths.friction, nan=0.0), dry_strengths.shear / units.stress, crushing / units.stress
         ),
         mesh=replace(mesh, points=(mesh.points - units.origin) / units.length),
-        dead=loads.dead[mesh.root] * density,
-        live=loads.live[mesh.root] * (density * units.load),
+        dead=loads.dead[mesh.root] * per_volume,
+        live=loads.live[mesh.root] * (per_volume * units.load),
         dead_pull=pull[0] / units.stress,
         pull=pull[1] * (units.load / units.stress),
     )

@@ -193,8 +193,7 @@ def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
     return np.column_stack([np.ones(len(hull_)), slope[:, 1], -slope[:, 0]])
 
 
-SNAP: Final = 1e-3
-"""Grid width for uniting the elements of a block, relative to `reach_of(assembly)`."""
+SNAP: Final = 1e-3  # grid width for uniting the elements of a block, relative to `reach_of(assembly)`
 
 # Offset of the rounding grid, in steps: coordinates on halves of a step would round to either side.
 PLACE: Final = 0.37
@@ -329,10 +328,7 @@ _REACH: Final = 1e-6
 
 # Excess of the hull's volume over the block's volume (relative) up to which a solid block counts as convex
 _FLAT: Final = 1e-5
-
-
 _ANGLE: Final = 1e-6  # angle, radians, up to which two edges or faces are parallel: they are sawn with one set-up
-
 _Corner = tuple[int, int]  # corner of a polygon, as integer coordinates in grid steps
 
 # Edges of a polygon: the edge (start, end), the reversed edge (end, start), and its start point
@@ -734,8 +730,7 @@ def _moved(regions: Any, shift: Floats, factor: Floats) -> Any:
     return shapely.transform(regions, lambda points: points * factor[owner, None] + shift[owner])
 
 
-Rings = tuple[Floats, tuple[Floats, ...]]
-"""Shell (k, 2), counter-clockwise, and holes (k, 2) each, clockwise."""
+Rings = tuple[Floats, tuple[Floats, ...]]  # shell (k, 2), counter-clockwise, and holes (k, 2) each, clockwise
 
 
 def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:

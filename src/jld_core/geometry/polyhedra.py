@@ -350,8 +350,7 @@ def _boundary(surface: Surface, members: Ints, vector: Floats) -> tuple[Floats, 
     return tuple(points for _, points in loops_by_area)
 
 
-PARALLEL: Final = 1e-9
-"""Tolerance for parallel sides (sine of the angle) and for rectangles (share of the diagonals)."""
+PARALLEL: Final = 1e-9  # tolerance for parallel sides (sine of the angle) and for rectangles (share of the diagonals)
 
 
 @dataclass(frozen=True)

@@ -46,8 +46,7 @@ _VERTEX: Final = 600  # Number of columns up to which it is tried for digits alo
 _SCHUR: Final = (
     900  # Equations from which Schur complements take less time than a dual simplex: 0.3 against 4 s at 1452.
 )
-EARLY_FROM: Final = 5000
-"""Number of equations from which a solver may stop at a bracket of relative width `EARLY`."""
+EARLY_FROM: Final = 5000  # number of equations from which a solver may stop at a bracket of relative width `EARLY`
 
 # Batch solvers of assemblies in use, by their id: a search analyses one for its λ, for what stands and for mechanisms.
 _made: Final[dict[int, dict[tuple[str, bool], BatchSolver]]] = {}
@@ -486,7 +485,7 @@ class Fallback:
     supplies: str  # description of the bounds that the method may supply
 
 
-FALLBACKS: Final = (
+FALLBACKS: Final = (  # solution methods that `LimitAnalysis.prove` tries by default, in order
     Fallback(
         "batch solver",
         lambda attempt: attempt.batch_goes_first,
@@ -597,7 +596,6 @@ FALLBACKS: Final = (
         "bounds where all others left some open",
     ),
 )
-"""Solution methods that `LimitAnalysis.prove` tries by default, in order."""
 
 
 def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback) -> tuple[Fallback, ...]:

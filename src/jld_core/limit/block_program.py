@@ -99,8 +99,7 @@ class CappedWedge:
         return np.asarray(self.wedge.strength(faces) + np.where(np.isfinite(caps), caps, 0.0))
 
 
-Q: Final = 3
-"""Number of equations per element, and of resultants per face, in planar assemblies; spatial ones have 6."""
+Q: Final = 3  # number of equations per element, and of resultants per face, in planar assemblies; spatial ones have 6
 
 
 @dataclass(frozen=True)
@@ -229,8 +228,6 @@ def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
 # Values nearer to 1 make the relaxation tighter. The program is then often infeasible, and an infeasibility proof
 # gives a worse bound than a low λ.
 LEAST: Final = 0.5
-
-
 _LEAST_CAP: Final = 1e-9  # least normal force, scaled, by which the row of a cap is divided
 
 
@@ -456,8 +453,7 @@ class SparseEntries:
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
 
 
-Column = tuple[list[int], list[float]]
-"""Rows and values of the entries of one column."""
+Column = tuple[list[int], list[float]]  # rows and values of the entries of one column
 
 
 def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> list[BlockColumns] | None:

@@ -365,8 +365,6 @@ class Relaxation(PartialLabellingBounds):
 
 # Relative amount by which bounds are raised and thresholds lowered on a change of units, so that bounds stay valid
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
-
-
 _Kind = TypeVar("_Kind", Relaxation, BlockRelaxation)  # kind of relaxation of the single load cases
 
 
@@ -523,11 +521,8 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
         return (threshold - abs(threshold) * _ROUNDING) / unit, _raised(most) / unit
 
 
-AnyRelaxation = Relaxation | CaseRelaxation
-"""Relaxation of partial labellings under one load or several load cases."""
-
-AnyBlockRelaxation = BlockRelaxation | CaseBlockRelaxation
-"""Block relaxation under one load or several load cases."""
+AnyRelaxation = Relaxation | CaseRelaxation  # relaxation of partial labellings under one load or several load cases
+AnyBlockRelaxation = BlockRelaxation | CaseBlockRelaxation  # block relaxation under one load or several load cases
 
 
 def relaxation_of(assembly: Assembly, analyses: Sequence[LimitAnalysis] = ()) -> AnyRelaxation | None:

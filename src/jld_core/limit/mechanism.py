@@ -24,9 +24,7 @@ from jld_core.solvers import make_solver
 from jld_core.strengths import CRITERIA, STANDARD, Route
 
 _ROUTE: Final = Route("movements of faces", STANDARD | CRITERIA)
-
-SMALL: Final = 0.01
-"""Share of the largest movement of a mechanism below which a face counts as closed."""
+SMALL: Final = 0.01  # share of the largest movement of a mechanism below which a face counts as closed
 
 
 class Movement(StrEnum):
@@ -120,7 +118,6 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
 
 
 _AT_HINGE: Final = 0.1  # share of the range of openings up to which corners lie at the hinge
-
 _LIFTS: Final = 0.05  # share of its movement from which a face that opens everywhere counts as open
 
 

@@ -24,9 +24,7 @@ Contacts = Literal["convex", "concave"]
 Condense = Literal["auto", "on", "off"]
 """When uncracked blocks are modelled as rigid bodies; "auto" does so where inner faces are very strong."""
 
-Start = Literal["associative", "gravity", "vertex"]
-"""Forces from which the iteration without dilation starts."""
-
+Start = Literal["associative", "gravity", "vertex"]  # forces from which the iteration without dilation starts
 FLOOR_SECONDS: Final = 60.0
 """Default processor time, in seconds, for the lower bound on λ over all non-dilatant solutions."""
 

@@ -281,11 +281,10 @@ class Result(NotebookRepr):
         }
 
 
-BY_FACES: Final = (
+BY_FACES: Final = (  # warning about λ of blocks with inner faces, from cracks along faces
     "λ is that of blocks that crack along the faces drawn alone; cracks elsewhere may lower it: "
     "cracks by cells or by fields tell"
 )
-"""Warning about λ of blocks with inner faces, from cracks along faces."""
 
 
 @dataclass(frozen=True, repr=False)

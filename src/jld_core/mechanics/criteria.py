@@ -224,16 +224,12 @@ _NEAR: Final = 1e-6
 
 # Size of the minors of unit rows below which their line of intersection is found in exact arithmetic alone
 _FLAT: Final = 1e-9
-
 _TRIES: Final = 8  # parts in which the ends of a hull are tried as normals of its facets
-
 _SAME: Final = 1e-9  # distance below which two unit normals of facets are one
 
 # Distance of a vertex beyond a row, relative to all, below which the row is a facet; rows are moved out then
 _INSIDE: Final = 1e-11
-
-Vector = tuple[int, ...]
-"""Point or ray in homogeneous coordinates: (x w, w) with w > 0, and (x, 0)."""
+Vector = tuple[int, ...]  # point or ray in homogeneous coordinates: (x w, w) with w > 0, and (x, 0)
 
 
 def corners(rows: Floats, constants: Floats) -> tuple[Floats, Floats]:
@@ -376,9 +372,7 @@ def _firsts(normals: Floats) -> Bools:
 
 
 _ROUNDED: Final = 1e-12  # share of a strength by which N may pass the apex of friction in rounding
-
 _MOST: Final = 600_000  # largest number of groups of rows that are tried for vertices and rays
-
 _TOUCHES: Final = 1e-12  # distance of a vertex from a row, relative to strengths, below which the row touches it
 
 
@@ -529,21 +523,22 @@ def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: in
 
 
 def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Floats, Bools]:
-    """Return B (m, 2, 2); k, c and μ (3, m, 2) of the gauges of shear and torsion; and a mask (m,) of those in one."""
+    """Return B (m, 2, 2); k, c and μ (3, m, 2) of the gauge of shear, then of torsion; True (m,) where one is both."""
     # Gauges are divided by the larger of the size of B and k. Where rows limit shear, B is zero.
     shear, coupled = np.zeros((count, 2, 2)), np.zeros(count, dtype=bool)
     numbers = np.zeros((3, count, 2))
-    for which, rows in groups:
+    for faces, rows in groups:
         for gauge in rows.gauges:
-            torsion, capacity, friction = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
-            size = np.array(torsion)
+            k, c, mu = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
+            size = np.array(k)
             if gauge.shear is not None:
                 size = np.maximum(size, np.linalg.norm(gauge.shear, ord=2, axis=(1, 2)))
-                shear[which] = gauge.shear / size[:, None, None]
-                coupled[which] = torsion > 0.0
-            for place, limits in ((0, gauge.shear is not None), (1, bool(np.all(torsion > 0.0)))):
-                if limits and len(which):
-                    numbers[:, which, place] = np.array([torsion if place else size, capacity, friction]) / size
+                shear[faces] = gauge.shear / size[:, None, None]
+                coupled[faces] = k > 0.0
+            limited = (gauge.shear is not None, bool(np.all(k > 0.0)))
+            for column, factor in enumerate((size, k)):
+                if limited[column] and len(faces):
+                    numbers[:, faces, column] = np.array([factor, c, mu]) / size
     return shear, numbers, coupled
 
 

@@ -261,11 +261,8 @@ def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
             raise InputError(key, "missing", f"this material, since face {face} may be {name}")
 
 
-Term = tuple[Ints, list[Floats]]
-"""Columns (k,) of a family of rows, and their coefficients (k,) in each of the sets."""
-
-Row = tuple[list[Term], list[Floats]]
-"""Terms of a family of rows, and their right-hand sides (k,) in each of the sets."""
+Term = tuple[Ints, list[Floats]]  # columns (k,) of a family of rows, and their coefficients (k,) in each of the sets
+Row = tuple[list[Term], list[Floats]]  # terms of a family of rows, and their right-hand sides (k,) in each of the sets
 
 
 class Sheet:

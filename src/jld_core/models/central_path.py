@@ -26,9 +26,7 @@ from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFri
 from jld_core.program import Template
 
 _FAINT = 1e-5  # scaled N below which x tends to zero: M / N is computed as M N / (N² + _FAINT²)
-
 _NARROW = 1e-6  # least side of an effective rectangle, relative to the side of the face
-
 _OWN = (0, 3, 4)  # resultants on which the effective area of a face depends: N, m1, m2
 
 # Resultants whose coefficients depend on the effective area: mT, V1, V2, in the order of the parameters
@@ -206,18 +204,13 @@ _BOUNDARY: Final = 0.9  # share of the way to the boundary of the cones that a s
 
 # Added to the diagonal of the Newton matrix, for columns and equalities: free directions get no step
 _REGULAR: Final = (1e-11, 1e-13)
-
 _RESIDUAL: Final = 0.3  # residual over the gap above which a step only returns to the path
 
 # Distance from the path, relative to its parameter and per cone, above which a step only returns to the path
 _CENTRED: Final = 0.9
-
 _REDUCTIONS: Final = (0.1, 0.3, 0.8)  # least, first and largest factor on the parameter of the path in one step
-
 _STALLED: Final = 30  # number of steps within which the gap must halve
-
 _UNBOUNDED: Final = 1e7  # scaled λ at which the path ends, because λ grows without limit
-
 _FLIP: Final = np.array([1.0, -1.0, -1.0])  # signs of the quadratic form of a second-order cone of size three
 
 
@@ -413,23 +406,17 @@ class CentralPath:
         return np.concatenate([line, row]), np.concatenate([line, column]), data
 
 
-STARTS: Final = 16
-"""Number of central paths tried."""
+STARTS: Final = 16  # number of central paths tried
 
 # Scaled compression of the first iterate, in turn: forces of arches exceed the weight above them
 _SIZES: Final = (10.0, 100.0)
 
 # Logarithm of the largest factor on weights of the barrier, of the first four starts; later ones have the last
 _SPREAD: Final = (0.0, 0.7, 0.0, 1.5)
-
 _WAVES: Final = 40.0  # largest wave number of the weights, over half the size of the structure
-
 _CLOSE: Final = 1e-3  # relative gap of an iterate from which on it is checked
-
 _BALANCED: Final = 1e-4  # residual of an iterate up to which it is checked
-
 _FINE: Final = 1e-9  # relative width of the bracket below which a path is not followed any further
-
 _REFINEMENTS: Final = 8  # number of iterates after the first converged one, so that λ is more exact than asked
 
 # Relative width of the bracket at the end of a path below which the frozen problem is solved once more
@@ -437,9 +424,7 @@ _PROMISING: Final = 1e-4
 
 # Scaled λ at the end of a path above which λ may be unbounded; no third path of this kind is followed
 _GROWS: Final = 1e4
-
 _EDGE: Final = 1e-9  # scaled violation up to which forces are moved onto the boundary of the yield sets
-
 _PARALLEL: Final = 0.1  # sine of the angle below which two directions count as parallel
 
 

@@ -19,11 +19,8 @@ _FACES: Final = 2e4  # number of faces at which the times in `_COSTS` were measu
 
 # Cost by dimension: seconds and bytes at `_FACES` faces, each followed by its exponent of the number of faces
 _COSTS: Final = {2: (14.0, 1.6, 3.2e8, 1.0), 3: (90.0, 1.5, 1.4e9, 1.17)}
-
 _BASE: Final = 1.5e8  # memory of Python and its libraries, in bytes
-
-LONG: Final = 5.0
-"""Time of one evaluation in seconds above which the user is warned in advance."""
+LONG: Final = 5.0  # time of one evaluation in seconds above which the user is warned in advance
 
 
 @dataclass(frozen=True)

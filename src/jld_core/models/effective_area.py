@@ -26,11 +26,8 @@ from jld_core.solvers import ClarabelSolver
 from jld_core.strengths import ADHESION, STANDARD, Route
 
 _ROUTE: Final = Route("effective areas", STANDARD - ADHESION)
-
 _STEPS = 5  # number of steps towards larger λ before the forces are held by the proximal term `HOLDING_WEIGHT`
-
 _SLACK = 1e-8  # limit of the scaled slack requested of the next state; the limit grows to five times this value
-
 _RAYS = 8  # number of rays tried, each under the effective areas of the one before
 
 # Scaled λ along a ray, added to forces under whole faces, at which forces within their own areas are sought
@@ -38,11 +35,8 @@ _ALONG = (1.0, 1e2, 1e4)
 
 # Shares of an opening motion that are added to an instability, relative to its largest velocity
 _OPENINGS = (1e-9, 1e-6, 1e-3)
-
 _SAME = 1e-12  # largest change of the effective areas that the last projection of a ray may cause, relative
-
-HOLDING_WEIGHT: Final = 30.0
-"""Weight of the proximal term that holds the forces while effective areas converge."""
+HOLDING_WEIGHT: Final = 30.0  # weight of the proximal term that holds the forces while effective areas converge
 
 
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:

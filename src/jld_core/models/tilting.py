@@ -23,13 +23,9 @@ from jld_core.loads import Loads
 from jld_core.models.rigid_blocks import limit_analysis, solve_labelling
 
 _STEPS: Final = 20  # largest number of steps from below
-
 _SMALL: Final = 1e-10  # step, radians, at which they end
-
 _ABOVE: Final = tuple(10.0**k for k in range(-9, -2))  # angles, radians, above the last step at which falling is tried
-
-Bracket = tuple[float, float]
-"""Bounds on an angle, degrees; NaN where one is unknown, infinite where nothing falls."""
+Bracket = tuple[float, float]  # bounds on an angle, degrees; NaN where one is unknown, infinite where nothing falls
 
 
 def directions(assembly: Assembly) -> dict[str, Floats]:

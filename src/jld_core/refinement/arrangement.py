@@ -17,14 +17,11 @@ from jld_core.errors import InputError, ParameterError
 from jld_core.geometry import Faces, facets_of, merge_points
 
 _GRID: Final = 1e-13  # grid width for cutting lines, relative to the structure: near the rounding of its coordinates
-
 _ON_LINE: Final = 1e-10  # distance, relative to the structure, within which a node lies on an outline
 
 # Distance, relative to a cell, within which nodes merge, so that a line that nearly passes a corner meets it
 _ONE: Final = 1e-6
-
 _LOST: Final = 1e-6  # share of an element's area by which its parts may differ from it after nodes merge
-
 _Edge = tuple[tuple[float, ...], tuple[float, ...]]  # edge of a polygon: two points
 
 
@@ -184,10 +181,7 @@ def _edges(part: shapely.Polygon) -> set[_Edge]:
     return {(min(a, b), max(a, b)) for a, b in pairwise(points)}
 
 
-MOST: Final = 100_000
-"""Largest number of cells of a refinement."""
-
-
+MOST: Final = 100_000  # largest number of cells of a refinement
 _ON: Final = 1e-9  # distance from a plane, relative to a solid, up to which a corner lies in the plane
 
 

@@ -32,8 +32,7 @@ from jld_core.scene.uncertain import with_means
 _CAPACITIES: Final = ("tension", "compression", "prestress", "shear")
 """Forces of a member, of which each share has its part."""
 
-_MOST_SHARES: Final = 64
-"""Largest number of members that one member becomes."""
+_MOST_SHARES: Final = 64  # largest number of members that one member becomes
 
 
 @dataclass(frozen=True)
@@ -263,9 +262,7 @@ KINDS: Final = ("grid", "bond", "voronoi", "radial")
 
 # Names of the groups of old joints that a search must keep, for the parameter `by` of `refine`.
 BY: Final = ("block", "material")
-
-SNAP: Final = 0.4
-"""Largest distance, relative to a cell, to which corners of cells move: beyond it cells degenerate."""
+SNAP: Final = 0.4  # largest distance, relative to a cell, to which corners of cells move: beyond it cells degenerate
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,7 @@ class FieldCracks(Part):
     gap: Annotated[Positive, Field(description="a number above 0")] = 0.05
 
 
-CrackModel = Literal["faces"] | CellCracks | FieldCracks
-"""How blocks crack."""
+CrackModel = Literal["faces"] | CellCracks | FieldCracks  # how blocks crack
 
 
 def cracks_by_kind(given: Any) -> Any:

@@ -14,12 +14,8 @@ from jld_core.scene.part import Part, Positive
 FactorPair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
 """Partial factors of one kind of permanent action: favourable, unfavourable."""
 
-DEFAULT_SET: Final = "EN 1996-1-1"
-"""Set of partial factors where neither the scene nor the caller names one."""
-
-
-EQUILIBRIUM: Final = "EN 1990 EQU"
-"""Set of partial factors of static equilibrium."""
+DEFAULT_SET: Final = "EN 1996-1-1"  # set of partial factors where neither the scene nor the caller names one
+EQUILIBRIUM: Final = "EN 1990 EQU"  # set of partial factors of static equilibrium
 
 
 class DesignFactors(Part):
@@ -97,9 +93,7 @@ class PartialFactors:
 
 
 STATED: Final = "stated in the scene"
-
 UNREDUCED: Final = "not in this set"
-
 _ACTIONS: Final = ("self_weight", "dead", "live")  # factors that EN 1990 states
 
 

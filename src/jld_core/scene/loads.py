@@ -54,9 +54,7 @@ class PointLoad(Part):
 
 # Largest number of forces of a moving load at all its positions; each takes some 30 µs to place.
 MOST_FORCES: Final = 200_000
-
-OUTSIDE: Final = "outside"
-"""Name of what lies beyond the free boundary of an element."""
+OUTSIDE: Final = "outside"  # name of what lies beyond the free boundary of an element
 
 
 class FacePlace(Part):

@@ -158,8 +158,7 @@ class Materials(Part):
     faces: list[FaceMaterial] = []
 
 
-Share = Annotated[float, Field(ge=0, le=1)]
-"""Number from 0 to 1."""
+Share = Annotated[float, Field(ge=0, le=1)]  # number from 0 to 1
 
 
 class Fill(Part):

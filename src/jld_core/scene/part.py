@@ -10,34 +10,20 @@ from jld_core.errors import InputError
 from jld_core.scene.uncertain import MaySpread, MayVary, MayVaryInSize
 
 LabelName = Literal["dry", "inner"]
-
 Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
-
 Vector = Annotated[list[float], Field(min_length=2, max_length=3)]
-
 Positive = Annotated[float, Field(gt=0)]
-
 NonNegative = Annotated[float, Field(ge=0)]
-
 Value = Annotated[float, Field(ge=0), MaySpread()]
 """Material value of at least 0: a number, or an object with nominal and low value."""
 
-PositiveValue = Annotated[float, Field(gt=0), MaySpread()]
-"""The same above 0."""
-
-Angle = Annotated[float, Field(ge=0, lt=90), MaySpread()]
-"""Angle of friction, degrees, as a `Value`."""
-
-
+PositiveValue = Annotated[float, Field(gt=0), MaySpread()]  # the same above 0
+Angle = Annotated[float, Field(ge=0, lt=90), MaySpread()]  # angle of friction, degrees, as a `Value`
 Weighing = Annotated[float, Field(ge=0), MayVary()]
 """Density or weight of at least 0: a number, or an object with its distribution."""
 
-Loading = Annotated[float, MayVary(each=False)]
-"""Number of a load, or an object with its distribution."""
-
-VaryingPositive = Annotated[float, Field(gt=0), MayVary(each=False)]
-"""The same above 0."""
-
+Loading = Annotated[float, MayVary(each=False)]  # number of a load, or an object with its distribution
+VaryingPositive = Annotated[float, Field(gt=0), MayVary(each=False)]  # the same above 0
 LoadVector = Annotated[list[Loading], Field(min_length=2, max_length=3), MayVaryInSize()]
 """Vector of a load, whose components or size may have distributions."""
 

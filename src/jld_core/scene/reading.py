@@ -164,10 +164,7 @@ def _refuse_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 _DEPTH = 64  # largest depth of nesting of a scene file
-
-_LEAST, _MOST = 1e-30, 1e30
-"""Limits of the magnitude of non-zero numbers."""
-
+_LEAST, _MOST = 1e-30, 1e30  # limits of the magnitude of non-zero numbers
 _NUMBERS = f"0 or a magnitude from {_LEAST:g} to {_MOST:g}"  # expected numbers, for error messages
 
 

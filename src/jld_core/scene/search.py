@@ -43,8 +43,7 @@ Counts = Annotated[list[Annotated[int, Field(ge=0)] | None], Field(min_length=2,
 Sizes = Annotated[list[NonNegative | None], Field(min_length=2, max_length=2)]
 """Bounds [least, most] of a measured quantity, None for no limit."""
 
-Sense = Literal["max", "min"]
-"""Better direction of a count."""
+Sense = Literal["max", "min"]  # better direction of a count
 
 
 class Front(Part):

@@ -25,7 +25,7 @@ class StandardParameter:
         return f"materials.{self.label}.{self.key}" if self.fact != "friction" else "materials.dry"
 
 
-PARAMETERS: Final = (
+PARAMETERS: Final = (  # all that units, scenes, design values, samples and pages iterate over
     StandardParameter("dry", "friction", "friction", "friction_coefficient", "friction", "friction of joints"),
     StandardParameter("dry", "shear", "cohesion", "cohesion", "cohesion", "cohesion of joints", 0.0),
     StandardParameter(
@@ -43,17 +43,13 @@ PARAMETERS: Final = (
         *("compressive strength of inner faces", math.inf),
     ),
 )
-"""All that units, scenes, design values, samples and pages iterate over."""
 
-STRESS_KEYS: Final = tuple(
+STRESS_KEYS: Final = tuple(  # keys of materials that hold strengths, which are stresses
     dict.fromkeys(one.key for one in sorted(PARAMETERS, key=lambda one: one.side == "crush") if one.side != "friction")
 )
-"""Keys of materials that hold strengths, which are stresses."""
 
 
-SURFACE: Final = "surface"
-"""Key of a material, and name of the criterion that reads what stands there."""
-
+SURFACE: Final = "surface"  # key of a material, and name of the criterion that reads what stands there
 ENDS: Final = frozenset(one.field for one in PARAMETERS if math.isinf(one.absent))
 """Fields of `Strengths` that limit compression; inf where there is no limit."""
 

@@ -14,12 +14,8 @@ from jld_core.errors import InputError
 from jld_core.scene.complaints import shown
 
 KINDS: Final = ("normal", "lognormal")
-
 KEYS: Final = ("mean", "cov", "kind")
-
-EACH: Final = "each"
-"""Optional key: true where each face or element has an independent value of its own."""
-
+EACH: Final = "each"  # optional key: true where each face or element has an independent value of its own
 _FORM: Final = '"mean", "cov" and "kind"'
 
 
@@ -166,8 +162,7 @@ def _written_vector(value: Any) -> Any:
     return None if value is None else [written(one) for one in value]
 
 
-Path = tuple[str | int, ...]
-"""Keys and positions that lead to a value of a scene."""
+Path = tuple[str | int, ...]  # keys and positions that lead to a value of a scene
 
 
 def uncertain_values(part: Any, path: Path = ()) -> Iterator[tuple[Path, Uncertain | UncertainVector]]:

@@ -29,9 +29,7 @@ NEWTONS: Final = {
     "kip": 4448.2216152605,
 }
 
-MASSES: Final = frozenset({"kg", "t", "g", "lb"})
-"""Units of mass among those of force."""
-
+MASSES: Final = frozenset({"kg", "t", "g", "lb"})  # units of mass among those of force
 METRES: Final = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "km": 1e3, "in": 0.0254, "ft": 0.3048, "yd": 0.9144}
 """Metres per unit of length."""
 
@@ -45,7 +43,6 @@ def force_in_words(value: float, unit: str) -> str:
 
 
 _Powers = tuple[int, int]  # powers of force and length of a quantity
-
 _FORCE: Final[_Powers] = (1, 0)
 _LENGTH: Final[_Powers] = (0, 1)
 _MOMENT: Final[_Powers] = (1, 1)
@@ -85,10 +82,7 @@ _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^
 
 # Pattern of one factor of a unit, with the sign before it and its power
 _FACTOR: Final = re.compile(r"([*·/]?)\s*([A-Za-z]+)(?:\^?(-?\d|²|³))?\s*")
-
-
-USUAL_GRAVITY: Final = (1.0, 25.0)
-"""Least and greatest usual acceleration of gravity, m/s²."""
+USUAL_GRAVITY: Final = (1.0, 25.0)  # least and greatest usual acceleration of gravity, m/s²
 
 
 @dataclass(frozen=True)

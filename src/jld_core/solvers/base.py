@@ -12,8 +12,7 @@ from jld_core.arrays import Floats
 from jld_core.program import ConicProgram
 from jld_core.program.template import Structure
 
-Suffices = Callable[[Floats, Floats], bool]
-"""Test whether a point and multipliers suffice for the caller of a solver."""
+Suffices = Callable[[Floats, Floats], bool]  # test whether a point and multipliers suffice for the caller of a solver
 
 # Relative duality gap from which a solver offers its iterates, a third of `tolerances.GAP`.
 # Smaller values cost the iterations with the worst linear systems.

@@ -37,8 +37,7 @@ Robust = Annotated[
 ]
 
 
-Option = tuple[Any, Any]
-"""Annotation and default of an option of a command."""
+Option = tuple[Any, Any]  # annotation and default of an option of a command
 
 READING: Final[dict[str, Option]] = {
     name: (Annotated[kind | None, typer.Option(f"--{name}", help=words)], None)

@@ -25,12 +25,11 @@ from jld_explore.space.search_space import SearchSpace
 if TYPE_CHECKING:
     import pandas as pd
 
-STRONGER_CUT: Final = (
+STRONGER_CUT: Final = (  # why a layout may be stronger than the structure without cuts
     "By faces, the structure without these cuts carries at most {high} times the load, less than this layout. "
     "A crack along a face of the cells fails at its tensile or shear strength; the friction of a dry joint grows "
     "with the load that presses on it."
 )
-"""Why a layout may be stronger than the structure without cuts."""
 
 LETTERS: Final = 24  # letters of a labelling shown in a terminal
 

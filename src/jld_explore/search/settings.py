@@ -20,9 +20,7 @@ it (-floor); what a virtual experiment carries; or the reliability index of the 
 Objective = str | OwnObjective
 """An objective of jld or of a plug-in by name, or a function of an evaluation, the assembly and the labels."""
 
-SMALL: Final = 20_000
-"""Default of `SearchMethod.small`: number of classes up to which a space is enumerated by default."""
-
+SMALL: Final = 20_000  # default of `SearchMethod.small`: number of classes up to which a space is enumerated by default
 _RELIABLE: Final = 10  # layouts ranked by reliability where this is the objective and no number is given
 
 # Processor time, s, for the lower bound of one labelling where this bound is the objective

@@ -43,9 +43,7 @@ if TYPE_CHECKING:
 
 
 _ROW: Final = 1e-4  # time reserved from a limit for tables and page, s per recorded labelling; 90 000 took 9 s
-
-PORTION: Final = 128
-"""Largest number of labellings requested at a time if pruning thresholds can avoid solves."""
+PORTION: Final = 128  # largest number of labellings requested at a time if pruning thresholds can avoid solves
 
 
 # Multiple of the expected time of an evaluation after which workers without a result count as hung
@@ -57,9 +55,7 @@ _SOON: Final = 1.6
 
 # Share of the remaining time in which a driver must propose its first labelling; then another one is sought
 _FIRST: Final = 0.6
-
 _LEAST: Final = 1.0  # seconds to find a first labelling if the time limit passes before any evaluation
-
 _NONE: Final = np.empty((0, 0), dtype=bool)  # labellings of an empty list of evaluations
 
 

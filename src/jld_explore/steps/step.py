@@ -138,32 +138,20 @@ def run_steps(done: Exploration, steps: Iterable[Step], context: StepContext) ->
 
 # Time by which a command may pass its time limit: seconds, or a share of the limit if that is larger.
 LATENESS: Final = (2.0, 0.05)
-
-TABLES: Final = 0.2
-"""Share of `lateness` until which shapes of blocks are counted for tables."""
-
-PAGE: Final = 0.5
-"""Share of `lateness` until which layouts are solved for the page."""
-
-PICTURES: Final = 0.85
-"""Share of `lateness` at which the last picture is finished; the process ends in the remainder."""
+TABLES: Final = 0.2  # share of `lateness` until which shapes of blocks are counted for tables
+PAGE: Final = 0.5  # share of `lateness` until which layouts are solved for the page
+PICTURES: Final = 0.85  # share of `lateness` at which the last picture is finished; the process ends in the remainder
 
 # Share of `lateness` at which the tables of a search without pictures are written: others go on with them
 _TABLES_ALONE: Final = 0.3
-
 _WRITING: Final = 1.0  # processor time of tables and page of a small search, s
 
 # Further processor time for each face, s: tables of blocks and the drawing on the page grow with the structure
 _WRITING_FACE: Final = 2e-4
-
 _PICTURES: Final = 1.0  # processor time of all pictures of a small search, s, imports included
-
 _FIELDS: Final = 0.05  # share of a time limit in which bounds by fields are refined for a picture
-
 _MOST_KEPT: Final = 0.5  # largest share of a time limit that is kept back
-
-BUSY: Final = 6.0
-"""Largest factor by which a busy machine may prolong the writing."""
+BUSY: Final = 6.0  # largest factor by which a busy machine may prolong the writing
 
 
 def lateness(seconds: float | None) -> float:
@@ -214,11 +202,8 @@ def search_deadline(deadline: Deadline, settings: ExploreSettings, assembly: Ass
 MOST: Final = 2.0
 """Longest expected processor time of the check, s: fewer layouts are checked where it would take longer."""
 
-SHARE: Final = 0.05
-"""Largest share of a time limit that is kept back for the check."""
-
-FALL: Final = 0.05
-"""Share of λ by faces that fields must leave, or else it is said."""
+SHARE: Final = 0.05  # largest share of a time limit that is kept back for the check
+FALL: Final = 0.05  # share of λ by faces that fields must leave, or else it is said
 
 
 @dataclass(frozen=True)
@@ -354,8 +339,7 @@ def _findings(values: Floats, low: Floats, high: Floats, uncut: tuple[float, flo
     return found
 
 
-MOST_UNCUT: Final = 2000
-"""Largest number of interfaces of an assembly that is solved without its cuts."""
+MOST_UNCUT: Final = 2000  # largest number of interfaces of an assembly that is solved without its cuts
 
 
 def most_without_cuts(scene: Scene, assembly: Assembly, space: SearchSpace) -> float | None:

@@ -45,11 +45,7 @@ from jld_practice.reliability import LimitFunction, SampleBounds, Variables
 from jld_practice.reliability.structure import Growth, RandomStructure
 
 _CAPACITIES: Final = ("tension", "compression", "shear")  # keys of members that their factor divides
-
-
-LOW_FRACTILE: Final = 0.05
-"""Probability of values below the characteristic one of a strength, EN 1990, 4.2(3)."""
-
+LOW_FRACTILE: Final = 0.05  # probability of values below the characteristic one of a strength, EN 1990, 4.2(3)
 HIGH_FRACTILE: Final = 0.98
 """Probability of values below the characteristic one of a live load, EN 1990, 4.1.2(7) with note 2."""
 
@@ -143,7 +139,6 @@ ROUTE: Final = Route("the design check")  # reader of strengths: partial factors
 
 # which factor of a permanent action counts; "parts" where each of its parts has its own
 Effect = Literal["unfavourable", "favourable", "parts"]
-
 _BOTH: Final[tuple[Effect, Effect]] = ("unfavourable", "favourable")
 
 # Stated dead load over all dead load on an element up to which it is rounding of the self-weight
@@ -224,12 +219,8 @@ def _stated(assembly: Assembly, dead: Loads) -> Loads:
 
 
 COARSE: Final = 0.9  # gap of the first bounds of every load case: one mesh
-
 FINER: Final = (0.4, 0.15, 0.05)  # gaps of the bounds of load cases that the first ones leave open, one after the other
-
 _REFUTED: Final = 0.1  # share of the time that may be spent on the utilisation of a case that is refuted anyway
-
-
 Assess = Callable[[int, float, float], bool | None]  # assess the case of a number to a gap within seconds
 
 
@@ -288,9 +279,7 @@ def loaded_cases(structure: Assembly, labels: Bits, combination: Combination) ->
 
 
 _ALL: Final = 10  # largest number of parts of which all assignments are bounded
-
 _STEPS: Final = 12  # largest number of mechanisms that lead to a bad assignment
-
 _ROUNDS: Final = 6  # rounds in which forces that answer each part follow the room that the last state leaves
 
 # Stated dead load over all dead load on an element up to which it is rounding of the self-weight
@@ -449,7 +438,7 @@ def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
         answer = spread[:, None] * (equilibrium.T @ splu(system).solve(np.asfortranarray(-parts.T)))
         if not np.isfinite(answer).all() or abs(equilibrium @ answer + parts.T).max() > _SAFE * abs(parts).max():
             break
-        taken = _taken(program, np.asarray(rows @ answer))
+        taken = _largest_losses(program, np.asarray(rows @ answer))
         robust = replace(program, rhs=program.rhs - np.concatenate([np.zeros(equations), taken]))
         point = make_solver("clarabel").solve(robust).point
         slack = robust.rhs - robust.matrix @ point
@@ -463,8 +452,9 @@ def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
     return best if best >= 0.0 else -math.inf
 
 
-def _taken(program: ConicProgram, change: Floats) -> Floats:
-    """Return what changes (rows, k) of slacks can take of each row together: of cones at their tips."""
+def _largest_losses(program: ConicProgram, change: Floats) -> Floats:
+    """Return what changes (rows, k) of slacks, each of either sign, take of a row at the most."""
+    # of a cone the tip must give what its body may grow by
     linear, sizes = program.structure.linear, program.structure.cones
     taken = np.zeros(len(change))
     taken[:linear] = abs(change[:linear]).sum(axis=1)
@@ -486,7 +476,6 @@ def _least_slack(program: ConicProgram, slack: Floats) -> float:
 
 
 LISTED: Final = 8  # joints and blocks that a check lists, those nearest to their limit
-
 Solution = LimitAnalysisResult | models_by_fields.FieldResult  # solution of a structure under all its load cases
 
 

@@ -27,9 +27,7 @@ COMING: Final = "#d98c3f"
 
 # props
 PROP: Final = "#2c5f9e"
-
 _ACROSS: Final = 5  # largest number of stages per row
-
 _MOST: Final = 60  # largest number of stages drawn
 
 
@@ -158,11 +156,8 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
         spine.set_color(look.SOFT)
 
 
-_STAGE, _END = 700, 2500
-"""Time that a stage and the last stage are shown, ms."""
-
+_STAGE, _END = 700, 2500  # time that a stage and the last stage are shown, ms
 _DPI: Final = 100  # resolution of a stage, dots per inch
-
 _COLOURS: Final = 64  # number of colours of the animation: drawings have few
 
 

@@ -23,11 +23,8 @@ from jld_explore.space import Count
 from jld_explore.space.limits import SizeOf
 from jld_explore.space.search_space import SearchSpace
 
-MOST: Final = 20_000
-"""Number of possible blocks above which they are not listed."""
-
+MOST: Final = 20_000  # number of possible blocks above which they are not listed
 _ROWS: Final = 512  # number of sets whose sizes are computed at once
-
 _GROWN: Final = 4  # sets, as a multiple of `MOST`, above which sets of one size are not compared with the limits
 
 
@@ -190,7 +187,6 @@ class BlockTables:
 
 # Largest share of the time left for listing the possible blocks; the formula works without the list
 _LISTING_SHARE: Final = 0.3
-
 SEED_STEP: Final = 1000  # difference of the seeds of two threads or workers, so that each prefers other labels
 
 
@@ -383,13 +379,9 @@ class Heuristics:
 # Gap, relative to the bound, up to which the whole gap is tried at once. Intermediate steps would need a third more
 # conflicts in total.
 _WHOLE_GAP: Final = 0.2
-
 _FIRST_FRACTION: Final = 0.5  # first step of a wider gap, as a fraction of the gap
-
 _LAST_FRACTION: Final = 0.75  # fraction of the gap from which a step covers the whole gap
-
 _LEAST_STEP: Final = 2e-3  # smallest step, relative to the bound
-
 _GROWTH: Final = 1.5  # factor by which the fraction grows after a step that needed few conflicts
 _QUICK_SHARE: Final = 0.25  # share of the allowed conflicts below which a step counts as quick
 
@@ -441,7 +433,6 @@ _FIRST_INTERVAL: Final = 4000  # relaxations before annealing first runs during 
 # Labellings annealed per relaxation since the last run, with and without batch solver. Annealing then takes some 10 to
 # 15 % of the time.
 _LABELLINGS_PER_RELAXATION: Final = (0.025, 0.15)
-
 _LONG_PROOF: Final = 60_000  # number of relaxations from which a proof counts as long
 # Least number of labellings annealed per relaxation in a long proof. There a relaxation takes half as long as the
 # evaluation of a labelling (0.24 and 0.5 ms for the crushable arch), in small walls a seventh.

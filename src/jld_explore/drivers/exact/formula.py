@@ -447,8 +447,7 @@ class Cube:
         return bool((labels[list(self.faces)] == np.array(self.labels, dtype=bool)).all())
 
 
-EVERYTHING: Final = Cube()
-"""Cube of all labellings."""
+EVERYTHING: Final = Cube()  # cube of all labellings
 
 
 def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
