@@ -178,6 +178,8 @@ def test_the_command(tmp_path: Path, jld: Command) -> None:
     bad = tmp_path / "bad.json"
     for arguments, words in (
         ([scene, "--cell", "0"], ["--cell", "above 0"]),
+        ([scene, "--cell", "1e308"], ["--cell", "above 0"]),
+        ([scene, "--cell", "0.1", "--bond", "flemish"], ["--bond", "--kind bond"]),
         ([scene, "--cell", "a"], ["--cell", "numbers"]),
         ([scene, "--cell", "1e-9"], ["--cell", "at most"]),
         ([scene, "--cell", "0.1,0.1,0.1"], ["--cell"]),
