@@ -171,7 +171,12 @@ def test_uncertain_values_are_taken_at_their_means_with_a_note(jld: Command, tmp
 
 @pytest.mark.parametrize(
     "wrong",
-    [["thrust", "--section", "0,90,1,90"], ["settlement"], ["solve", "--history", "h.csv"], ["export", "--format", "x"]],
+    [
+        ["thrust", "--section", "0,90,1,90"],
+        ["settlement"],
+        ["solve", "--history", "h.csv"],
+        ["export", "--format", "x"],
+    ],
     ids=lambda wrong: wrong[0],
 )
 def test_an_error_stands_without_the_note_on_means(wrong: list[str], jld: Command, tmp_path: Path) -> None:
