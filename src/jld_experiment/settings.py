@@ -20,6 +20,8 @@ REST: Final = 1e-7  # unbalanced force, relative to the largest load on an eleme
 FALL: Final = 0.1  # fall of λ, as a share of the highest λ, that counts as collapse
 
 
+_STIFFEST: Final = 1e100  # stiffnesses and ratios beyond it overflow in products
+
 # damping schemes of `Settings`, in the order of their numbers in the time stepping
 DAMPING_SCHEMES: Final = ("local", "viscous", "combined")
 
@@ -53,8 +55,8 @@ class Joints:
         parameters.require_field_types(self)
         for name in ("normal_stiffness", "shear_stiffness", "inner_ratio"):
             value = getattr(self, name)
-            if value is not None and not (value > 0.0 and math.isfinite(value)):
-                raise ParameterError(name, f"{value!r} is no stiffness", "a number above 0")
+            if value is not None and not 0.0 < value < _STIFFEST:
+                raise ParameterError(name, f"{value!r} is no stiffness", f"above 0 and below {_STIFFEST:g}")
         if self.dilation != "friction" and not (isinstance(self.dilation, (int, float)) and self.dilation >= 0.0):
             raise ParameterError(
                 "dilation", f"{self.dilation!r} is no dilation", "0, friction, or the tangent of an angle"

@@ -91,6 +91,8 @@ def export_command(
 
     The table has the name of the file with the ending .blocks.csv.
     """
+    if not out.name:
+        raise InputError(str(out), "it is no name of a file", "a file in a folder that is there")
     table = out.with_suffix(".blocks.csv")
     for file in (out, table):
         cli_options.refuse_itself(source, file)

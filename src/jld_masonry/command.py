@@ -53,6 +53,7 @@ def refine_command(
 
     Write the new scene, and print what could not be kept of the old one.
     """
+    cli_options.refuse_itself(scene, out)
     sizes = () if cell is None else _numbers("cell", cell)
     middle = None if centre is None else _numbers("centre", centre)
     if middle is not None and len(middle) != 2:

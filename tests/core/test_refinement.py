@@ -178,6 +178,8 @@ def test_the_command(tmp_path: Path, jld: Command) -> None:
     bad = tmp_path / "bad.json"
     for arguments, words in (
         ([scene, "--cell", "0"], ["--cell", "above 0"]),
+        ([scene, "--cell", "1e308"], ["--cell", "above 0"]),
+        ([scene, "--cell", "0.1", "--bond", "flemish"], ["--bond", "--kind bond"]),
         ([scene, "--cell", "a"], ["--cell", "numbers"]),
         ([scene, "--cell", "1e-9"], ["--cell", "at most"]),
         ([scene, "--cell", "0.1,0.1,0.1"], ["--cell"]),
@@ -192,6 +194,11 @@ def test_the_command(tmp_path: Path, jld: Command) -> None:
         assert (wrong.code, wrong.out, wrong.err.count("\n")) == (2, "", 1), arguments
         assert all(word in wrong.err for word in words), wrong.err
     assert not bad.exists()
+    before = scene.read_text()
+    wrong = jld("refine", scene, "--cell", "0.2", "-o", scene)
+    assert (wrong.code, wrong.out, wrong.err.count("\n")) == (2, "", 1)
+    assert "it is the file that is read" in wrong.err
+    assert scene.read_text() == before
 
 
 def test_scenes_that_cannot_be_refined_are_refused() -> None:

@@ -416,6 +416,7 @@ def test_commands_take_a_rank(
         ["export", study, "--format", "dxf", "--rank", "9999", "-o", tmp_path / "no.dxf"],
         ["export", study, "--format", "dxf", "--cells", "-o", tmp_path / "no.dxf"],
         ["export", scene, "--format", "dxf", "-o", tmp_path / "no" / "no.dxf"],
+        ["export", scene, "--format", "dxf", "-o", ""],
         ["export", scene, "--format", "docx", "-o", tmp_path / "no.docx"],
     ):
         bad = call(monkeypatch, capsys, *arguments)

@@ -260,6 +260,8 @@ def test_structures_that_do_not_stand(tmp_path: Path, jld: Command) -> None:
         (["--rank", "3"], "--rank"),
         (["--segments", "1", "--scheme", "midpoint"], "--segments"),
         (["--inner-ratio", "0"], "--inner-ratio"),
+        (["--inner-ratio", "1e308"], "--inner-ratio"),
+        (["--shear-stiffness", "1e308"], "--shear-stiffness"),
     ],
 )
 def test_bad_options_are_one_line(arguments: list[str], words: str, jld: Command) -> None:

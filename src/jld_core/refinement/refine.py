@@ -263,6 +263,7 @@ KINDS: Final = ("grid", "bond", "voronoi", "radial")
 # Names of the groups of old joints that a search must keep, for the parameter `by` of `refine`.
 BY: Final = ("block", "material")
 SNAP: Final = 0.4  # largest distance, relative to a cell, to which corners of cells move: beyond it cells degenerate
+_MOST_LENGTH: Final = 1e100  # sizes beyond it overflow in squares
 
 
 @dataclass(frozen=True)
@@ -333,7 +334,7 @@ def _check_sizes(scene: Scene, grid: CellOptions) -> None:
         raise ParameterError("kind", f"no cells are named {kind!r}", "one of " + ", ".join(KINDS))
     if not cell:
         raise ParameterError("cell", "missing", "the size of a cell, or `voussoirs` with their number")
-    if not 1 <= len(cell) <= scene.dimension or not all(0.0 < size < float("inf") for size in cell):
+    if not 1 <= len(cell) <= scene.dimension or not all(0.0 < size < _MOST_LENGTH for size in cell):
         raise ParameterError(
             "cell", f"{','.join(f'{size:g}' for size in cell)} is wrong", "one size above 0 for each axis"
         )
@@ -342,6 +343,8 @@ def _check_sizes(scene: Scene, grid: CellOptions) -> None:
         raise ParameterError(name, "it goes with `voussoirs` only", "`voussoirs` with their number")
     if kind not in ("grid", "bond") and scene.dimension == 3:
         raise ParameterError("kind", f"{kind} cells are planar and the scene is spatial", "grid or bond")
+    if grid.bond != "running" and kind != "bond":
+        raise ParameterError("bond", f"{grid.bond!r} does nothing to cells of kind {kind}", "`kind` bond")
     if kind == "radial" and (grid.centre is None or len(cell) != 2):
         what = "it has no centre" if grid.centre is None else "it has one size"
         raise ParameterError("kind", what, "`centre` x,y and `cell` THICKNESS,DEGREES")
