@@ -31,14 +31,11 @@ $(VENV)/.runs: $(SOURCES)
 
 # What tests, checks and documentation need besides, named one by one: to install jld again takes 3 s of a core. And the
 # variant that the best one is compared with: each takes 25 s of a core, so those between them wait for `make bench`.
-# Tests are collected once, so that what they import is compiled once, themselves too: each of the processes that run them
-# would do it again, 15 s of a core.
 $(VENV)/.done: $(VENV)/.runs
 	$(PYTHON) src/jld_core/batch/build.py --in-place --ends & compiler=$$!; \
 	$(BIN)/python -c 'import tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 		print(*project["optional-dependencies"]["dev"], sep="\n")' >$(VENV)/dev.txt && \
 	$(BIN)/python -m pip install $(PIP) -r $(VENV)/dev.txt || { kill $$compiler; exit 1; }; \
-	$(BIN)/python -m pytest -n 0 --collect-only -q >/dev/null; \
 	wait $$compiler || echo "make: the batch solver was not compiled in its base variant"
 	touch $@
 
@@ -54,11 +51,13 @@ check: setup
 	$(BIN)/mypy
 
 # mypy takes one core for a minute in a fresh clone, and the tests of pages wait for a browser most of the time: one after
-# the other beside the tests, and all have to pass
+# the other beside the tests, and all have to pass. In a fresh clone tests are collected once before they run, so that what
+# they import is compiled once, themselves too: each of the processes that run them would do it again, 15 s of a core.
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	{ $(BIN)/mypy && $(BIN)/python -m pytest -n 0 -m 'not long' tests/browser; } >$(VENV)/beside.txt 2>&1 & beside=$$!; \
+	test -e $(VENV)/.collected || $(BIN)/python -m pytest -n 0 --collect-only -q >$(VENV)/.collected; \
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not long' --ignore tests/browser; tests=$$?; \
 	wait $$beside; beside=$$?; cat $(VENV)/beside.txt; test $$tests -eq 0 -a $$beside -eq 0
 

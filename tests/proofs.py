@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from importlib import import_module
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -29,6 +29,16 @@ from jld_core.limit.analysis import ProofAttempt
 from jld_core.mechanics import YieldSet, equilibrium_matrix, load_vectors, prescribed_friction, scaling_of, yield_set
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, RawSolution, Solver
+
+
+class _Later:
+    """CVXPY, loaded when it is first asked for: an eighth of what collecting all tests takes."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(import_module("cvxpy"), name)
+
+
+cp: Any = _Later()
 
 
 @dataclass(frozen=True)

@@ -161,8 +161,11 @@ def test_each_name_alone(module: str, name: str, tmp_path: Path) -> None:
     _run(f"import {module}\n{module}.{name}", tmp_path)
 
 
+EXAMPLES = _examples()
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("program", _examples().values(), ids=_examples())
+@pytest.mark.parametrize("program", EXAMPLES.values(), ids=EXAMPLES)
 def test_each_example_of_a_docstring_alone(program: str, tmp_path: Path) -> None:
     _run(program, tmp_path)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -25,13 +26,17 @@ from jld_explore.report.tables import _ties, is_ahead
 from proofs import noisy
 
 NAMES = ["wall", "beam", "arch", "crushable wall", "cantilever", "no friction", "very strong"]
-ANALYSES = {name: LimitAnalysis(grid_assembly(CASES[name][0], **CASES[name][1])) for name in NAMES}
+
+
+@cache
+def analysis_of(name: str) -> LimitAnalysis:
+    return LimitAnalysis(grid_assembly(CASES[name][0], **CASES[name][1]))
 
 
 @settings(max_examples=70, deadline=None, derandomize=True)
 @given(st.sampled_from(NAMES), st.sampled_from([1e-2, 1e-4, 1e-6]), st.integers(0, 2**31))
 def test_bracket_contains_the_true_value_under_noise(name: str, level: float, seed: int) -> None:
-    analysis = ANALYSES[name]
+    analysis = analysis_of(name)
     labels = np.random.default_rng(seed).random(len(analysis.assembly.interfaces)) < 0.5
     truth = analysis.prove(labels)
     proof = noisy(analysis, labels, level, seed)
@@ -48,7 +53,7 @@ def test_bracket_contains_the_true_value_under_noise(name: str, level: float, se
 
 @pytest.mark.parametrize("name", NAMES)
 def test_nonsense_proves_nothing(name: str) -> None:
-    analysis = ANALYSES[name]
+    analysis = analysis_of(name)
     labels = np.ones(len(analysis.assembly.interfaces), dtype=bool)
     rows, columns = analysis.template.structure.shape
     for filling in (np.nan, np.inf, 0.0):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import pytest
 from benchmarks.claims.answers import _bonded, _left
@@ -35,6 +34,7 @@ from jld_core.models.central_path import (
     barrier_weights,
     load_axes,
 )
+from proofs import cp
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import pytest
 
@@ -26,6 +25,7 @@ from jld_explore import search_space
 from jld_explore.drivers.exact.conflict_generation import conflict_of
 from jld_explore.drivers.exact.context import possible_blocks
 from jld_explore.drivers.exact.proof_state import Conflict
+from proofs import cp
 
 OPEN = 5
 """Faces left undecided: 32 labellings each."""

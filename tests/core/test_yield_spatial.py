@@ -8,7 +8,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -21,7 +20,7 @@ from jld_core import Assembly, InputError, build_assembly, parse_scene, solve, s
 from jld_core.mechanics import scaling_of, yield_set
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, RawStatus
-from proofs import face_constraints, load_factor_in_space, make_face
+from proofs import cp, face_constraints, load_factor_in_space, make_face
 
 Array = NDArray[np.float64]
 SCENES = Path(__file__).parents[2] / "scenes"

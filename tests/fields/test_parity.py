@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import pytest
 from benchmarks.claims import fields
@@ -15,7 +14,7 @@ from benchmarks.claims.geometry import Move
 from jld_core import Assembly, Bits, Floats, Route, build_assembly, parse_scene
 from jld_core.fields import bounds
 from jld_core.fields import mesh as field_mesh
-from proofs import fields_of
+from proofs import cp, fields_of
 
 ROUTE = Route("a test")
 

@@ -54,7 +54,7 @@ def _svg() -> dict[str, tuple[Callable[[Path], None], str]]:
             "too many",
         ),
         "round_path.svg": (
-            _text(lambda: SVG.format("", '<path d="M0 0' + " a1 2 0 0 1 1 0" * 15_000 + '"/>')),
+            _text(lambda: SVG.format("", '<path d="M0 0' + " a1 2 0 0 1 1 0" * 8_000 + '"/>')),
             "too many",
         ),
         "many_shapes.svg": (_text(lambda: SVG.format("", '<rect width="1" height="1"/>' * 300_000)), "05 shapes; "),
