@@ -13,10 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import InputError, build_assembly, parse_scene
+from jld_core import Floats, InputError, build_assembly, parse_scene
 from jld_core.fields import bounds, bounds_by_fields
 from jld_cut.cells import SPLIT, Cutting, convex_parts, joints_of
-from jld_cut.meshes import surface_of
+from jld_cut.meshes import manifold3d, surface_of
 from jld_cut.scene import Setting, scene_of
 
 Ends = list[float | None]  # bounds of λ, None where there is none
@@ -28,10 +28,19 @@ _LAST: Final = 0.05  # gap at which refinement ends
 
 
 def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Setting) -> dict[str, Any]:
-    """Return the scene of parts as convex pieces, within which they may crack anywhere; InputError for others."""
-    pieces, of, planes, convex = convex_parts(bodies, _PIECES, _TURN)
-    if not convex:
-        raise InputError("fields", f"the parts are no union of {_PIECES} convex pieces", "fewer concave facets")
+    """Return the scene of parts as convex pieces, within which they may crack anywhere."""
+    pieces, of, planes = list[Any](), np.zeros(0, dtype=np.int64), list[Floats]()
+    for part, body in enumerate(bodies):
+        # few pieces where that ends in convex ones
+        for few in (True, False):
+            found, _, cuts, convex = convex_parts([body], max(1, _PIECES - len(pieces)), _TURN, few)
+            if convex:
+                break
+        else:
+            problem = f"the parts are no union of {_PIECES} convex pieces"
+            raise InputError("fields", problem, "fewer concave facets")
+        found = _joined(found)
+        pieces, of, planes = pieces + found, np.append(of, np.full(len(found), part)), planes + cuts
     # corners that unions left on edges are none of a convex piece, and pieces without thickness none of a part
     hulls = [surface_of(piece.hull().simplify(1e-6 * cutting.size).hull()) for piece in pieces]
     thick = [k for k, (points, _) in enumerate(hulls) if len(points)]
@@ -41,6 +50,23 @@ def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Sett
     for element, (points, faces), part in zip(document["elements"], hulls, of.tolist(), strict=False):
         element |= {"block": f"part {part + 1}", "vertices": points.tolist(), "faces": faces.tolist()}
     return document
+
+
+def _joined(pieces: list[Any]) -> list[Any]:
+    # those whose union is convex
+    made, volume = [piece.hull() for piece in pieces], [piece.volume() for piece in pieces]
+    k = 1
+    while k < len(made):
+        for j in range(k):
+            both = manifold3d().Manifold.batch_hull([made[j], made[k]])
+            if both.volume() <= (volume[j] + volume[k]) * (1 + 1e-6):
+                made[j], volume[j] = both, volume[j] + volume[k]
+                del made[k], volume[k]
+                k = max(1, j)  # what grew may now be joined to others
+                break
+        else:
+            k += 1
+    return made
 
 
 @contextmanager
