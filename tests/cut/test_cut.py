@@ -18,6 +18,7 @@ import pandas as pd
 import pytest
 import trimesh
 from manifold3d import CrossSection, Manifold, Mesh64, OpType
+from scipy.spatial import ConvexHull
 
 from jld_core import InputError, ParameterError, build_assembly, checkpoint, parse_scene
 from jld_cut import Options, cut
@@ -35,6 +36,7 @@ from jld_cut.meshes import (
     pieces_of,
     read_solid,
     stl_bytes,
+    surface_of,
     volume_of,
     write_3mf,
 )
@@ -805,6 +807,22 @@ def test_fields_have_as_few_pieces_as_fill_a_part() -> None:
     assert [one.get("block") for one in found["elements"]] == ["part 1"] * 3 + [None]
     assembly = build_assembly(parse_scene(found))
     assert assembly.elements.volume[assembly.elements.free].sum() == pytest.approx(corbel.volume(), rel=1e-6)
+
+
+def test_no_joint_of_the_pieces_for_fields_is_lost(tmp_path: Path) -> None:
+    """Corners in single precision lie beside the planes of joints that pieces joined again would share."""
+    path = tmp_path / "bench.stl"
+    path.write_bytes(stl_bytes(*surface_of(bench())))
+    solid = read_solid(path, 1.0)
+    cutting = Cutting(solid)
+    cutting.through(np.array([1.0, 0, 0]), 0.9)
+    wish = Options((3.0,) * 3, ("0,0,-1000",)).wish()
+    assembly = build_assembly(parse_scene(scene_of_parts("bench", cutting, cutting.cells, wish.setting)))
+    pieces = len(assembly.elements.free)
+    between = (assembly.interfaces.a < pieces) & (assembly.interfaces.b < pieces)
+    skin = sum(ConvexHull(assembly.elements.shape[k]).area for k in assembly.elements.free)
+    assert pieces >= 5
+    assert 2 * assembly.interfaces.area[between].sum() == pytest.approx(skin - solid.surface_area(), rel=1e-4)
 
 
 @pytest.mark.parametrize(
