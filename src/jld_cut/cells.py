@@ -363,10 +363,12 @@ def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
     return sorted(found, key=lambda one: -one[0])
 
 
-def convex_parts(cells: list[Any], most: int, least: float = _CONCAVE) -> tuple[list[Any], Ints, list[Floats], bool]:
-    """Split cells at concave edges by bisector planes: pieces, their cells, planes, and whether all are convex.
+def convex_parts(
+    cells: list[Any], most: int, least: float = _CONCAVE, few: bool = False
+) -> tuple[list[Any], Ints, list[Floats], bool]:
+    """Split cells at concave edges: pieces, their cells, planes, and whether all are convex.
 
-    least: turn of an edge that is split, radians.
+    least: turn of an edge that is split, radians. few: by planes that leave fewest such edges.
     """
     # the sharpest edge of all pieces is split first, so that a limit leaves the flattest
     pieces, of, planes = list(cells), list(range(len(cells))), []
@@ -377,14 +379,25 @@ def convex_parts(cells: list[Any], most: int, least: float = _CONCAVE) -> tuple[
         if turn < least:
             break
         _, middle, first, second = edges[at].pop(0)
+        found: list[tuple[int, int, Cutting, list[Any]]] = []
         for across in (first - second, first, second):  # a bisector may graze a thin piece
             cutting = Cutting(pieces[at])
             across = across / np.linalg.norm(across)
             cutting.through(across, float(across @ middle))
-            if len(cutting.cells) > 1:
-                planes += cutting.planes
-                pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * len(cutting.cells)
-                edges[at : at + 1] = [concave_edges(cell) for cell in cutting.cells]
-                break
-    convex = all(hull.volume() - piece.volume() < 1e-6 * hull.volume() for piece in pieces for hull in [piece.hull()])
-    return pieces, np.array(of), planes, convex
+            if len(cutting.cells) > 1 and (few or not found):
+                left = [concave_edges(cell) for cell in cutting.cells]
+                # bodies that touch along an edge have no concave one
+                stuck = sum(not own and not _convex(cell) for own, cell in zip(left, cutting.cells, strict=True))
+                edgy = sum(one[0] >= least for own in left for one in own)
+                found.append((1000 * stuck + edgy, len(left), cutting, left))
+        if found:
+            _, number, cutting, left = min(found, key=lambda one: one[:2])
+            planes += cutting.planes
+            pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * number
+            edges[at : at + 1] = left
+    return pieces, np.array(of), planes, all(_convex(piece) for piece in pieces)
+
+
+def _convex(piece: Any) -> bool:
+    hull = piece.hull().volume()
+    return bool(hull - piece.volume() < 1e-6 * hull)

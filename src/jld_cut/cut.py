@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ from jld_core import Floats, InputError, Ints, ParameterError, files
 from jld_cut.cells import Limits
 from jld_cut.clock import CHOSEN, DRAWN, FILED, KEYED, Clock
 from jld_cut.families import FAMILIES
-from jld_cut.fields import bounds_beside, scene_of_parts
+from jld_cut.fields import Ends, bounds_beside, scene_of_parts
 from jld_cut.keys import Key, Keyed, are_sound, keyed
 from jld_cut.meshes import UNITS, read_solid, unit_of
 from jld_cut.partitions import BEST, Layouts, frames
@@ -217,24 +217,31 @@ def cut(
     out.mkdir(parents=True, exist_ok=True)
     families = search_all(solid, path.stem, wish, clock, say)
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
-    if options.keys:
-        chosen = _keyed(chosen, wish, scale, options.clearance, clock)
-    if chosen.laying is None:  # the search for others had the time of this one
-        laying = chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED)))
-        locking = chosen.fine.locking(chosen.block, _LAYING) if laying is False else []
-        chosen = replace(chosen, laying=laying, locking=locking)
-    summary = _summary(chosen, families, solid, options) | {"unit": options.unit or "m", "warnings": warnings}
-    scene = clock.run("bounds by fields", DRAWN, lambda: _by_fields(chosen, wish.setting, out), _FIELDS + _DRAWING)
-    with bounds_beside(scene, clock.left(DRAWN) - _DRAWING) if scene else nullcontext() as bracket:
+    with ExitStack() as beside:
+        bracket = _begun(chosen, wish, out, clock, beside)
+        if options.keys and (with_keys := _keyed(chosen, wish, scale, options.clearance, clock)) is not chosen:
+            beside.close()
+            chosen, bracket = with_keys, _begun(with_keys, wish, out, clock, beside)
+        if chosen.laying is None:  # the search for others had the time of this one
+            laying = chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED)))
+            locking = chosen.fine.locking(chosen.block, _LAYING) if laying is False else []
+            chosen = replace(chosen, laying=laying, locking=locking)
+        summary = _summary(chosen, families, solid, options) | {"unit": options.unit or "m", "warnings": warnings}
         _write(chosen, summary, out, options, clock)
         late = "bounds by fields" in clock.left_out
         unbegun = "time ended" if late else "the parts are no union of a few convex pieces"
         summary["by_fields"], why = bracket(clock.left(DRAWN) - _DRAWING) if bracket else (None, unbegun)
+    ends = summary["by_fields"] or [None, None]
+    summary["fields_reached"] = [
+        name for name, end in zip(("lower bound", "upper bound"), ends, strict=True) if end is not None
+    ]
     summary["meets"] = carries(summary)
     summary["verdict"] = verdict(summary)
     say(summary["verdict"])
     if why:
         say(f"λ is by cells; by fields it is not known: {why}")
+    elif len(summary["fields_reached"]) == 1:
+        say(f"by fields only the {summary['fields_reached'][0]} was reached in time")
     _draw(chosen, summary, out, scale, clock)
     summary["left_out"] = clock.left_out
     if clock.left_out:
@@ -242,6 +249,15 @@ def cut(
     summary["seconds"] = time.time() - clock.start
     files.write_text(out / "summary.json", json.dumps(summary, indent=1) + "\n")
     return summary
+
+
+def _begun(
+    chosen: Chosen, wish: Wish, out: Path, clock: Clock, beside: ExitStack
+) -> Callable[[float], tuple[Ends | None, str]] | None:
+    # bounds by fields beside all that follows
+    clock.left_out = [name for name in clock.left_out if name != "bounds by fields"]
+    scene = clock.run("bounds by fields", DRAWN, lambda: _by_fields(chosen, wish.setting, out), _FIELDS + _DRAWING)
+    return beside.enter_context(bounds_beside(scene, clock.left(DRAWN) - _DRAWING)) if scene else None
 
 
 def _refuse_small(solid: Any, limits: Limits) -> None:

@@ -13,34 +13,76 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core import InputError, build_assembly, parse_scene
+from jld_core import Floats, InputError, Ints, build_assembly, parse_scene
 from jld_core.fields import bounds, bounds_by_fields
 from jld_cut.cells import SPLIT, Cutting, convex_parts, joints_of
-from jld_cut.meshes import surface_of
+from jld_cut.meshes import manifold3d, surface_of
 from jld_cut.scene import Setting, scene_of
 
 Ends = list[float | None]  # bounds of λ, None where there is none
 
 _PIECES: Final = 120  # most convex pieces of all parts
 _TURN: Final = np.radians(0.1)  # turn of a concave edge that is split
+_HIDDEN: Final = 1e-3  # share of the surface of a solid that joints of its pieces may lack
 _FIRST: Final = 10.0  # gap that the first mesh always reaches
 _LAST: Final = 0.05  # gap at which refinement ends
 
 
 def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Setting) -> dict[str, Any]:
-    """Return the scene of parts as convex pieces, within which they may crack anywhere; InputError for others."""
-    pieces, of, planes, convex = convex_parts(bodies, _PIECES, _TURN)
-    if not convex:
-        raise InputError("fields", f"the parts are no union of {_PIECES} convex pieces", "fewer concave facets")
-    # corners that unions left on edges are none of a convex piece, and pieces without thickness none of a part
-    hulls = [surface_of(piece.hull().simplify(1e-6 * cutting.size).hull()) for piece in pieces]
-    thick = [k for k, (points, _) in enumerate(hulls) if len(points)]
-    pieces, of, hulls = [pieces[k] for k in thick], of[thick], [hulls[k] for k in thick]
-    fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
-    document = scene_of(name, fine, joints_of(pieces, fine.planes, fine.size, SPLIT), setting, SPLIT, fine.planes)
-    for element, (points, faces), part in zip(document["elements"], hulls, of.tolist(), strict=False):
+    """Return the scene of parts as convex pieces, within which they may crack anywhere."""
+    outside = cutting.solid.surface_area()
+    for few, joined in ((True, True), (True, False), (False, False)):
+        pieces, of, planes = _pieces(bodies, few, joined)
+        # corners that unions left on edges are none of a convex piece, and pieces without thickness none of a part
+        hulls = [piece.hull().simplify(1e-6 * cutting.size).hull() for piece in pieces]
+        thick = [k for k, hull in enumerate(hulls) if not hull.is_empty()]
+        pieces, of, hulls = [pieces[k] for k in thick], of[thick], [hulls[k] for k in thick]
+        fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
+        joints = joints_of(pieces, fine.planes, fine.size, SPLIT)
+        # a joint that rounding hides would let parts fall that stand
+        hidden = sum(hull.surface_area() for hull in hulls) - 2 * sum(joint.area for joint in joints) - outside
+        if abs(hidden) <= _HIDDEN * outside:
+            break
+    else:
+        raise InputError("fields", "pieces of the parts do not meet in whole faces", "fewer concave facets")
+    document = scene_of(name, fine, joints, setting, SPLIT, fine.planes)
+    for element, hull, part in zip(document["elements"], hulls, of.tolist(), strict=False):
+        points, faces = surface_of(hull)
         element |= {"block": f"part {part + 1}", "vertices": points.tolist(), "faces": faces.tolist()}
     return document
+
+
+def _pieces(bodies: list[Any], few: bool, joined: bool) -> tuple[list[Any], Ints, list[Floats]]:
+    pieces, of, planes = list[Any](), list[int](), list[Floats]()
+    for part, body in enumerate(bodies):
+        # few pieces where that ends in convex ones
+        for fewer in (True, False) if few else (False,):
+            found, _, cuts, convex = convex_parts([body], max(1, _PIECES - len(pieces)), _TURN, fewer)
+            if convex:
+                break
+        else:
+            problem = f"the parts are no union of {_PIECES} convex pieces"
+            raise InputError("fields", problem, "fewer concave facets")
+        found = _joined(found) if joined else found
+        pieces, of, planes = pieces + found, of + [part] * len(found), planes + cuts
+    return pieces, np.array(of), planes
+
+
+def _joined(pieces: list[Any]) -> list[Any]:
+    # those whose union is convex
+    made, volume = [piece.hull() for piece in pieces], [piece.volume() for piece in pieces]
+    k = 1
+    while k < len(made):
+        for j in range(k):
+            both = manifold3d().Manifold.batch_hull([made[j], made[k]])
+            if both.volume() <= (volume[j] + volume[k]) * (1 + 1e-6):
+                made[j], volume[j] = both, volume[j] + volume[k]
+                del made[k], volume[k]
+                k = max(1, j)  # what grew may now be joined to others
+                break
+        else:
+            k += 1
+    return made
 
 
 @contextmanager

@@ -299,7 +299,7 @@ class Bounds:
         either = either[:, faces.a] & either[:, faces.b]
         labels, plenty = labels_of(self.assembly, blocks), np.full(len(blocks), _PLENTY)
         found = self._relaxation.refute_all(labels, either, plenty, np.full(len(free), thorough))
-        return self._relaxation.unit * np.array([np.inf if one is None else one.bound for one in found])
+        return np.array([np.inf if one is None else self._relaxation.unit * one.bound for one in found])
 
 
 def labels_of(assembly: Assembly, blocks: Ints) -> Bits:

@@ -17,7 +17,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
-from manifold3d import Manifold, Mesh64, OpType
+from manifold3d import CrossSection, Manifold, Mesh64, OpType
+from scipy.spatial import ConvexHull
 
 from jld_core import InputError, ParameterError, build_assembly, checkpoint, parse_scene
 from jld_cut import Options, cut
@@ -35,6 +36,7 @@ from jld_cut.meshes import (
     pieces_of,
     read_solid,
     stl_bytes,
+    surface_of,
     volume_of,
     write_3mf,
 )
@@ -784,6 +786,43 @@ def test_parts_are_a_few_convex_pieces_for_fields() -> None:
     assert sorted(assembly.interfaces.area.round(9).tolist())[:2] == [1.0, 1.0]
     with pytest.raises(InputError, match="convex pieces"):
         scene_of_parts("bowl", Cutting(_bowl()), [_bowl()], wish.setting)
+
+
+def test_fields_have_as_few_pieces_as_fill_a_part() -> None:
+    """A part of cells cut obliquely is joined again, and steps are split along their faces, not along bisectors."""
+    outline = [(0, 0), (0.5, 0), (0.5, 1.0), (0.7, 1.0), (0.7, 1.3), (0.95, 1.3), (0.95, 1.6), (0, 1.6)]
+    corbel = CrossSection([np.array(outline)]).extrude(0.5).rotate((90, 0, 0)).translate((0, 0.5, 0))
+    numbers = []
+    for few in (False, True):
+        pieces, _, _, convex = convex_parts([corbel, box(1, 1, 1, (5, 0, 0))], 50, few=few)
+        assert convex
+        assert sum(piece.volume() for piece in pieces) == pytest.approx(corbel.volume() + 1.0, rel=1e-9)
+        numbers.append(len(pieces))
+    assert numbers[1] == 4 <= numbers[0]
+    cutting = Cutting(corbel)
+    turn = np.array([0.6, 0.0, 0.8])
+    cutting.through(turn, 1.3)
+    wish = Options((3.0,) * 3, ("0,0,-1000",)).wish()
+    found = scene_of_parts("corbel", cutting, [union(cutting.cells)], wish.setting)
+    assert [one.get("block") for one in found["elements"]] == ["part 1"] * 3 + [None]
+    assembly = build_assembly(parse_scene(found))
+    assert assembly.elements.volume[assembly.elements.free].sum() == pytest.approx(corbel.volume(), rel=1e-6)
+
+
+def test_no_joint_of_the_pieces_for_fields_is_lost(tmp_path: Path) -> None:
+    """Corners in single precision lie beside the planes of joints that pieces joined again would share."""
+    path = tmp_path / "bench.stl"
+    path.write_bytes(stl_bytes(*surface_of(bench())))
+    solid = read_solid(path, 1.0)
+    cutting = Cutting(solid)
+    cutting.through(np.array([1.0, 0, 0]), 0.9)
+    wish = Options((3.0,) * 3, ("0,0,-1000",)).wish()
+    assembly = build_assembly(parse_scene(scene_of_parts("bench", cutting, cutting.cells, wish.setting)))
+    pieces = len(assembly.elements.free)
+    between = (assembly.interfaces.a < pieces) & (assembly.interfaces.b < pieces)
+    skin = sum(ConvexHull(assembly.elements.shape[k]).area for k in assembly.elements.free)
+    assert pieces >= 5
+    assert 2 * assembly.interfaces.area[between].sum() == pytest.approx(skin - solid.surface_area(), rel=1e-4)
 
 
 @pytest.mark.parametrize(
