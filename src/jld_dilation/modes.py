@@ -98,7 +98,9 @@ def loops_of(assembly: Assembly, rates: Floats) -> Floats:
     # There are two rows for each face of each loop, docs/method.md (4.7). They bound the slides s⁺ and s⁻ of the face
     # by the modes of the other faces, provided one slide of each face is zero. The difference of both rows is the
     # identity of the loop, which is zero up to rounding. Faces whose slip is no such sum have no rows.
-    jumps = _jumps(rates)
+    # two hinge rates and the slip of each face (m, 3, w), from rates of modes (4m, w)
+    of_face = rates.reshape(len(rates) // 4, 4, -1)
+    jumps = np.stack([of_face[:, 0], of_face[:, 1], of_face[:, 3] - of_face[:, 2]], axis=1)
     rows = []
     for loop in face_loops(assembly):
         for face in loop:
@@ -170,12 +172,6 @@ def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
                 yield a, b, c
             else:
                 yield from ((a, b, d, c) for d in sorted(near[b] & near[c]) if d > a and d not in near[a])
-
-
-def _jumps(rates: Floats) -> Floats:
-    """Return two hinge rates and the slip of each face (m, 3, w), from rates of modes (4m, w)."""
-    of_face = rates.reshape(len(rates) // 4, 4, -1)
-    return np.stack([of_face[:, 0], of_face[:, 1], of_face[:, 3] - of_face[:, 2]], axis=1)
 
 
 @dataclass(frozen=True)

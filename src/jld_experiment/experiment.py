@@ -61,16 +61,12 @@ class Push:
 
     @property
     def collapse(self) -> int:
-        return collapse_record(self.load_factor)
-
-
-def collapse_record(load_factor: Floats) -> int:
-    """Return the index of the largest λ (k,) before λ first falls by `FALL` of the highest λ."""
-    # a fall relative to the running maximum alone would take a small drop at half the load for collapse
-    so_far = np.maximum.accumulate(load_factor)
-    fallen = np.flatnonzero(so_far - load_factor > FALL * float(so_far[-1]))
-    end = int(fallen[0]) if fallen.size else len(load_factor)
-    return int(np.argmax(load_factor[: max(end, 1)]))
+        # the index of the largest λ (k,) before λ first falls by `FALL` of the highest λ
+        # a fall relative to the running maximum alone would take a small drop at half the load for collapse
+        so_far = np.maximum.accumulate(self.load_factor)
+        fallen = np.flatnonzero(so_far - self.load_factor > FALL * float(so_far[-1]))
+        end = int(fallen[0]) if fallen.size else len(self.load_factor)
+        return int(np.argmax(self.load_factor[: max(end, 1)]))
 
 
 def scout(specimen: Specimen, settled: State) -> float:

@@ -342,7 +342,14 @@ def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Sett
         If a required material is missing.
     """
     points = sub_contacts(assembly, labels, settings.scheme, settings.segments)
-    kn, ks = _springs(assembly, labels, joints)
+    # (m,) normal and shear springs per area
+    normal = joints.normal_stiffness
+    if normal is None:
+        load = assembly.total_dead or assembly.total_live
+        normal = 1e6 * load / (float(assembly.interfaces.area.mean()) * assembly.size)
+    shear = normal if joints.shear_stiffness is None else joints.shear_stiffness
+    ratio = np.where(labels, 1.0, joints.inner_ratio)
+    kn, ks = rounded(normal * ratio), rounded(shear * ratio)
     law = _law(assembly, labels, joints, kn, ks)
     system = system_of(assembly, points, kn, ks, settings.step)
     bench = Bench(
@@ -366,17 +373,6 @@ def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Sett
     forces = np.linalg.norm(assembly.dead[:, :d], axis=1)
     largest = float(forces.max()) or float(np.linalg.norm(assembly.live[:, :d], axis=1).max())
     return Specimen(assembly, labels, points, system, bench, largest, geometry, settings)
-
-
-def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, Floats]:
-    """Return (m,) normal and shear springs per area."""
-    normal = joints.normal_stiffness
-    if normal is None:
-        load = assembly.total_dead or assembly.total_live
-        normal = 1e6 * load / (float(assembly.interfaces.area.mean()) * assembly.size)
-    shear = normal if joints.shear_stiffness is None else joints.shear_stiffness
-    ratio = np.where(labels, 1.0, joints.inner_ratio)
-    return rounded(normal * ratio), rounded(shear * ratio)
 
 
 def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Floats) -> Floats:

@@ -133,7 +133,9 @@ def in_own_process(
     # A library of compiled code that a damaged file sends into a loop, or to its end, cannot be stopped otherwise.
     with tempfile.TemporaryDirectory(prefix="jld-") as folder:
         made = Path(folder) / "made"
-        child = (_forked if _forks() else _sent)(made, function, arguments)
+        # whether a copy of this process may read: one made beside a running thread waits for ever for its locks
+        may_copy = sys.platform == "linux" and threading.current_thread() is threading.main_thread()
+        child = (_forked if may_copy else _sent)(made, function, arguments)
         end = time.monotonic() + seconds
         try:
             while (left := end - time.monotonic()) > 0.0 and not child(min(left, _POLL)):
@@ -150,11 +152,6 @@ def in_own_process(
     if isinstance(found, BaseException):
         raise found
     return found
-
-
-def _forks() -> bool:
-    """Return whether a copy of this process may read: one made beside a running thread waits for ever for its locks."""
-    return sys.platform == "linux" and threading.current_thread() is threading.main_thread()
 
 
 _POLL: Final = 0.1  # time between two looks at a reading process, s

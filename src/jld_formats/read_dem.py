@@ -192,7 +192,13 @@ class _Groups:
             if not 0 <= int(load["face_index"]) < len(part.faces):
                 raise InputError("surface load", f"block {part.name!r} has no face {load['face_index']}", "its faces")
             corners = part.vertices[list(part.faces[int(load["face_index"])])]
-            area, middle = _middle(corners)
+            # the area of a plane polygon (k, 3) and its centroid
+            first = corners[0]
+            whole = area_vector(corners)
+            size = float(np.linalg.norm(whole))
+            parts = 0.5 * np.cross(corners[1:-1] - first, corners[2:] - first) @ (whole / size)
+            centres = (first + corners[1:-1] + corners[2:]) / 3.0
+            area, middle = float(parts.sum()), (parts @ centres / parts.sum()).tolist()
             force = [area * value for value in _vector(load["load"])]
             entries.append({"element": part.name, "force": force, "at": middle})
         return entries
@@ -216,16 +222,6 @@ def _vector(values: Any) -> list[float]:
     """Convert three numbers to floats; raise an error for any other count."""
     x, y, z = (float(value) for value in values)
     return [x, y, z]
-
-
-def _middle(corners: np.ndarray) -> tuple[float, list[float]]:
-    """Return the area of a plane polygon (k, 3) and its centroid."""
-    first = corners[0]
-    whole = area_vector(corners)
-    size = float(np.linalg.norm(whole))
-    parts = 0.5 * np.cross(corners[1:-1] - first, corners[2:] - first) @ (whole / size)
-    centres = (first + corners[1:-1] + corners[2:]) / 3.0
-    return float(parts.sum()), (parts @ centres / parts.sum()).tolist()
 
 
 FACTS: Final = "jld"

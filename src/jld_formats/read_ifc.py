@@ -300,7 +300,12 @@ def _of_face_set(item: Any, title: str) -> tuple[Floats, Faces]:
 
 
 def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:
-    region = _profile(item.SweptArea, title)
+    profile = item.SweptArea
+    rings = _rectangles(profile, title) if profile.is_a("IfcRectangleProfileDef") else _curves(profile, title)
+    area = shapely.Polygon(rings[0], rings[1:])
+    if not area.is_valid or area.area == 0.0:
+        raise InputError(title, "the outline of its profile crosses itself or a hole", "holes inside, apart")
+    region = unions.region_of(area)
     along = np.array([float(x) for x in item.ExtrudedDirection.DirectionRatios])
     along *= float(item.Depth) / float(np.linalg.norm(along))
     surface = unions.extrude(region, 1.0)
@@ -313,14 +318,6 @@ def _extruded(item: Any, title: str) -> tuple[Floats, Faces]:
 
 def _frame(placement: Any) -> Floats:
     return np.array(import_module("ifcopenshell.util.placement").get_axis2placement(placement))
-
-
-def _profile(profile: Any, title: str) -> unions.Region:
-    rings = _rectangles(profile, title) if profile.is_a("IfcRectangleProfileDef") else _curves(profile, title)
-    area = shapely.Polygon(rings[0], rings[1:])
-    if not area.is_valid or area.area == 0.0:
-        raise InputError(title, "the outline of its profile crosses itself or a hole", "holes inside, apart")
-    return unions.region_of(area)
 
 
 def _rectangles(profile: Any, title: str) -> list[Floats]:

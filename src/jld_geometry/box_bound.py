@@ -242,7 +242,12 @@ class BoxProblem:
                     return -math.inf, velocity
                 return (weight / work, velocity) if work > 0.0 else (math.inf, None)
             if opening is None:
-                opening = _opening(forces)
+                # velocities (3·free,), at most 1 each, that maximise the least power of all contact forces
+                count = forces.shape[1]
+                rows = np.hstack([forces, -np.ones((len(forces), 1))])
+                objective = np.append(np.zeros(count), -1.0)
+                least, most = np.append(-np.ones(count), 0.0), np.ones(count + 1)
+                opening = _solved(rows, objective, np.zeros(len(forces)), least, most, count)
                 if opening is None:
                     return math.inf, None
             room = forces @ opening - _ROUNDED * (sizes @ abs(opening))
@@ -280,15 +285,6 @@ def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = F
     x_low, x_high = np.full(count + 1, -np.inf), np.full(count + 1, np.inf)
     x_low[-1] = -1.0
     return _solved(rows, objective, low, x_low, x_high, count)
-
-
-def _opening(forces: Floats) -> Floats | None:
-    """Find velocities (3·free,), at most 1 each, that maximise the least power of all contact forces."""
-    count = forces.shape[1]
-    rows = np.hstack([forces, -np.ones((len(forces), 1))])
-    objective = np.append(np.zeros(count), -1.0)
-    least, most = np.append(-np.ones(count), 0.0), np.ones(count + 1)
-    return _solved(rows, objective, np.zeros(len(forces)), least, most, count)
 
 
 def _solved(rows: Floats, objective: Floats, low: Floats, least: Floats, most: Floats, count: int) -> Floats | None:

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from jld_core import Assembly, Bools, Floats, Ints, tolerances
 from jld_core.geometry import Faces, solids
-from jld_core.linalg import components
+from jld_core.linalg import merged_points
 
 _ON: Final = 1e-9  # distance from a plane, relative to the size of a cell, below which a vertex lies on the plane
 
@@ -241,7 +241,7 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
     ]
     lengths = np.concatenate([np.linalg.norm(np.roll(s, -1, axis=0) - s, axis=1) for s in shapes])
     reach = min(_REACH * float(lengths.max()), _SHARE * float(lengths.min()))
-    number, places = merged_points([*shapes, *lines], reach)
+    places, number = merged_points(np.concatenate([*shapes, *lines]), reach)
     count = np.cumsum([0, *(len(shape) for shape in shapes)])
     ends = number[count[-1] :].reshape(-1, 2)
     loops = []
@@ -251,17 +251,6 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
         of_element = np.flatnonzero((faces.a == k) | (faces.b == k))
         loops.append(_refined(loop, ends[of_element], places, reach))
     return VertexMesh(places, tuple(loops), ends)
-
-
-def merged_points(groups: Sequence[Floats], reach: float) -> tuple[Ints, Floats]:
-    """Merge points within `reach`, also by chains: vertex (k,) of each point, and places (v, d)."""
-    points = np.concatenate(groups)
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
-    number = components(len(points), pairs[:, 0], pairs[:, 1])
-    _, first = np.unique(number, return_index=True)
-    return number, points[first]
 
 
 def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:

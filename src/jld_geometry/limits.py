@@ -98,7 +98,12 @@ class Limits:
     def at(self, places: Floats, *, drafted: bool = False) -> LimitValues:
         """Return the values of all limits and their derivatives at positions (v, 2)."""
         rates = area_rates(VertexMesh(places, self._mesh.loops, self._mesh.ends))
-        parts = [self._of_straight(places), self._of_angles(places), self._of_edges(places), self._of_areas(rates)]
+        parts = [
+            self._of_straight(places),
+            self._of_angles(places),
+            _of_edges(places, self._edges, self._edge),
+            self._of_areas(rates),
+        ]
         parts += [
             self._of_masses(rates),
             self._of_loads(places),
@@ -122,14 +127,6 @@ class Limits:
         angle, rates = _angle(places, self._corners), _angle_rates(places, self._corners)
         low, high = np.radians(self._move.angle)
         return np.concatenate([angle - low, high - angle]), sp.csr_array(sp.vstack([rates, -rates]))
-
-    def _of_edges(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        """Return edge lengths over the least length, less 1, and their derivatives."""
-        edge = places[self._edges[:, 1]] - places[self._edges[:, 0]]
-        length = np.linalg.norm(edge, axis=1)
-        along = edge / length[:, None] / self._edge
-        columns = np.concatenate([2 * self._edges[:, :1] + np.arange(2), 2 * self._edges[:, 1:] + np.arange(2)], axis=1)
-        return length / self._edge - 1.0, sparse_rows(np.concatenate([-along, along], axis=1), columns, places.size)
 
     def _of_areas(self, rates: AreaRates) -> tuple[Floats, sp.csr_array]:
         """Return area / area at the start − least share of elements, with derivatives."""
@@ -353,6 +350,15 @@ def _add_joint_rates(
         total[first : first + 6, columns] += block
 
 
+def _of_edges(places: Floats, edges: Ints, least: float) -> tuple[Floats, sp.csr_array]:
+    """Return lengths of edges (k, 2) between places (v, d) over the least length, less 1, and their derivatives."""
+    edge, along_axes = places[edges[:, 1]] - places[edges[:, 0]], np.arange(places.shape[1])
+    length = np.linalg.norm(edge, axis=1)
+    rates = edge / length[:, None] / least
+    columns = np.concatenate([len(along_axes) * edges[:, k : k + 1] + along_axes for k in (0, 1)], axis=1)
+    return length / least - 1.0, sparse_rows(np.concatenate([-rates, rates], axis=1), columns, places.size)
+
+
 def _columns(vertices: Ints) -> Ints:
     return (3 * vertices[:, None] + np.arange(3)).ravel()
 
@@ -387,7 +393,7 @@ class SpatialLimits:
         self.least = np.where(self.equal, 0.0, np.minimum(0.0, relaxed(start.values)))
 
     def at(self, places: Floats) -> LimitValues:
-        parts = [self._of_planes(places), self._of_edges(places), *self._of_volumes(places)]
+        parts = [self._of_planes(places), _of_edges(places, self._edges, self._edge), *self._of_volumes(places)]
         values = np.concatenate([value for value, _ in parts])
         return LimitValues(values, sp.csr_array(sp.vstack([rates for _, rates in parts])))
 
@@ -408,13 +414,6 @@ class SpatialLimits:
         count = len(self._plane)
         places_of = np.array(columns, dtype=np.int64).reshape(count, 12)
         return np.array(values), sparse_rows(np.array(rows).reshape(count, 12), places_of, places.size)
-
-    def _of_edges(self, places: Floats) -> tuple[Floats, sp.csr_array]:
-        edge = places[self._edges[:, 1]] - places[self._edges[:, 0]]
-        length = np.linalg.norm(edge, axis=1)
-        along = edge / length[:, None] / self._edge
-        columns = np.concatenate([3 * self._edges[:, :1] + np.arange(3), 3 * self._edges[:, 1:] + np.arange(3)], axis=1)
-        return length / self._edge - 1.0, sparse_rows(np.concatenate([-along, along], axis=1), columns, places.size)
 
     def _of_volumes(self, places: Floats) -> list[tuple[Floats, sp.csr_array]]:
         """Return limits on volumes of elements and masses of blocks, with their derivatives."""

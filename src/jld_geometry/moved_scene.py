@@ -10,7 +10,8 @@ import numpy as np
 
 from jld_core import Assembly, Bits, Bools, Floats, Ints, Scene, parse_scene
 from jld_core.build import build_geometry
-from jld_geometry.convex_cells import VertexMesh, merged_points
+from jld_core.linalg import merged_points
+from jld_geometry.convex_cells import VertexMesh
 from jld_geometry.variables import SAME
 
 
@@ -131,7 +132,7 @@ def spatial_mesh(assembly: Assembly) -> SpatialMesh:
     """Find the vertices that the elements and interfaces of a spatial assembly share."""
     assembly.members.refuse("a move of joints")
     shapes, polygons = assembly.elements.shape, assembly.interfaces.polygon
-    number, places = merged_points([*shapes, *polygons], _MERGED * shortest_edge(assembly))
+    places, number = merged_points(np.concatenate([*shapes, *polygons]), _MERGED * shortest_edge(assembly))
     starts = np.cumsum([0, *(len(one) for one in (*shapes, *polygons))]).tolist()
     vertices = [number[a:b] for a, b in itertools.pairwise(starts)]
     corners = tuple(vertices[: len(shapes)])

@@ -180,7 +180,11 @@ def explore_and_move(
     whole = Deadline(settings.seconds, started)
     # writing takes longer on a busy machine, by the ratio of wall-clock to processor time so far
     deadline = whole.earlier(_WRITING * busy_factor(whole.elapsed(), time.process_time()))
-    scene = _movable(scene)
+    # a scene whose key "move" is complete: vertices follow, and masses are those of the search
+    move = scene.move or scene_move.Move(inner="follow")
+    if move.block_mass == [None, None]:
+        move = move.model_copy(update={"block_mass": list(scene.search.block_mass)})
+    scene = scene.model_copy(update={"move": move})
     _refuse(scene, layouts, settings)
     rounds = _Rounds(scene, folder, layouts, settings, deadline, gap, announce, keep)
     try:
@@ -274,14 +278,6 @@ def _refined(layouts: list[MovedLayout], pool: Pool, count: int, seconds: float,
     promising = sorted(open_ones, key=lambda layout: (-layout.high, *rank_key(layout)))[:count]
     refined = pool.run(refine_one, [(layout, _SLACK * seconds, gap) for layout in promising])
     return sorted([*(layout for layout in layouts if layout not in promising), *refined], key=rank_key)
-
-
-def _movable(scene: Scene) -> Scene:
-    """Return a scene whose key "move" is complete: vertices follow, and masses are those of the search."""
-    move = scene.move or scene_move.Move(inner="follow")
-    if move.block_mass == [None, None]:
-        move = move.model_copy(update={"block_mass": list(scene.search.block_mass)})
-    return scene.model_copy(update={"move": move})
 
 
 def _refuse(scene: Scene, layouts: int, settings: ExploreSettings) -> None:

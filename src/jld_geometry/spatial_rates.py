@@ -224,7 +224,11 @@ class HeldForces:
         vector = area_vector(polygons)
         vector = np.where((vector @ self.normal > 0.0)[:, None], vector, -vector)
         normal = vector / np.linalg.norm(vector, axis=1)[:, None]
-        frame = plane_frames(normal, self.normal)
+        # two axes (p, 2, 3) of the planes of normals (p, 3); they change smoothly, and turn left about them
+        axis = np.eye(3)[int(np.argmin(abs(self.normal)))]
+        first = axis - (normal @ axis)[:, None] * normal
+        first = first / np.linalg.norm(first, axis=1)[:, None]
+        frame = np.stack([first, np.cross(normal, first)], axis=1)
         arm = polygons - polygons[:, :1]
         flat = np.einsum("pkd,pad->pka", arm, frame)
         middle = polygons[:, 0] + np.einsum("pa,pad->pd", outlines.centroid(flat), frame)
@@ -241,14 +245,6 @@ class HeldForces:
         steps = step * np.eye(polygon.size).reshape(-1, *polygon.shape)
         more, less = self.wrenches(np.concatenate([polygon + steps, polygon - steps])).reshape(2, -1, 6)
         return np.asarray((more - less).reshape(*polygon.shape, 6) / (2.0 * step))
-
-
-def plane_frames(normals: Floats, beside: Floats) -> Floats:
-    """Return two axes (p, 2, 3) of the planes of normals (p, 3); they change smoothly, and turn left about them."""
-    axis = np.eye(3)[int(np.argmin(abs(beside)))]
-    first = axis - (normals @ axis)[:, None] * normals
-    first = first / np.linalg.norm(first, axis=1)[:, None]
-    return np.stack([first, np.cross(normals, first)], axis=1)
 
 
 def face_motion(assembly: Assembly, face: int, mechanism: Floats) -> tuple[Floats, Floats]:

@@ -23,17 +23,6 @@ _EQUAL: Final = 1e-6  # relative difference up to which two load factors are one
 Entry = dict[str, Any]
 
 
-def records_of(folder: Path) -> dict[str, Entry]:
-    """Return the record of each problem of a folder, by name; raise InputError without any."""
-    try:
-        found: dict[str, Entry] = files.json_of((folder / RECORDS).read_text(encoding="utf-8"))
-    except OSError:
-        raise InputError(str(folder), f"there is no {RECORDS} in it", "no `--problems`, or another folder") from None
-    except ValueError as error:
-        raise InputError(str(folder / RECORDS), str(error), "the file of the package") from None
-    return found
-
-
 def entries_of(path: Path, known: dict[str, Entry]) -> list[Entry]:
     """Return the layouts of a submission; raise InputError for a file that is none."""
     try:
@@ -108,7 +97,13 @@ def benchmark(
     A submission is {"method": …, "layouts": [{"problem": NAME, "labels": "ddi…", "load_factor": λ}]}, a letter for
     each face in the order of faces.csv. Each is solved anew. The exit code is 4 if a claim is not verified.
     """
-    known = records_of(problems)
+    # the record of each problem of a folder, by name; raise InputError without any
+    try:
+        known: dict[str, Entry] = files.json_of((problems / RECORDS).read_text(encoding="utf-8"))
+    except OSError:
+        raise InputError(str(problems), f"there is no {RECORDS} in it", "no `--problems`, or another folder") from None
+    except ValueError as error:
+        raise InputError(str(problems / RECORDS), str(error), "the file of the package") from None
     if action == "list":
         if file is not None:
             raise ParameterError("file", "a list takes none", "jld benchmark check FILE")

@@ -80,14 +80,6 @@ def finer_in_plane(
     return refine(mesh, _leading(error, share, _MOST_MARKED[2]), np.where(singular, top, -1))
 
 
-def finer_by_dissipation(mesh: Mesh, power: Floats) -> Mesh:
-    """Refine a planar mesh where velocity fields dissipate most; power: (t,) with half of the edges."""
-    area = mesh.volume
-    error = power / max(float(power.sum()), 1e-300) + _EVERYWHERE[2] * area / float(area.sum())
-    error = np.where(area < _LEAST_AREA * area.sum(), 0.0, error)
-    return refine(mesh, _leading(error, _SHARE, _MOST_MARKED[2]))
-
-
 def finer_in_space(
     mesh: Mesh,
     problem: Problem,
@@ -737,7 +729,11 @@ class PartialUpperBound:
         """Refine the mesh where a velocity field dissipates most, undecided faces taken as inner."""
         upper = self._upper
         power = upper.power(upper.rates(velocity), labels & ~undecided, upper.allowance(velocity))
-        return finer_by_dissipation(mesh, power)
+        # refine a planar mesh where velocity fields dissipate most; power: (t,) with half of the edges
+        area = mesh.volume
+        error = power / max(float(power.sum()), 1e-300) + _EVERYWHERE[2] * area / float(area.sum())
+        error = np.where(area < _LEAST_AREA * area.sum(), 0.0, error)
+        return refine(mesh, _leading(error, _SHARE, _MOST_MARKED[2]))
 
     def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
         """Repair velocities by each of `REPAIRED`; return those of least bound, or None."""

@@ -26,7 +26,7 @@ _LEAST_PATCH = 0.02
 
 
 # Relative difference between the length of an interface and that of its edges, above which the mesh does not fit it
-_COVER = 1e-5
+_COVER, _COVER_IN_SPACE = 1e-5, 1e-4
 
 
 @dataclass(frozen=True)
@@ -185,29 +185,32 @@ def _pressed(assembly: Assembly, faces: list[_FreeFace], traction: Traction) -> 
 
 
 def loads_on(assembly: Assembly, mesh: Mesh, segments: list[Segment], rest: tuple[Floats, Floats]) -> FieldLoads:
-    """Return the loads over the coarsest mesh; InputError as `_require_cover`."""
-    _require_cover(assembly, mesh)
+    """Return the loads over the coarsest mesh; InputError as `require_cover`."""
+    require_cover(assembly, mesh)
     return FieldLoads(body_forces(assembly, mesh, rest[0]), body_forces(assembly, mesh, rest[1]), tuple(segments))
 
 
-def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
-    """Raise InputError for an interface off the outlines of its cells, or a flat triangle."""
+def require_cover(assembly: Assembly, mesh: Mesh) -> None:
+    """Raise InputError for an interface off the boundary of one of its cells, or a flat simplex."""
+    planar = mesh.dimension == 2
     flat = np.flatnonzero(mesh.volume <= 0.0)
     if flat.size:
         name = assembly.elements.ids[int(mesh.cell[flat[0]])]
-        raise InputError(f"element {name!r}", "its outline cannot be filled with triangles", "a plainer outline")
-    faces, e, support = assembly.interfaces, mesh.sides, assembly.elements.support
-    joined = e.tag >= 0
-    paired = (e.b >= 0) | (support[faces.a] | support[faces.b])[np.where(joined, e.tag, 0)]
-    length = np.bincount(e.tag[joined & paired], e.area[joined & paired], minlength=len(faces))
-    off = np.flatnonzero(abs(length - faces.l1) > _COVER * faces.l1)
-    if off.size or not paired[joined].all():
-        face = int(off[0]) if off.size else int(e.tag[joined & ~paired][0])
-        raise InputError(
-            f"interface {assembly.pair(face)}",
-            "it does not lie on the outlines of both elements",
-            "interfaces found from the elements, without stated ones",
-        )
+        words = ("its outline", "triangles", "outline") if planar else ("it", "tetrahedra", "element")
+        raise InputError(f"element {name!r}", f"{words[0]} cannot be filled with {words[1]}", f"a plainer {words[2]}")
+    faces, sides, support = assembly.interfaces, mesh.sides, assembly.elements.support
+    joined = sides.tag >= 0
+    face_of_side = np.where(joined, sides.tag, 0)
+    # an interface has a cell on both sides, one at a support on one
+    paired = (sides.b >= 0) != (support[faces.a] | support[faces.b])[face_of_side]
+    found = np.bincount(face_of_side[joined & paired], sides.area[joined & paired], minlength=len(faces))
+    size, cover = (faces.l1, _COVER) if planar else (faces.area, _COVER_IN_SPACE)
+    wrong = np.flatnonzero((abs(found - size) > cover * size) & ~(support[faces.a] & support[faces.b]))
+    if wrong.size or not paired[joined].all():
+        face = int(wrong[0]) if wrong.size else int(face_of_side[joined & ~paired][0])
+        problem = f"it does not lie on the {'outlines' if planar else 'faces'} of both elements"
+        remedy = "interfaces found from the elements, without stated ones"
+        raise InputError(f"interface {assembly.pair(face)}", problem, remedy)
 
 
 def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:

@@ -17,7 +17,7 @@ import shapely
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.linalg import components
+from jld_core.linalg import merged_points
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -50,7 +50,7 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     corners = np.concatenate(shapes)
     every = np.concatenate([ends, corners, np.zeros((0, 2)) if extra is None else extra])
     reach = tolerances.ON_OUTLINE * assembly.size
-    points, number = merged(every, reach)
+    points, number = merged_points(every, reach)
     rings, start, near = [], len(ends), cKDTree(points)
     for shape in shapes:
         rings.append(ring_of(points, near, number[start : start + len(shape)], reach))
@@ -65,16 +65,6 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
         for cell, ring in zip(cells.tolist(), rings, strict=True)
     ]
     return Outlines(points, cells, tuple(rings), tuple(tags))
-
-
-def merged(places: Floats, reach: float) -> tuple[Floats, Ints]:
-    """Merge places (k, d) within `reach`; return points (p, d) and the point (k,) of each."""
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(places).query_pairs(reach, output_type="ndarray")
-    group = components(len(places), pairs[:, 0], pairs[:, 1])
-    _, first, number = np.unique(group, return_index=True, return_inverse=True)
-    return places[first], np.asarray(number)
 
 
 def ring_of(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:

@@ -212,17 +212,6 @@ def require_planar_fields(assembly: Assembly) -> None:
     require_fields(assembly)
 
 
-def require_labels(assembly: Assembly, labels: Bits | None) -> Bits:
-    """Return labels (m,), by default those of the scene; InputError for shape, type, or a dry face without friction."""
-    given = np.asarray(assembly.labels if labels is None else labels)
-    if given.shape != (len(assembly.interfaces),) or given.dtype != bool:
-        raise InputError("labels", f"shape {given.shape} of {given.dtype}", f"({len(assembly.interfaces)},) of bool")
-    missing = np.flatnonzero(given & np.isnan(assembly.strengths(_ROUTE).friction))
-    if missing.size:
-        raise InputError("materials.dry", f"face {assembly.pair(int(missing[0]))} is dry", "a friction coefficient")
-    return given
-
-
 def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patch: float | None) -> Bits:
     """Check the arguments of a bound by fields, and return the labels (m,); InputError for several load cases."""
     if len(assembly.cases) > 1:
@@ -231,4 +220,11 @@ def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patc
         raise InputError("gap", f"{gap:g} is no relative gap", "a number above 0")
     if patch is not None and not patch > 0.0:
         raise InputError("patch", f"{patch:g} is wrong", "a length above 0")
-    return require_labels(assembly, labels)
+    # labels (m,), by default those of the scene; InputError for shape, type, or a dry face without friction
+    given = np.asarray(assembly.labels if labels is None else labels)
+    if given.shape != (len(assembly.interfaces),) or given.dtype != bool:
+        raise InputError("labels", f"shape {given.shape} of {given.dtype}", f"({len(assembly.interfaces)},) of bool")
+    missing = np.flatnonzero(given & np.isnan(assembly.strengths(_ROUTE).friction))
+    if missing.size:
+        raise InputError("materials.dry", f"face {assembly.pair(int(missing[0]))} is dry", "a friction coefficient")
+    return given

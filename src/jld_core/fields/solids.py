@@ -14,10 +14,11 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.fields.forms import across
-from jld_core.fields.loads import FieldLoads, PatchLoad, body_forces, steepest
-from jld_core.fields.mesh import Mesh, merged, patch_tag, ring_of
+from jld_core.fields.loads import FieldLoads, PatchLoad, body_forces, require_cover, steepest
+from jld_core.fields.mesh import Mesh, patch_tag, ring_of
 from jld_core.geometry import facets_of
 from jld_core.geometry.polyhedra import FacetFrames, Facets
+from jld_core.linalg import merged_points
 from jld_core.loads import Loads, Traction, resultants
 
 
@@ -93,7 +94,7 @@ def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats
     # outlines of facets, then of interfaces, then those of patches
     loops = [facet_loops[0] for facet_loops in facets.loops]
     outlines = [*loops, *faces.polygon, *(ring for patch in patches for ring in patch.rings)]
-    points, number = merged(np.concatenate([*outlines, np.zeros((0, 3)) if more is None else more]), reach)
+    points, number = merged_points(np.concatenate([*outlines, np.zeros((0, 3)) if more is None else more]), reach)
     nodes = np.split(number, np.cumsum([len(outline) for outline in outlines]))[:-1]
     near = cKDTree(points)
     rings = [ring_of(points, near, corners, reach) for corners in nodes]
@@ -455,7 +456,7 @@ def coarse_solids(assembly: Assembly, surface: Surface, dry: Bools, layers: dict
         tagged=np.array(list(skins.tags), dtype=np.int64).reshape(-1, 3),
         tag=np.array(list(skins.tags.values()), dtype=np.int64),
     )
-    _require_cover(assembly, mesh)
+    require_cover(assembly, mesh)
     for cell in layers or {}:
         _require_filled(assembly, surface, mesh, cell)
     return mesh
@@ -523,30 +524,6 @@ class _Skins:
             self.of_part.setdefault((cell, side), []).append(nodes)
             if tag is not None:
                 self.tags[tuple(sorted(nodes))] = tag
-
-
-def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
-    """Raise InputError for an interface off one of its cells, or a flat tetrahedron."""
-    flat = np.flatnonzero(mesh.volume <= 0.0)
-    if flat.size:
-        name = assembly.elements.ids[int(mesh.cell[flat[0]])]
-        raise InputError(f"element {name!r}", "it cannot be filled with tetrahedra", "a plainer element")
-    faces, sides, support = assembly.interfaces, mesh.sides, assembly.elements.support
-    held = support[faces.a] | support[faces.b]
-    joined = sides.tag >= 0
-    face_of_side = np.where(joined, sides.tag, 0)
-    # an interface has a cell on both sides, one at a support on one
-    paired = (sides.b >= 0) != held[face_of_side]
-    area = np.bincount(face_of_side[joined & paired], sides.area[joined & paired], minlength=len(faces))
-    off = (abs(area - faces.area) > _COVER * faces.area) & ~(support[faces.a] & support[faces.b])
-    wrong = np.flatnonzero(off)
-    if wrong.size or not paired[joined].all():
-        face = int(wrong[0]) if wrong.size else int(face_of_side[joined & ~paired][0])
-        raise InputError(
-            f"interface {assembly.pair(face)}",
-            "it does not lie on the faces of both elements",
-            "interfaces found from the elements, without stated ones",
-        )
 
 
 def _require_filled(assembly: Assembly, surface: Surface, mesh: Mesh, cell: int) -> None:

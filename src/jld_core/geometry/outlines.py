@@ -16,7 +16,7 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.geometry import outlines as measures
 from jld_core.geometry.vectors import across, area_vector, frame
-from jld_core.linalg import components
+from jld_core.linalg import merged_points
 
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
@@ -489,23 +489,15 @@ def _solid_outline(
     hull = ConvexHull(corners)
     convex = hull.volume <= (1.0 + _FLAT) * volume
     outline = skin(facets, reach)
-    unique = _merged(np.concatenate(outline), reach)
+    # the first of the corners that chains of steps up to `reach` connect
+    corners_of_skin = np.concatenate(outline)
+    unique, _ = merged_points(corners_of_skin[np.lexsort(corners_of_skin.T)], reach)
     middles = np.array([face.mean(axis=0) for face in outline])
     centre = np.average(centroids, axis=0, weights=volumes)
     points = np.concatenate([unique - centre, middles - centre])
     normals = np.array([area_vector(face) for face in outline])
     lines = different_lines(normals / np.linalg.norm(normals, axis=1)[:, None])
     return Outline(points, len(unique), volume, _box_aspect(corners[hull.vertices], hull), int(not convex), lines)
-
-
-def _merged(points: Floats, reach: float) -> Floats:
-    """Return the first of the points (k, d) that chains of steps up to `reach` connect."""
-    from scipy.spatial import cKDTree
-
-    points = points[np.lexsort(points.T)]
-    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
-    group = components(len(points), pairs[:, 0], pairs[:, 1])
-    return points[np.unique(group, return_index=True)[1]]
 
 
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:

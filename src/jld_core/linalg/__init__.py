@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from jld_core.linalg.factors import components
+from jld_core.linalg.factors import components, merged_points
 
 __all__ = [
     "components",
+    "merged_points",
 ]

@@ -482,6 +482,30 @@ def components(count: int, one: Ints, other: Ints) -> Ints:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
+def merged_points(places: Floats, reach: float) -> tuple[Floats, Ints]:
+    """Merge places within `reach`, also by chains.
+
+    Parameters
+    ----------
+    places : (k, d) array
+        Points, scene units.
+    reach : float
+        Largest distance of two that are one, scene units.
+
+    Returns
+    -------
+    points : (p, d) array
+        The first place of each.
+    number : (k,) int array
+        The point of each place.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    pairs = cKDTree(places).query_pairs(reach, output_type="ndarray").reshape(-1, 2)
+    number = components(len(places), pairs[:, 0], pairs[:, 1])
+    return places[np.unique(number, return_index=True)[1]], number
+
+
 def _few_components(count: int, one: list[int], other: list[int]) -> Ints:
     """Find components as `components` does, without a sparse graph, which takes longer for few nodes."""
     root = list(range(count))

@@ -491,7 +491,11 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
         if growing > 1:
             return best
         if best is not None and best.starts == start + 1 and best.width < _PROMISING:
-            best = _with_frozen_mechanism(analysis, labels, best)
+            # improve a fixed point by the more accurate mechanism at its areas; the narrower bracket stays
+            proof = analysis.with_template(best.prover.template, labels).prove(labels)
+            if proof.motion is not None:
+                width = relative_width(best.state.load, proof.motion.bound, analysis.load_scale)
+                best = replace(best, motion=proof.motion, width=width) if width < best.width else best
             if best.width <= analysis.gap:
                 return best
     return best
@@ -514,15 +518,6 @@ def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: in
     low, high = state.load if state.admissible else -np.inf, motion.bound if finite else np.inf
     width = relative_width(low, high, analysis.load_scale)
     return FixedPoint(state, areas, frozen, motion if finite else None, width, starts)
-
-
-def _with_frozen_mechanism(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> FixedPoint:
-    """Improve a fixed point by the more accurate mechanism at its areas; the narrower bracket stays."""
-    proof = analysis.with_template(found.prover.template, labels).prove(labels)
-    width = (
-        np.inf if proof.motion is None else relative_width(found.state.load, proof.motion.bound, analysis.load_scale)
-    )
-    return replace(found, motion=proof.motion, width=width) if width < found.width else found
 
 
 def barrier_weights(assembly: Assembly, rows: MovingRows, start: int) -> Floats:

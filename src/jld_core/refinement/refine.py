@@ -237,7 +237,10 @@ def search_of(
     if by == "block":
         search["candidates"] = "inside-blocks"
     if by == "material":
-        density = _densities(scene, old)
+        # weight over volume of each element by id; 0 for supports without weight
+        weight = np.linalg.norm(old.elements.weight, axis=1)
+        rate = weight / np.where(old.elements.volume > 0.0, old.elements.volume, 1.0)
+        density = dict(zip(old.elements.ids, rate.tolist(), strict=True))
         across = [pairs for (a, b), pairs in by_parents.items() if not np.isclose(density[a], density[b], rtol=1e-9)]
         free = {name for name, support in zip(ids, new.elements.support, strict=True) if not support}
         kept = [pair for pairs in across for pair in pairs if free.issuperset(pair)]
@@ -248,13 +251,6 @@ def search_of(
         wanted = set(search["except"])
         search["except"] = [name for name in ids if parent[name] in wanted]
     return search
-
-
-def _densities(scene: Scene, assembly: Assembly) -> dict[str, float]:
-    """Compute weight over volume of each element by id; 0 for supports without weight."""
-    weight = np.linalg.norm(assembly.elements.weight, axis=1)
-    rate = weight / np.where(assembly.elements.volume > 0.0, assembly.elements.volume, 1.0)
-    return dict(zip(assembly.elements.ids, rate.tolist(), strict=True))
 
 
 KINDS: Final = ("grid", "bond", "voronoi", "radial")

@@ -7,7 +7,7 @@ import math
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, cast
 
 import numpy as np
 import typer
@@ -144,7 +144,10 @@ def solve(
             result = solve_cracked(assembly, labels, model)
         else:
             result = replace(solve_rigid(elements, labels, model), cracks=assembly.cracks)
-        result = _with_start(result, begun)
+        # with all processor time of this process since `begun`, when λ was begun, and before, s
+        solving = time.process_time() - begun - result.seconds.get("assemble", 0.0)
+        seconds = {"start": begun, **result.seconds, "solve": solving, "total": time.process_time()}
+        result = replace(cast(Any, result), seconds=seconds)
     if isinstance(result, LimitAnalysisResult):
         result = _with_nominal(result) if elements.has_low_values else result
         result = with_rates(result, asked=sensitivities, vertices=as_json or out is not None)
@@ -193,13 +196,6 @@ def _facts(result: Result) -> dict[str, str]:
     by_fields: Any = result
     found: dict[str, str] = by_fields.facts_in_words()
     return found
-
-
-def _with_start(result: Any, begun: float) -> Any:
-    """Return the result with all processor time of this process since `begun`, when λ was begun, and before, s."""
-    solving = time.process_time() - begun - result.seconds.get("assemble", 0.0)
-    seconds = {"start": begun, **result.seconds, "solve": solving, "total": time.process_time()}
-    return replace(result, seconds=seconds)
 
 
 def _with_nominal(result: LimitAnalysisResult) -> LimitAnalysisResult:

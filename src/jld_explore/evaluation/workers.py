@@ -142,11 +142,6 @@ _BUSY_SHARE: Final = 0.6
 _SWITCH_SECONDS: Final = 5e-4
 
 
-def batch_size(faces: int, requested: int) -> int:
-    """Compute the number of labellings that a worker evaluates in one task."""
-    return int(np.clip(min(3000 // max(faces, 1), -(-requested // _FEWEST_TASKS)), 1, _MOST_PER_TASK))
-
-
 def _timed_batch(task: tuple[Any, ...], then: Then | None) -> tuple[tuple[int, list[Evaluation]], float]:
     """Return the result of `evaluate_batch` after what is done with it, and the processor time of its thread, s."""
     begun = time.thread_time()
@@ -275,7 +270,8 @@ class Run:
     ) -> None:
         self._workers, self._deadline, self._first_required = workers, deadline, first_required
         self._labellings, self._thresholds = labellings, thresholds
-        size = batch_size(workers.faces, len(labellings))
+        # the number of labellings that a worker evaluates in one task
+        size = int(np.clip(min(3000 // max(workers.faces, 1), -(-len(labellings) // _FEWEST_TASKS)), 1, _MOST_PER_TASK))
         if workers.batch:
             # Use as few tasks as threads for this run, so that threads seldom wait.
             most = max(_MOST_PER_TASK, _MOST_FACES_PER_TASK // workers.faces)

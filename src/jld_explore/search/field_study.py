@@ -190,7 +190,7 @@ class FieldStudy(Study):
         # a lower bound below zero is no λ of a layout that stands
         if bound is not None and math.isfinite(bound) and low >= 0.0:
             gap = max((bound - low) / max(abs(bound), abs(low), 1e-300), 0.0)
-        bound = _finite(bound)
+        bound = bound if bound is not None and math.isfinite(bound) else None
         tied = int((results["rank"] == 1).sum())
         alone = self._complete and bound is not None and tied == 1 and race.rivals <= 1
         falls = bound is not None and bound < 0.0
@@ -290,7 +290,3 @@ class FieldStudy(Study):
             FieldRace(alone, self.gap).run()
             found[best] = float(alone.low()[0])
         return found
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None

@@ -109,31 +109,28 @@ class BlockShapes:
     def different(self, blocks: Ints, sink: int = -1) -> Ints:
         """Return (k,) number of different block shapes of each row (k, n)."""
         # The block that contains the element `sink` is not counted if `sink` is at least 0.
+        holds, places, number = self._counted(blocks, sink)
+        _, new = _first_of_kinds(holds, number[places])
+        return np.asarray(new.sum(axis=1), dtype=np.int64)
+
+    def _counted(self, blocks: Ints, sink: int) -> tuple[Bools, Ints, Ints]:
+        """Return which blocks (k, n) count, their positions among known outlines, and the kinds of these."""
         with self._lock:
             holds, places = self._look(blocks)
             number = self._numbers()
         if sink >= 0:
             holds[np.arange(len(blocks)), blocks[:, sink]] = False
-        kind = np.where(holds, number[places], -1)
-        kind.sort(axis=1)
-        new = np.diff(kind, axis=1, prepend=-1) != 0
-        return np.asarray((new & (kind >= 0)).sum(axis=1), dtype=np.int64)
+        return holds, places, number
 
     def total(self, blocks: Ints, name: str, sink: int = -1, *, once: bool = False) -> Ints:
         """Return (k,) sums of a whole-number attribute of outlines over the blocks (k, n)."""
-        with self._lock:
-            holds, places = self._look(blocks)
-            number = self._numbers()
-            value = np.array([getattr(shape, name) for shape in self._known], dtype=np.int64)
-        if sink >= 0:
-            holds[np.arange(len(blocks)), blocks[:, sink]] = False
+        holds, places, number = self._counted(blocks, sink)
+        value = np.array([getattr(shape, name) for shape in self._known[: len(number)]], dtype=np.int64)
         if not once:
             return np.asarray(np.where(holds, value[places], 0).sum(axis=1), dtype=np.int64)
         of_kind = np.zeros(int(number.max(initial=-1)) + 1, dtype=np.int64)
         of_kind[number[::-1]] = value[::-1]
-        kind = np.where(holds, number[places], -1)
-        kind.sort(axis=1)
-        new = (np.diff(kind, axis=1, prepend=-1) != 0) & (kind >= 0)
+        kind, new = _first_of_kinds(holds, number[places])
         return np.asarray(np.where(new, of_kind[kind], 0).sum(axis=1), dtype=np.int64)
 
     def values(self, name: str) -> Floats:
@@ -210,6 +207,13 @@ class BlockShapes:
             name = (corners.shape, corners.tobytes(), elements.faces[k] if elements.faces else ())
             found.append(names.setdefault(name, len(names)))
         return np.array(found, dtype=np.int64)
+
+
+def _first_of_kinds(holds: Bools, kinds: Ints) -> tuple[Ints, Bools]:
+    """Return kinds (k, n) in ascending order, −1 for what does not count, and True for the first of each kind."""
+    kind = np.where(holds, kinds, -1)
+    kind.sort(axis=1)
+    return kind, (np.diff(kind, axis=1, prepend=-1) != 0) & (kind >= 0)
 
 
 @dataclass(frozen=True)

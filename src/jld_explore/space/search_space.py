@@ -154,7 +154,13 @@ def _refuse_shapes_and_sawing(
         return
     assembly = limits.assembly
     ends = np.array([~candidates & fixed, candidates | fixed])
-    alone = _shapes_alone(limits, candidates, least, graph)
+    # the number of shapes of blocks that no face can join to others, at least 1
+    joins = candidates & may_join(limits, least, graph) & (least[graph.a] != least[graph.b])
+    open_ones = np.unique(np.concatenate([least[graph.a[joins]], least[graph.b[joins]]]))
+    free = limits.assembly.elements.free
+    names = [int(name) for name in np.unique(least[free]) if name not in open_ones]
+    members = [free[least[free] == name].tolist() for name in names]
+    alone = max(1, len(np.unique(limits.block_shapes.kinds(members)))) if members else 1
     dimension = assembly.dimension
     known: dict[str, tuple[float, float, str]] = {}
     for count, _ in asked:
@@ -175,16 +181,6 @@ def _refuse_shapes_and_sawing(
             most = f"to {high:.6g}" if np.isfinite(high) else "and more"
             problem = f"{_asked(bounds)} asked, but there can be {low:.6g} {most} ({words})"
             raise InputError(f"search.{count.name}", problem, "a range that meets this, or other limits on blocks")
-
-
-def _shapes_alone(limits: Limits, candidates: Bools, least: Ints, graph: Connectivity) -> int:
-    """Return the number of shapes of blocks that no face can join to others, at least 1."""
-    joins = candidates & may_join(limits, least, graph) & (least[graph.a] != least[graph.b])
-    open_ones = np.unique(np.concatenate([least[graph.a[joins]], least[graph.b[joins]]]))
-    free = limits.assembly.elements.free
-    names = [int(name) for name in np.unique(least[free]) if name not in open_ones]
-    members = [free[least[free] == name].tolist() for name in names]
-    return max(1, len(np.unique(limits.block_shapes.kinds(members)))) if members else 1
 
 
 def _asked(bounds: Range) -> str:

@@ -164,7 +164,7 @@ def combinations_of(assembly: Assembly, factors: scene_design.PartialFactors) ->
     """Return the combinations that differ for a structure, all actions unfavourable first."""
     # An action that is absent, or whose two factors are equal, is not varied. λ is a concave function of dead loads, so
     # that no factor between both ends gives a smaller λ. Stated dead loads of all load cases are one action.
-    cases = _loads(assembly)
+    cases = assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
     weights = bool(np.any(assembly.elements.weight[assembly.elements.free]))
     stated = any(_stated(assembly, case.dead_loads) for case in cases)
     present = {
@@ -200,10 +200,6 @@ def at_design_loads(assembly: Assembly, factors: scene_design.PartialFactors, co
         live_loads=factors.live * assembly.live_loads,
         cases=cases,
     )
-
-
-def _loads(assembly: Assembly) -> tuple[LoadCase, ...]:
-    return assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
 
 
 def _weights(assembly: Assembly) -> Floats:
@@ -269,13 +265,6 @@ def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int]
                 break
         if verdict is False:
             return
-
-
-def loaded_cases(structure: Assembly, labels: Bits, combination: Combination) -> list[Loaded]:
-    return [
-        Loaded(number, alone.with_strengths(alone.strengths(ROUTE)), labels, float(required), combination)
-        for number, (alone, required) in enumerate(zip(structure.by_case, structure.required, strict=True))
-    ]
 
 
 _ALL: Final = 10  # largest number of parts of which all assignments are bounded
@@ -442,7 +431,12 @@ def robust_factor(template: Template, labels: Bits, parts: Floats) -> float:
         robust = replace(program, rhs=program.rhs - np.concatenate([np.zeros(equations), taken]))
         point = make_solver("clarabel").solve(robust).point
         slack = robust.rhs - robust.matrix @ point
-        least = _least_slack(program, slack)
+        # the least slack of inequalities and cones of a point; slack: (rows,)
+        shape = program.structure
+        values = [float(slack[shape.equalities : shape.equalities + shape.linear].min(initial=math.inf))]
+        for head, size in zip(shape.heads.tolist(), shape.cones, strict=True):
+            values.append(float(slack[head] - np.linalg.norm(slack[head + 1 : head + size])))
+        least = min(values)
         if abs(slack[:equations]).max() < _SAFE * abs(program.rhs[:equations]).max() and least > -_SAFE:
             best = max(best, float(point[-1]) - _SAFE * max(1.0, abs(float(point[-1]))))
         # Faces that are pressed, or strong, have room for more.
@@ -464,15 +458,6 @@ def _largest_losses(program: ConicProgram, change: Floats) -> Floats:
         taken[first] = float((tip + body).sum())
         first += size
     return taken
-
-
-def _least_slack(program: ConicProgram, slack: Floats) -> float:
-    """Return the least slack of inequalities and cones of a point; slack: (rows,)."""
-    shape = program.structure
-    values = [float(slack[shape.equalities : shape.equalities + shape.linear].min(initial=math.inf))]
-    for head, size in zip(shape.heads.tolist(), shape.cones, strict=True):
-        values.append(float(slack[head] - np.linalg.norm(slack[head + 1 : head + size])))
-    return min(values)
 
 
 LISTED: Final = 8  # joints and blocks that a check lists, those nearest to their limit
@@ -691,7 +676,10 @@ def _with_cracks_anywhere(
     loaded = [
         one
         for combination, (structure, own) in zip(combinations, structures, strict=True)
-        for one in loaded_cases(structure, own, combination)
+        for one in [
+            Loaded(number, alone.with_strengths(alone.strengths(ROUTE)), own, float(required), combination)
+            for number, (alone, required) in enumerate(zip(structure.by_case, structure.required, strict=True))
+        ]
     ]
     refuted = check.as_drawn
     if refuted.verified is False:  # how much less the blocks carry is of interest for the governing load alone

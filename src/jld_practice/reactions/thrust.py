@@ -221,7 +221,14 @@ def settle(
     least = most = None
     if stands is not False:
         velocity = settlement.velocity
-        function = _work_of_reactions(assembly, velocity)
+        # the function of forces that gives the work rate of supports moving at `velocity` (n, q)
+        # its unit is the largest speed of a translation
+        speed = float(np.linalg.norm(velocity[:, : assembly.dimension], axis=1).max()) or (
+            assembly.size * float(abs(velocity).max())
+        )
+        matrix, rows = _support_rows(assembly, velocity.any(axis=1))
+        weights = np.where(assembly.elements.support[:, None], velocity, 0.0)[rows].ravel()
+        function = ForceFunction((matrix.T @ weights).reshape(-1, assembly.freedoms), speed)
         least, most = (
             extreme_value(assembly, function, own, greatest=greatest, gap=gap, moved=velocity)
             for greatest in (False, True)
@@ -241,17 +248,6 @@ def _support_rows(assembly: Assembly, moving: Any) -> tuple[Any, Any]:
     """Build the equilibrium matrix in which some supports (n,) are free; return the free elements too."""
     elements = replace(assembly.elements, support=assembly.elements.support & ~moving)
     return equilibrium_matrix(replace(assembly, elements=elements)), elements.free
-
-
-def _work_of_reactions(assembly: Assembly, velocity: Floats) -> ForceFunction:
-    """Build the function of forces that gives the work rate of supports moving at `velocity` (n, q)."""
-    # its unit is the largest speed of a translation
-    speed = float(np.linalg.norm(velocity[:, : assembly.dimension], axis=1).max()) or (
-        assembly.size * float(abs(velocity).max())
-    )
-    matrix, rows = _support_rows(assembly, velocity.any(axis=1))
-    weights = np.where(assembly.elements.support[:, None], velocity, 0.0)[rows].ravel()
-    return ForceFunction((matrix.T @ weights).reshape(-1, assembly.freedoms), speed)
 
 
 # Components in the axes of the scene, by dimension

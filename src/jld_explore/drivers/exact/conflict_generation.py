@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from jld_core import Assembly
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.batch.batch_solver import ConflictRequest, MinimizationOptions
 from jld_core.limit.mechanism import DualBound, MinimizedConflict
 from jld_explore.drivers.exact.context import SEED_STEP, PartialLabellingRelaxation, ProofContext
@@ -98,7 +98,9 @@ def conflict_of(
     tried: set[int] = set()
     failed = 0
     while True:
-        order = _order(mechanism, decided)
+        # the decided faces by the rise of the bound if one becomes undecided, least first
+        faces = np.flatnonzero(decided)
+        order = np.asarray(faces[np.argsort(mechanism.cost[faces], kind="stable")])
         # free all faces whose total cost is below the excess of the current mechanism
         freed = order[np.cumsum(mechanism.cost[order]) < mechanism.excess]
         if freed.size:
@@ -126,12 +128,6 @@ def conflict_of(
 def _conflict(labels: Bits, decided: Bools, bound: float, mechanism: DualBound) -> Conflict:
     faces = np.flatnonzero(decided)
     return Conflict(faces, labels[faces], bound, mechanism=Mechanism(mechanism.case, mechanism.velocity))
-
-
-def _order(mechanism: DualBound, decided: Bools) -> Ints:
-    """Return the decided faces by the rise of the bound if one becomes undecided, least first."""
-    faces = np.flatnonzero(decided)
-    return np.asarray(faces[np.argsort(mechanism.cost[faces], kind="stable")])
 
 
 _BATCH_SIZE: Final = 8  # largest number of labellings drawn per batch
