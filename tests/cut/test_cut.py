@@ -364,6 +364,7 @@ def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: 
     with pytest.raises((InputError, ParameterError), match=told) as error:
         cut(written(box(0.4, 0.4, 2.0), tmp_path / "a.stl"), options, tmp_path / "out")
     assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
 
 
 # All layouts of parts that fit: numbers, boxes turned in space, parity with the exact driver, marks and tenons.
