@@ -236,7 +236,6 @@ def read_solid(path: Path, unit: float) -> Any:
 
 
 def _within(body: Any, other: Any) -> bool:
-    """Return whether a solid lies in another one."""
     own, around = np.array(body.bounding_box()), np.array(other.bounding_box())
     boxed = (own[:3] >= around[:3]).all() and (own[3:] <= around[3:]).all()
     return bool(boxed and (body - other).is_empty())
