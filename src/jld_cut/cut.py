@@ -214,8 +214,8 @@ def cut(
     solid = read_solid(path, scale if path.suffix.lower() != ".3mf" else 1.0)
     _refuse_small(solid, wish.limits)
     _refuse_thin(solid, scale * options.clearance)
-    out.mkdir(parents=True, exist_ok=True)
     families = search_all(solid, path.stem, wish, clock, say)
+    out.mkdir(parents=True, exist_ok=True)
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
     with ExitStack() as beside:
         bracket = _begun(chosen, wish, out, clock, beside)

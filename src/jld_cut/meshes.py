@@ -233,12 +233,21 @@ def read_solid(path: Path, unit: float) -> Any:
         # surfaces that are turned inwards are cavities, unless there is only one
         hollow = [not outwards and len(solids) > 1 for _, outwards in solids]
         whole = manifold3d().Manifold()
-        for (solid, _), empty in sorted(zip(solids, hollow, strict=True), key=lambda one: one[1]):
-            for piece in pieces_of(solid):  # bodies that touch share corners
+        bodies = [solid for solid, _ in solids]
+        cavities = [body for body, empty in zip(bodies, hollow, strict=True) if empty]
+        depths = [sum(_within(body, other) for other in cavities if other is not body) for body in bodies]
+        for _, empty, body in sorted(zip(depths, hollow, bodies, strict=True), key=lambda one: one[:2]):
+            for piece in pieces_of(body):  # bodies that touch share corners
                 whole = whole - piece if empty else whole + piece
         if (number := len(pieces_of(whole))) > 1:
             raise InputError("", f"it holds {number} solids that do not touch", "one solid")
     return whole
+
+
+def _within(body: Any, other: Any) -> bool:
+    own, around = np.array(body.bounding_box()), np.array(other.bounding_box())
+    boxed = (own[:3] >= around[:3]).all() and (own[3:] <= around[3:]).all()
+    return bool(boxed and (body - other).is_empty())
 
 
 def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:

@@ -397,6 +397,7 @@ def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: 
     with pytest.raises((InputError, ParameterError), match=told) as error:
         cut(written(box(0.4, 0.4, 2.0), tmp_path / "a.stl"), options, tmp_path / "out")
     assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
 
 
 # All layouts of parts that fit: numbers, boxes turned in space, parity with the exact driver, marks and tenons.
@@ -627,6 +628,11 @@ def _inwards(solid: Any) -> Any:
     return mesh
 
 
+def _hollow(inside: Any) -> Any:
+    """A box with a cavity, and a body within that."""
+    return trimesh.util.concatenate([_of(box(2, 2, 2)), _inwards(box(1, 1, 1, (0.5, 0.5, 0.5))), mesh_of(inside)])
+
+
 @pytest.mark.parametrize("kind", ["stl", "obj"])
 @pytest.mark.parametrize(
     ("made", "volume"),
@@ -639,6 +645,8 @@ def _inwards(solid: Any) -> Any:
         (lambda: _inwards(bench()), 1.8 * 0.4 * 0.1 + 2 * 0.2 * 0.4 * 0.4),  # turned inwards as a whole, the same
         (lambda: _of(box(2, 2, 2), box(1, 1, 1, (0.5, 0.5, 0.5))), 8.0),  # one within the other, both outwards
         (lambda: _of(box(1, 1, 1), box(1, 1, 1, (3, 0, 0))), None),
+        (lambda: _hollow(box(0.2, 0.2, 1, (0.9, 0.9, 0.5))), 7.04),  # a pillar across the cavity
+        (lambda: _hollow(box(0.2, 0.2, 0.5, (0.9, 0.9, 0.7))), None),  # a body loose in the cavity
     ],
 )
 def test_meshes_of_other_makes(tmp_path: Path, kind: str, made: Any, volume: float | None) -> None:

@@ -132,7 +132,7 @@ def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[l
 
 
 def _share(value: Any, count: int, where: str, share: float | None = None) -> Any:
-    """Return a number or vector of one of so many pieces, the same part by default; a dict has nominal and low."""
+    # of one of so many pieces, the same part by default; a dict has a nominal and a low value
     if isinstance(value, list):
         return [_share(one, count, where, share) for one in value]
     if count == 1:
@@ -685,7 +685,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
 
 
 def _at_means(scene: Scene) -> Scene:
-    """Return a scene with the means of what cells may share: loads, capacities of members, weights."""
+    # of what cells may share: loads, capacities of members, weights
     document = scene.model_dump(mode="json", exclude_defaults=True, include={"loads", "members", "elements"})
     means = with_means(document)
     if means == document:

@@ -142,7 +142,6 @@ def run(app: typer.Typer, started: float) -> NoReturn:
 
 
 def _code_of(app: typer.Typer, started: float) -> int:
-    """Run the command line and return its exit code, or exit with that of an error."""
     interrupt_on_signals()
     try:
         code = app(standalone_mode=False, obj=started)

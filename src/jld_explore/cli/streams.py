@@ -84,12 +84,11 @@ _remarks: Final[list[str]] = []  # lines for stderr at the end of the command
 
 
 def remark(line: str) -> None:
-    """Write a line to stderr when the command ends, unless bad input ends it: an error stands alone."""
+    """Write a line to stderr at the end, unless bad input ends the command."""
     _remarks.append(line)
 
 
 def end_remarks(*, write: bool) -> None:
-    """Write the lines of `remark`, or drop them."""
     for line in _remarks if write else ():
         warn(line)
     _remarks.clear()
