@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from jld_core import Assembly, Route, Scene, build_assembly, parse_scene
+from jld_core import Assembly, LimitAnalysisResult, Route, Scene, Status, build_assembly, parse_scene, solve
 
 Document = dict[str, Any]
 ROOT_CELL = 0.1
@@ -78,6 +78,22 @@ def grid_scene(rows: list[str], **kwargs: Any) -> Scene:
 def grid_assembly(rows: list[str], **kwargs: Any) -> Assembly:
     """The same, as an assembly."""
     return build_assembly(grid_scene(rows, **kwargs))
+
+
+def solved(document: Document, **options: Any) -> LimitAnalysisResult:
+    """What a scene that collapses carries, proven to 1e-6."""
+    result = solve(build_assembly(parse_scene(document)), **options)
+    assert result.status is Status.COLLAPSE
+    assert result.gap <= 1e-6
+    return result
+
+
+def space_of(document: Document, **options: Any) -> Any:
+    """The space of a search of a scene."""
+    from jld_explore import search_space
+
+    scene = parse_scene(document)
+    return search_space(scene, build_assembly(scene), **options)
 
 
 def every_layout(space: Any) -> Any:

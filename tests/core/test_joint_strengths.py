@@ -14,13 +14,12 @@ import pytest
 from studies.by_scheme import solve_zero_dilation
 
 import cases
-from cases import CASES, ROUTE, grid_assembly, grid_document
+from cases import CASES, ROUTE, grid_assembly, grid_document, solved
 from jld_core import (
     Assembly,
     InputError,
     Layout,
     LimitAnalysis,
-    LimitAnalysisResult,
     Scene,
     SolveOptions,
     Status,
@@ -40,13 +39,6 @@ from jld_views import quantities
 from proofs import flow_rule, load_factor_in_space, reference_load_factor
 
 Document = dict[str, Any]
-
-
-def solved(document: Document, **options: Any) -> LimitAnalysisResult:
-    result = solve(build_assembly(parse_scene(document)), **options)
-    assert result.status is Status.COLLAPSE
-    assert result.gap <= 1e-6
-    return result
 
 
 def cantilever(count: int, live: list[Document], weight: float = 0.0, **dry: float) -> Document:

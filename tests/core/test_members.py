@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from cases import dry_and_inner
+from cases import dry_and_inner, solved
 from jld_core import (
     Assembly,
     InputError,
     LimitAnalysis,
     LimitAnalysisResult,
-    Status,
     build_assembly,
     parse_scene,
     solve,
@@ -44,13 +43,6 @@ def block(members: list[Document], friction: float = 5.0, live: Any = None, **mo
         "members": members,
         **more,
     }
-
-
-def solved(document: Document, **options: Any) -> LimitAnalysisResult:
-    result = solve(build_assembly(parse_scene(document)), **options)
-    assert result.status is Status.COLLAPSE
-    assert result.gap <= 1e-6
-    return result
 
 
 def member(result: LimitAnalysisResult, place: int = 0) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import all_inner, grid_document
+from cases import all_inner, grid_document, space_of
 from jld_core import InputError, build_assembly, load_scene, parse_scene
 from jld_explore import SearchSpace, search_space
 from jld_explore.space import feasible
@@ -17,11 +17,6 @@ from jld_explore.space import feasible
 ROOT = Path(__file__).parents[2]
 SQUARE = ["ab", "cd", "##"]
 DOWN = [{"body": [0, -1]}]
-
-
-def space_of(document: dict[str, Any], **options: Any) -> SearchSpace:
-    scene = parse_scene(document)
-    return search_space(scene, build_assembly(scene), **options)
 
 
 def grid_space(rows: list[str], live: list[dict[str, Any]] | None = None, **search: Any) -> SearchSpace:

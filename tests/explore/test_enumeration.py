@@ -26,7 +26,7 @@ from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 from pydantic import Field
 
-from cases import canonical, dry_and_inner, every_layout, grid_document
+from cases import canonical, dry_and_inner, every_layout, grid_document, space_of
 from command import Command
 from jld_core import InputError, Scene, Status, build_assembly, load_scene, parse_scene
 from jld_explore import Driver, Evaluation, ExploreSettings, SearchSpace, explore, search_space
@@ -36,11 +36,6 @@ from jld_explore.space import feasible, to_string
 ROOT = Path(__file__).parents[2]
 DOWN = [{"body": [0, -1]}]
 CELL = 1400 * 9.81 * 0.1**3
-
-
-def space_of(document: dict[str, Any], **options: Any) -> SearchSpace:
-    scene = parse_scene(document)
-    return search_space(scene, build_assembly(scene), **options)
 
 
 def grid_space(rows: list[str], live: Any = None, **search: Any) -> SearchSpace:
