@@ -49,9 +49,10 @@ def test_abeilles_vault_punches_through_its_cracks() -> None:
     every 1e5 Pa λ grows by the same, no more than τ times their area."""
     assert str(solve(non_planar_faces.abeille(3, None)).status) == "locked"
     one, two, three = (solve(non_planar_faces.abeille(3, k * 1e5)).load_factor for k in (1, 2, 3))
-    assert three - two == pytest.approx(two - one, rel=1e-6)
+    # each λ is certified to 1e-6 of itself, which is 3e-6 of a step
+    assert three - two == pytest.approx(two - one, rel=1e-5)
     area = 8 * non_planar_faces.CELL * non_planar_faces.DEPTH
-    assert two - one == pytest.approx(1e5 * area, rel=1e-6)
+    assert two - one == pytest.approx(1e5 * area, rel=1e-5)
 
 
 @pytest.mark.parametrize("facets", [1, 3])
