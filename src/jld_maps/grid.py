@@ -73,8 +73,9 @@ def put(document: dict[str, Any], key: str, value: Any) -> None:
         _turn(document, key, float(value))
         return
     path = parts_of(key)
-    _, place, part = place_of(document, key)
-    if path[0] in _FREE or isinstance(place.get(part) if isinstance(place, dict) else place[part], dict):
+    now, place, part = place_of(document, key)
+    # a number may take the place of one with a distribution, or with a nominal and a low value
+    if path[0] in _FREE or (isinstance(now, dict) and now.keys().isdisjoint(("mean", "nominal"))):
         raise InputError(key, "it is no number that λ depends on", "a key such as materials.dry.friction_coefficient")
     if isinstance(place, dict) and str(part).startswith("friction_"):  # a scene states one of both
         place.pop("friction_angle", None)

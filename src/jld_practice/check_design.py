@@ -71,7 +71,7 @@ def _layout(source: Path, rank: int | None) -> tuple[Scene, Bits | None]:
         return cli_check.load(file)[0], None
     from jld_explore.cli import layout  # a folder needs pandas, a scene does not
 
-    scene, _, labels, model = layout.layout_of(source, rank)
+    scene, _, labels, model = layout.layout_of(source, rank, uncertain=True)
     with error_context(source):
         layout.require_whole_faces(model, "the design check")
     return scene, labels

@@ -244,12 +244,17 @@ def test_what_is_uncertain_is_shared_by_its_mean(stone: dict[str, Any], load: di
         "materials": dry_and_inner(2.0, 0.5, 100.0, 100.0),
         "loads": {"live": [{"element": "b", **load}]},
     }
+    document["materials"]["inner"]["tensile_strength"] = {"mean": 100.0, **UNCERTAIN, "each": True}
     if "density" in stone:
         del document["elements"][1]["weight"]
     means, stated = parse_scene(with_means(document)), parse_scene(document)
     assert solve(document, cracks="cells:0.5").load_factor == solve(means, cracks="cells:0.5").load_factor
     with pytest.raises(InputError, match=f"{where}: it is uncertain"):
         refine(stated, (0.5,))
+    assert any(
+        "for 1 with" in note for note in refine(means.model_copy(update={"materials": stated.materials}), (0.5,)).notes
+    )
+    assert refine(stated, (2.0,)).notes == ()
     whole = refine(stated, (2.0,)).scene
     assert [value for _, value in uncertain_values(whole)] == [value for _, value in uncertain_values(stated)]
 

@@ -141,6 +141,14 @@ def test_the_strongest_layout_changes_with_friction() -> None:
     assert (row["load_factor"], row["labelling"]) == (pytest.approx(best.best), best.best_labelling)
 
 
+@pytest.mark.parametrize("value", [{"nominal": 0.6, "low": 0.5}, {"mean": 0.6, "cov": 0.1, "kind": "normal"}])
+def test_a_number_takes_the_place_of_a_value_with_uncertainty(value: dict[str, Any]) -> None:
+    scene = grid_document(["aa", "aa", "##"], tension=1e3, shear=1e3)
+    plain = je.sweep(scene, {MU: [0.2, 0.9]})["load_factor"]
+    scene["materials"]["dry"] = {"friction_coefficient": value}
+    assert je.sweep(scene, {MU: [0.2, 0.9]})["load_factor"].tolist() == plain.tolist()
+
+
 @pytest.mark.parametrize(
     ("over", "words"),
     [

@@ -126,7 +126,7 @@ def build_assembly(scene: Scene | str | Path | Mapping[str, Any], geometry: Geom
         fill=boundary.backing.outlines() if boundary.backing is not None else (),
     )
     warnings = (*geometry.warnings, *implausible(scene, assembly))
-    notes = (*not_judged(scene), *_means(scene), *_glued_supports(scene, assembly))
+    notes = (*not_judged(scene), *noted_means(scene), *_glued_supports(scene, assembly))
     assembly = replace(assembly, warnings=warnings, notes=notes, cracks=scene.cracks, scene=scene)
     assembly = with_bond(assembly, scene.materials, of_faces)
     pressures = None if boundary.backing is None else boundary.backing.pressures()
@@ -143,7 +143,7 @@ def _backing(scene: Scene, elements: Elements) -> Backing | None:
     return Backing(scene.fill, elements, down, float(np.linalg.norm(gravity)), scene.plane_thickness)
 
 
-def _means(scene: Scene) -> tuple[str, ...]:
+def noted_means(scene: Scene) -> tuple[str, ...]:
     """Return a note that uncertain values are taken at their means; () if there are none."""
     named = [in_words(path) for path, _ in uncertain_values(scene)]
     if not named:

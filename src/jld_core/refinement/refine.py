@@ -27,7 +27,7 @@ from jld_core.refinement.arrangement import MOST, convex, cut, join_small, split
 from jld_core.scene.loads import FaceLoad, FacePlace
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
-from jld_core.scene.uncertain import with_means
+from jld_core.scene.uncertain import Uncertain, uncertain_values, with_means
 
 _CAPACITIES: Final = ("tension", "compression", "prestress", "shear")
 """Forces of a member, of which each share has its part."""
@@ -469,6 +469,9 @@ def refine(
     bare = faces_of(build_assembly(parse_scene(document, scene.name)))
     document["labels"] = labels_of(assembly, bare, parent)
     document["search"] = search_of(search, scene, assembly, bare, parent, by)
+    alone = sum(one.each for _, one in uncertain_values(scene) if isinstance(one, Uncertain))
+    if alone and any(len(parts) > 1 for parts in cut_up):
+        notes.append(f'each piece has values of its own for {alone} with "each": jld reliability counts more of them')
     return Refined(parse_scene(document, scene.name), parent, tuple(notes))
 
 

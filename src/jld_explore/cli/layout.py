@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
+from jld_core.build.assemble import build_assembly, noted_means
 from jld_core.build.plausibility import not_judged
 from jld_core.errors import InputError, ParameterError, error_context
 from jld_core.limit.options import Model
@@ -51,8 +51,9 @@ def layout_of(source: Path, rank: int | None, *, uncertain: bool = False) -> Lai
         with error_context(source):
             assembly = build_assembly(scene)
         found = LaidOut(scene, assembly, assembly.labels, Model())
-    unjudged = not_judged(found.scene)  # a word on plausibility, for the commands that judge it
-    for note in () if uncertain else (one for one in found.assembly.notes if one not in unjudged):
+    # left out: a word on plausibility, for the commands that judge it, and on means where they do not stand
+    left_out = (*not_judged(found.scene), *(noted_means(found.scene) if uncertain else ()))
+    for note in (one for one in found.assembly.notes if one not in left_out):
         remark(f"jld: note: {source}: {note}")
     return found
 
