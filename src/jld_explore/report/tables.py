@@ -566,8 +566,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         # a driver that proves that no layout stands has evaluated all that carry the live load nevertheless
         known = -math.inf if bound is None or driver.finished else bound
         bound = max(float(ranked["bracket_hi"].max()), known)
-    if unbounded or (ranked.empty and (certain or driver.finished)):
-        # a driver may have a bound on all others, or on layouts that turned out not to stand
+    if unbounded:  # a driver may have a bound on all others
         bound = None
     if bound is not None and not ranked.empty:
         bound = raised(bound, ranked.iloc[0])
