@@ -761,7 +761,7 @@ def test_layouts_that_go_together_come_first() -> None:
         (dict.fromkeys(range(4), False), [0]),
     ):
         family = SimpleNamespace(truth=Orders(known))
-        found = list(sys.modules["jld_cut.cut"]._loose(family, rows, time.time() + 60.0))
+        found = list(sys.modules["jld_cut.cut"]._to_judge(family, rows, time.time() + 60.0))
         assert [int(block[0]) for block, _ in found] == expected
 
 
