@@ -164,7 +164,8 @@ def test_a_bench_is_cut_to_whole_files(tmp_path: Path) -> None:
     assert all((a ^ b).volume() < 1e-9 for k, a in enumerate(solids) for b in solids[:k])
     assert sorted(table["step"]) == list(range(1, len(table) + 1))
     for name in ("parts.3mf", "parts.step", "parts.png", "order.png", "report.html", "scene.json"):
-        assert (out / name).stat().st_size > 500
+        # a machine that is slow or shared may have no time for some, which are named
+        assert name in found["left_out"] or (out / name).stat().st_size > 500
     assert read_solid(out / "bed" / "part_01.stl", 1.0).volume() == pytest.approx(meshes[0].volume, rel=1e-5)
 
 
