@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +17,10 @@ import pytest
 from cases import grid_document
 from fatal_labelling import FatalLabelling
 from jld_core import Assembly, Deadline, InputError, Status, build_assembly, parse_scene
-from jld_explore import Evaluation, ExploreSettings, Progress, explore, search_space
+from jld_explore import Evaluation, ExploreSettings, Interrupted, Progress, explore, search_space
 from jld_explore.drivers import DRIVERS
-from jld_explore.evaluation import EvaluatorSettings
+from jld_explore.evaluation import EvaluatorSettings, raise_deferred
+from jld_explore.evaluation.pool import first_done
 from jld_explore.evaluation.workers import Workers, WorkerSpec
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
@@ -29,6 +32,33 @@ def wall() -> tuple[Assembly, Any, np.ndarray]:
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
     return assembly, space, DRIVERS["enumeration"](space).ask(90)
+
+
+class Struck(threading.Condition):
+    """The lock of a future, with a signal when it has been taken."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        take = self.acquire
+
+        def acquire() -> bool:
+            taken = take()
+            raise_deferred(Interrupted())
+            return taken
+
+        setattr(self, "acquire", acquire)  # noqa: B010 – the class sets it for each of its objects, too
+
+
+def test_a_signal_leaves_no_lock_of_a_task_taken() -> None:
+    """Between the locks that `wait` takes it left them taken, and an executor waited for its own end."""
+    future: Future[int] = Future()
+    future._condition = Struck()
+    with pytest.raises(Interrupted):
+        first_done([future], 1.0)
+    other = threading.Thread(target=future.set_result, args=(1,), daemon=True)
+    other.start()
+    other.join(120.0)
+    assert not other.is_alive()
 
 
 def everything(workers: Workers, rows: np.ndarray) -> list[Evaluation]:

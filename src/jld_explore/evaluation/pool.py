@@ -13,7 +13,7 @@ import time
 import uuid
 import warnings
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -146,6 +146,9 @@ def deferred_signals() -> Iterator[None]:
     """Defer errors passed to `raise_deferred` until the outermost such context ends."""
     # A signal handler can then interrupt a process only between steps that must not be left half done. At the end the
     # last deferred error is raised, if any.
+    if threading.current_thread() is not threading.main_thread():  # no handler runs there, nor may its error end there
+        yield
+        return
     _Deferred.depth += 1
     try:
         yield
@@ -173,6 +176,21 @@ def raise_deferred(error: BaseException) -> None:
     if not _Deferred.depth:
         raise error
     _Deferred.error = error
+
+
+_GLANCE: Final = 0.05  # longest time that a signal waits for a wait, s
+
+
+def first_done(futures: Iterable[Future[Any]], seconds: float) -> set[Future[Any]]:
+    # those that are done once one is, none after so many seconds; a signal between the locks that `wait` takes would
+    # leave them taken, and the thread of the executor would never end
+    end, futures = time.monotonic() + seconds, list(futures)
+    while True:
+        with deferred_signals():
+            left = max(0.0, end - time.monotonic())
+            done = wait(futures, timeout=min(left, _GLANCE), return_when=FIRST_COMPLETED).done
+        if done or left <= _GLANCE:
+            return done
 
 
 # Exceptions of a task whose worker died, left or hung; a cluster has its own ones
@@ -355,7 +373,7 @@ class TaskStream:
             longest_wait = self._hang_seconds
             if self._deadline is not None:
                 longest_wait = min(longest_wait, self._deadline.remaining() + GRACE)
-            finished = wait(self._in_progress, timeout=longest_wait, return_when=FIRST_COMPLETED).done
+            finished = first_done(self._in_progress, longest_wait)
             if not finished:
                 if self._deadline is None or not self._deadline.passed():
                     raise TimeoutError
