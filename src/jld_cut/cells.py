@@ -379,7 +379,7 @@ def convex_parts(
         if turn < least:
             break
         _, middle, first, second = edges[at].pop(0)
-        found: list[tuple[int, int, Cutting, list[Any]]] = []
+        found: list[tuple[tuple[int, int, int], Cutting, list[Any]]] = []
         for across in (first - second, first, second):  # a bisector may graze a thin piece
             cutting = Cutting(pieces[at])
             across = across / np.linalg.norm(across)
@@ -389,11 +389,11 @@ def convex_parts(
                 # bodies that touch along an edge have no concave one
                 stuck = sum(not own and not _convex(cell) for own, cell in zip(left, cutting.cells, strict=True))
                 edgy = sum(one[0] >= least for own in left for one in own)
-                found.append((1000 * stuck + edgy, len(left), cutting, left))
+                found.append(((stuck, edgy, len(left)), cutting, left))
         if found:
-            _, number, cutting, left = min(found, key=lambda one: one[:2])
+            _, cutting, left = min(found, key=lambda one: one[0])
             planes += cutting.planes
-            pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * number
+            pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * len(left)
             edges[at : at + 1] = left
     return pieces, np.array(of), planes, all(_convex(piece) for piece in pieces)
 

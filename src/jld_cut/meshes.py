@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 from xml.etree import ElementTree
 
 import numpy as np
@@ -283,14 +283,17 @@ def unit_of(path: Path) -> str | None:
     """Return the unit that a 3MF file states, None for others."""
     if path.suffix.lower() != ".3mf":
         return None
-    with error_context(path), _readable():
-        return _UNITS[_model(path).get("unit", "millimeter")]
+    with error_context(path), _readable(), _model(path) as stream:
+        _, root = next(ElementTree.iterparse(stream, ("start",)))  # the rest is read with the meshes
+        return _UNITS[root.get("unit", "millimeter")]
 
 
-def _model(path: Path) -> ElementTree.Element:
+@contextmanager
+def _model(path: Path) -> Iterator[IO[bytes]]:
     with zipfile.ZipFile(path) as archive:
         name = next(name for name in archive.namelist() if name.lower().endswith(".model"))
-        return ElementTree.fromstring(archive.read(name))
+        with archive.open(name) as stream:
+            yield stream
 
 
 @contextmanager
@@ -305,8 +308,8 @@ def _readable() -> Iterator[None]:
 
 def _read_3mf(path: Path) -> list[tuple[Floats, Ints]]:
     """Read the meshes of a 3MF file in metres, as points and triangles."""
-    with _readable():
-        root = _model(path)
+    with _readable(), _model(path) as stream:
+        root = ElementTree.fromstring(stream.read())
         scale = UNITS[_UNITS[root.get("unit", "millimeter")]]
         objects = {one.get("id", ""): one for one in root.iter(f"{{{_NAMESPACE}}}object")}
         items = root.findall(f"{{{_NAMESPACE}}}build/{{{_NAMESPACE}}}item")
