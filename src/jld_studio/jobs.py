@@ -207,7 +207,7 @@ class Jobs:
                     job.process.wait()
             if job.listener is not None:
                 # Its end closes the pipe; a process that the search began may keep the other end open for a while.
-                job.listener.join(timeout=_LAST_PAGE)
+                job.listener.join(timeout=10.0)
 
     def _room(self) -> None:
         """Raise InputError if no further search may run."""
