@@ -20,7 +20,7 @@ from jld_core import Assembly, Deadline, InputError, Status, build_assembly, par
 from jld_explore import Evaluation, ExploreSettings, Interrupted, Progress, explore, search_space
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import EvaluatorSettings, raise_deferred
-from jld_explore.evaluation.pool import first_done
+from jld_explore.evaluation.pool import done_in
 from jld_explore.evaluation.workers import Workers, WorkerSpec
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
@@ -54,7 +54,7 @@ def test_a_signal_leaves_no_lock_of_a_task_taken() -> None:
     future: Future[int] = Future()
     future._condition = Struck()
     with pytest.raises(Interrupted):
-        first_done([future], 1.0)
+        done_in([future], 1.0)
     other = threading.Thread(target=future.set_result, args=(1,), daemon=True)
     other.start()
     other.join(120.0)

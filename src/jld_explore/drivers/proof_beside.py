@@ -25,7 +25,7 @@ from jld_explore.drivers.exact.context import listed_blocks
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.evaluation import EvaluatorSettings, Pool, evaluator_of
 from jld_explore.evaluation.cases import Standing
-from jld_explore.evaluation.pool import first_done, is_lost
+from jld_explore.evaluation.pool import done_in, is_lost
 from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space.search_space import SearchSpace
 
@@ -78,7 +78,7 @@ class ProofBeside:
     def poll(self, best: Bits | None, seconds: float = 0.0) -> Found:
         """Return what is proven, after waiting for the next message up to some seconds; best (m,): of the search."""
         future = self._future
-        if future is None or not first_done([future], seconds):
+        if future is None or not done_in([future], seconds):
             return self.found
         self._future, self.first = None, False
         try:

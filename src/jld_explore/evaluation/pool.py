@@ -15,6 +15,7 @@ import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import (
+    ALL_COMPLETED,
     FIRST_COMPLETED,
     BrokenExecutor,
     CancelledError,
@@ -181,16 +182,17 @@ def raise_deferred(error: BaseException) -> None:
 _GLANCE: Final = 0.05  # longest time that a signal waits for a wait, s
 
 
-def first_done(futures: Iterable[Future[Any]], seconds: float) -> set[Future[Any]]:
-    # those that are done once one is, none after so many seconds; a signal between the locks that `wait` takes would
-    # leave them taken, and the thread of the executor would never end
+def done_in(futures: Iterable[Future[Any]], seconds: float, *, all_done: bool = False) -> set[Future[Any]]:
+    # those that are done once one is, or all are, or after so many seconds; a signal between the locks that `wait`
+    # takes would leave them taken, and the thread of the executor would never end
     end, futures = time.monotonic() + seconds, list(futures)
+    until = ALL_COMPLETED if all_done else FIRST_COMPLETED
     while True:
         with deferred_signals():
             left = max(0.0, end - time.monotonic())
-            done = wait(futures, timeout=min(left, _GLANCE), return_when=FIRST_COMPLETED).done
-        if done or left <= _GLANCE:
-            return done
+            found = wait(futures, timeout=min(left, _GLANCE), return_when=until)
+        if not found.not_done or (found.done and not all_done) or left <= _GLANCE:
+            return found.done
 
 
 # Exceptions of a task whose worker died, left or hung; a cluster has its own ones
@@ -373,7 +375,7 @@ class TaskStream:
             longest_wait = self._hang_seconds
             if self._deadline is not None:
                 longest_wait = min(longest_wait, self._deadline.remaining() + GRACE)
-            finished = first_done(self._in_progress, longest_wait)
+            finished = done_in(self._in_progress, longest_wait)
             if not finished:
                 if self._deadline is None or not self._deadline.passed():
                     raise TimeoutError

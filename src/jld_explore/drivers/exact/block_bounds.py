@@ -21,7 +21,7 @@ from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.context import BlockTables, CheckedProof, PossibleBlocks, ProofContext
 from jld_explore.drivers.exact.proof_state import BlockEvidence, Conflict, Evidence
-from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster, first_done
+from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster, done_in
 from jld_explore.space.search_space import SearchSpace
 
 SolvedProgram = tuple[Choice, int]  # result of one block relaxation, and the number of programs solved for it
@@ -209,7 +209,7 @@ class BlockBoundTightening:
             if future is None:
                 return None
             end = time.perf_counter() + seconds
-            while not first_done([future], _DEADLINE_CHECK_SECONDS):
+            while not done_in([future], _DEADLINE_CHECK_SECONDS):
                 if time_is_up() or time.perf_counter() > end:
                     return None
             result = workers.result(worker, future)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, OrderedDict, deque
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -25,7 +25,7 @@ from jld_explore.drivers.exact.context import SEED_STEP, ProofContext
 from jld_explore.drivers.exact.formula import EVERYTHING, Cube, Formula, split_cube
 from jld_explore.drivers.exact.proof_state import Conflict, Evidence, LeastBounds, ProofState
 from jld_explore.evaluation import Pool
-from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster, first_done
+from jld_explore.evaluation.pool import LOST, WorkerPool, client_of_cluster, done_in
 from jld_explore.space.limits import Range
 
 # Number of proofs whose state a worker keeps. A worker of a cluster may serve several proofs, one after the other.
@@ -201,7 +201,7 @@ class CubeWorkers:
         self._threshold = threshold
         self.exchange()
         if wait_for_results and self._assigned and not self._has_new_results:
-            first_done(self._assigned, _WAIT_SECONDS)
+            done_in(self._assigned, _WAIT_SECONDS)
             self.exchange()
         self._has_new_results = False
         return not self._cubes and not any(one.target == self._target for one in self._assigned.values())
@@ -227,7 +227,7 @@ class CubeWorkers:
     def close(self, seconds: float) -> None:
         """Stop all workers; keep results that arrive within so many seconds."""
         self.end()
-        wait(list(self._assigned), timeout=seconds)
+        done_in(self._assigned, seconds, all_done=True)
         self.exchange()
         self._pool.close()
         self._assigned.clear()
