@@ -95,15 +95,17 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
     regions, off = list[shapely.Geometry](), list[float]()
     # as for lines, a facet counts only where no nearer one lies
     for heights, region, shared in sorted(facets, key=lambda facet: float(abs(facet[0]).max())):
-        near = shapely.union_all(regions, grid_size=grid)
-        if not regions or (
+        near = shapely.union_all(regions, grid_size=grid) if regions else None
+        if near is None or (
             shapely.difference(area_of(shared), near, grid_size=grid).area > tolerances.FACE * stated.area
         ):
             off += heights.tolist()
         regions.append(region)
-    faces = shapely.union_all(regions, grid_size=grid)
-    outside = shapely.get_coordinates(shapely.difference(stated, faces, grid_size=grid))
-    beyond = float(shapely.distance(shapely.points(outside), faces).max(initial=0.0)) if regions else size
+    beyond = 0.0 if regions else size
+    if regions and not any(shapely.covers(region, stated) for region in regions):
+        faces = shapely.union_all(regions, grid_size=grid)
+        outside = shapely.get_coordinates(shapely.difference(stated, faces, grid_size=grid))
+        beyond = float(shapely.distance(shapely.points(outside), faces).max(initial=0.0))
     return Fit(size, beyond, max([0.0, *off]), max([0.0, *(-height for height in off)]))
 
 
