@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -103,27 +104,28 @@ class Facet:
     normals: Floats  # (k, 3) outward units
 
 
-def outside(cell: Any, solid: Any, planes: list[Floats], size: float) -> Facet:
-    """Return the triangles of a cell that are of the surface of the solid."""
-    points, triangles = surface_of(cell)
-    corners = points[triangles]
-    cut = np.zeros(len(triangles), dtype=bool)
+def outside(cells: list[Any], solid: Any, planes: list[Floats], size: float) -> list[Facet]:
+    """Return the triangles of each cell that are of the surface of the solid."""
+    whole = cache(lambda k: sides_of(solid, planes[k], size))
     found = []
-    for plane in planes:
-        lies = (np.abs(points @ plane[:3] - plane[3]) < 1e-8 * size)[triangles].all(axis=1)
-        if not (lies & ~cut).any():
-            continue
-        cut |= lies
-        # a cut may run along a face of the solid
-        own, whole = sides_of(cell, plane, size), sides_of(solid, plane, size)
-        for turn, mine, all_of in zip((1, -1), own, whole, strict=True):
-            common = shapely.get_parts(shapely.intersection(mine, all_of, grid_size=1e-10 * size))
-            for region in common[shapely.get_type_id(common) == 3].tolist():
-                for triangle in triangles_of(region):
-                    ring = lifted(shapely.orient_polygons(triangle), plane)
-                    found.append(ring[::turn])
-    flat = [ring[[0, k, k + 1]] for ring in found for k in range(1, len(ring) - 1)]
-    return facet_of(np.concatenate([corners[~cut], np.array(flat).reshape(-1, 3, 3)]), size)
+    for cell in cells:
+        points, triangles = surface_of(cell)
+        cut, rings = np.zeros(len(triangles), dtype=bool), list[Floats]()
+        for k, plane in enumerate(planes):
+            lies = (np.abs(points @ plane[:3] - plane[3]) < 1e-8 * size)[triangles].all(axis=1)
+            if not (lies & ~cut).any():
+                continue
+            cut |= lies
+            # a cut may run along a face of the solid
+            for turn, mine, all_of in zip((1, -1), sides_of(cell, plane, size), whole(k), strict=True):
+                common = shapely.get_parts(shapely.intersection(mine, all_of, grid_size=1e-10 * size))
+                for region in common[shapely.get_type_id(common) == 3].tolist():
+                    for triangle in triangles_of(region):
+                        rings.append(lifted(shapely.orient_polygons(triangle), plane)[::turn])
+        flat = [ring[[0, k, k + 1]] for ring in rings for k in range(1, len(ring) - 1)]
+        corners = np.concatenate([points[triangles[~cut]], np.array(flat).reshape(-1, 3, 3)])
+        found.append(facet_of(corners, size))
+    return found
 
 
 def facet_of(corners: Floats, size: float) -> Facet:
@@ -276,7 +278,7 @@ def scene_of(
                     {"elements": [support, title], "polygon": lifted(piece, ground.plane).tolist()}
                     for piece in convex_pieces(part, 1e-7 * size, bent)
                 ]
-    facets = [outside(cell, cutting.solid, cut_planes, size) for cell in cells]
+    facets = outside(cells, cutting.solid, cut_planes, size)
     live: list[dict[str, Any]] = []
     for load in setting.loads:
         if load.body:
