@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -219,9 +220,13 @@ def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
 
 def basis(normal: Floats) -> Floats:
     """Return two unit vectors (2, 3) that span a plane, e1 × e2 = normal."""
-    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(normal, first)])
+    # by numbers: for single vectors, `np.cross` takes twenty times as long
+    x, y, z = normal.tolist()
+    least = min(range(3), key=lambda k: abs((x, y, z)[k]))
+    a, b, c = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))[least]
+    length = math.sqrt(a * a + b * b + c * c)
+    a, b, c = a / length, b / length, c / length
+    return np.array([[a, b, c], [y * c - z * b, z * a - x * c, x * b - y * a]])
 
 
 def sides_of(cell: Any, plane: Floats, size: float) -> tuple[Any, Any]:
@@ -229,8 +234,9 @@ def sides_of(cell: Any, plane: Floats, size: float) -> tuple[Any, Any]:
     points, triangles = surface_of(cell)
     flat = np.abs(points @ plane[:3] - plane[3]) < _FLAT * size
     lies = triangles[flat[triangles].all(axis=1)]
-    plan = points @ basis(plane[:3]).T
-    corners = plan[lies]
+    if not len(lies):
+        return shapely.Polygon(), shapely.Polygon()
+    corners = (points @ basis(plane[:3]).T)[lies]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     below, above = turn > 1e-14 * size**2, turn < -1e-14 * size**2
@@ -257,8 +263,10 @@ def sections(cells: list[Any], plane: Floats, size: float) -> list[tuple[int, in
     return found
 
 
-def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float = BENT) -> list[Joint]:
-    """Return the joints between cells in planes, as pieces of few corners, convex but for a share `bent`."""
+def joints_of(
+    cells: list[Any], planes: list[Floats], size: float, bent: float = BENT, corners: int | None = CORNERS
+) -> list[Joint]:
+    """Return the joints between cells in planes, as pieces of so many corners, convex but for a share `bent`."""
     found = []
     met: dict[tuple[int, int], list[Floats]] = {}
     for plane in unique_planes(planes, size):
@@ -268,7 +276,7 @@ def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float =
             # cells that meet in a plane also meet in one that differs by rounding: that is the same joint
             if any(np.abs(plane - one).max() < 1e-6 * max(1.0, size) for one in met.get((min(a, b), max(a, b)), ())):
                 continue
-            for piece in convex_pieces(region, 1e-7 * size, bent):
+            for piece in convex_pieces(region, 1e-7 * size, bent, corners):
                 found.append(Joint(a, b, lifted(piece, plane), plane[:3], piece.area))
         for a, b, _ in here:
             met.setdefault((min(a, b), max(a, b)), []).append(plane)
@@ -290,16 +298,16 @@ def lifted(polygon: Any, plane: Floats) -> Floats:
     return np.where(np.abs(corners) < 1e-15, 0.0, corners)  # without the dust of rounding
 
 
-def convex_pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
-    """Split a polygon into convex pieces of at most eight corners; a piece may exceed it by a share `bent`."""
-    pieces = _pieces(shapely.simplify(shapely.orient_polygons(region), tolerance), tolerance, bent)
+def convex_pieces(region: Any, tolerance: float, bent: float, corners: int | None = CORNERS) -> list[Any]:
+    """Split a polygon into convex pieces of so many corners at most; a piece may exceed it by a share `bent`."""
+    pieces = _pieces(shapely.simplify(shapely.orient_polygons(region), tolerance), tolerance, bent, corners)
     total = sum(piece.area for piece in pieces)
     if total - shapely.union_all(pieces).area > 1e-9 * total:  # hulls of bent pieces overlap
-        return _pieces(region, tolerance, 1e-6)
+        return _pieces(region, tolerance, 1e-6, corners)
     return pieces
 
 
-def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
+def _pieces(region: Any, tolerance: float, bent: float, corners: int | None) -> list[Any]:
     pieces = [region]
     if not _is_convex(region, bent):
         pieces = [one for one in triangles_of(region) if one.area > 0.0]
@@ -322,17 +330,17 @@ def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
                 merging = True
                 break
     least = 1e-4 * region.area
-    return [_inscribed(one) for one in pieces if one.area > least]
+    return [_inscribed(one, corners) for one in pieces if one.area > least]
 
 
 def _is_convex(polygon: Any, bent: float) -> bool:
     return not polygon.interiors and bool(polygon.convex_hull.area - polygon.area <= bent * polygon.area)
 
 
-def _inscribed(polygon: Any) -> Any:
-    """Return a convex polygon of at most eight corners of another one, without the corners that hold least area."""
+def _inscribed(polygon: Any, most: int | None) -> Any:
+    """Return a convex polygon of so many corners of another one at most, without the corners that hold least area."""
     corners = shapely.get_coordinates(polygon.convex_hull.exterior)[:-1]
-    while len(corners) > CORNERS:
+    while most and len(corners) > most:
         before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
         held = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
         corners = np.delete(corners, int(np.argmin(held)), axis=0)
@@ -343,24 +351,23 @@ def concave_edges(solid: Any) -> list[tuple[float, Floats, Floats, Floats]]:
     """Return the concave edges of a solid: turn, middle, outward normals of both faces; the sharpest first."""
     # corners that cuts left side by side hide an edge between faces of no area
     points, triangles = surface_of(solid.simplify(1e-7 * float(np.ptp(np.array(solid.bounding_box()).reshape(2, 3)))))
-    corners = points[triangles]
-    normal, length = normals_of(corners)
+    normal, length = normals_of(points[triangles])
     normal = normal / np.maximum(length, 1e-300)[:, None]
-    edge = {(int(t[k]), int(t[(k + 1) % 3])): f for f, t in enumerate(triangles.tolist()) for k in range(3)}
-    found = []
-    for (i, j), f in edge.items():
-        g = edge.get((j, i))
-        if g is None or i > j:
-            continue
-        along = points[j] - points[i]
-        turn = float(
-            np.arctan2(
-                np.cross(normal[f], normal[g]) @ along / max(np.linalg.norm(along), 1e-300), normal[f] @ normal[g]
-            )
-        )
-        if turn < -1e-3 and min(length[f], length[g]) > 1e-12:
-            found.append((-turn, (points[i] + points[j]) / 2, normal[f], normal[g]))
-    return sorted(found, key=lambda one: -one[0])
+    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    there, back = start * len(points) + end, end * len(points) + start
+    order = np.argsort(there, kind="stable")
+    place = np.minimum(np.searchsorted(there[order], back), len(order) - 1)
+    twin = order[place]
+    one = np.flatnonzero((there[twin] == back) & (start < end))
+    f, g = one // 3, twin[one] // 3
+    along = points[end[one]] - points[start[one]]
+    along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    sine = np.einsum("ij,ij->i", np.cross(normal[f], normal[g]), along)
+    turn = np.arctan2(sine, np.einsum("ij,ij->i", normal[f], normal[g]))
+    middle = (points[start[one]] + points[end[one]]) / 2
+    concave = np.flatnonzero((turn < -1e-3) & (np.minimum(length[f], length[g]) > 1e-12))
+    found = [(-float(turn[k]), middle[k], normal[f[k]], normal[g[k]]) for k in concave.tolist()]
+    return sorted(found, key=lambda edge: -edge[0])
 
 
 def convex_parts(

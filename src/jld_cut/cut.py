@@ -13,13 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from shapely.errors import GEOSException
 
 from jld_core import Floats, InputError, Ints, ParameterError, files
 from jld_cut.cells import Limits
 from jld_cut.clock import CHOSEN, DRAWN, FILED, KEYED, Clock
 from jld_cut.families import FAMILIES
-from jld_cut.fields import Ends, bounds_beside, scene_of_parts
+from jld_cut.fields import Ends, bounds_beside
 from jld_cut.keys import Key, Keyed, are_sound, keyed
 from jld_cut.meshes import UNITS, read_solid, unit_of
 from jld_cut.partitions import BEST, Layouts, frames
@@ -228,9 +227,7 @@ def cut(
             chosen = replace(chosen, laying=laying, locking=locking)
         summary = _summary(chosen, families, solid, options) | {"unit": options.unit or "m", "warnings": warnings}
         _write(chosen, summary, out, options, clock)
-        late = "bounds by fields" in clock.left_out
-        unbegun = "time ended" if late else "the parts are no union of a few convex pieces"
-        summary["by_fields"], why = bracket(clock.left(DRAWN) - _DRAWING) if bracket else (None, unbegun)
+        summary["by_fields"], why = bracket(clock.left(DRAWN) - _DRAWING) if bracket else (None, "time ended")
     ends = summary["by_fields"] or [None, None]
     summary["fields_reached"] = [
         name for name, end in zip(("lower bound", "upper bound"), ends, strict=True) if end is not None
@@ -256,8 +253,12 @@ def _begun(
 ) -> Callable[[float], tuple[Ends | None, str]] | None:
     # bounds by fields beside all that follows
     clock.left_out = [name for name in clock.left_out if name != "bounds by fields"]
-    scene = clock.run("bounds by fields", DRAWN, lambda: _by_fields(chosen, wish.setting, out), _FIELDS + _DRAWING)
-    return beside.enter_context(bounds_beside(scene, clock.left(DRAWN) - _DRAWING)) if scene else None
+    seconds, name = clock.left(DRAWN) - _DRAWING, chosen.fine.document["name"]
+    if seconds < _FIELDS:
+        clock.left_out.append("bounds by fields")
+        return None
+    bodies = [part.exact for part in chosen.parts]
+    return beside.enter_context(bounds_beside(name, chosen.family.cutting, bodies, wish.setting, out, seconds))
 
 
 def _refuse_small(solid: Any, limits: Limits) -> None:
@@ -636,17 +637,6 @@ def carries(summary: dict[str, Any]) -> bool:
     asked, (least, most) = summary["require"] * (1 - 1e-6), summary["by_fields"] or (None, None)
     low = low_of((*summary["bracket"], summary["locked"]))
     return bool((low >= asked or (least is not None and least >= asked)) and (most is None or most >= asked))
-
-
-def _by_fields(chosen: Chosen, setting: Setting, out: Path) -> Path | None:
-    """Write the scene of parts as convex pieces; None for others."""
-    bodies = [part.exact for part in chosen.parts]
-    try:
-        scene = scene_of_parts(chosen.fine.document["name"], chosen.family.cutting, bodies, setting)
-    except (InputError, ValueError, GEOSException):  # pieces of no thickness
-        return None
-    files.write_text(out / "scene_fields.json", json.dumps(scene) + "\n")
-    return out / "scene_fields.json"
 
 
 def table_of(parts: list[Part], scale: float, keys: tuple[Key, ...] = ()) -> pd.DataFrame:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import json
+import pickle
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, Final
 
 import numpy as np
+from shapely.errors import GEOSException
 
-from jld_core import Floats, InputError, Ints, build_assembly, parse_scene
+from jld_core import Floats, InputError, Ints, build_assembly, files, parse_scene
 from jld_core.fields import bounds, bounds_by_fields
 from jld_cut.cells import SPLIT, Cutting, convex_parts, joints_of
-from jld_cut.meshes import manifold3d, surface_of
+from jld_cut.meshes import manifold3d, solid_of, surface_of
 from jld_cut.scene import Setting, scene_of
 
 Ends = list[float | None]  # bounds of λ, None where there is none
@@ -38,7 +41,8 @@ def scene_of_parts(name: str, cutting: Cutting, bodies: list[Any], setting: Sett
         thick = [k for k, hull in enumerate(hulls) if not hull.is_empty()]
         pieces, of, hulls = [pieces[k] for k in thick], of[thick], [hulls[k] for k in thick]
         fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
-        joints = joints_of(pieces, fine.planes, fine.size, SPLIT)
+        # a joint without some of its corners would bound another solid
+        joints = joints_of(pieces, fine.planes, fine.size, SPLIT, corners=None)
         # a joint that rounding hides would let parts fall that stand
         hidden = sum(hull.surface_area() for hull in hulls) - 2 * sum(joint.area for joint in joints) - outside
         if abs(hidden) <= _HIDDEN * outside:
@@ -86,10 +90,19 @@ def _joined(pieces: list[Any]) -> list[Any]:
 
 
 @contextmanager
-def bounds_beside(scene: Path, seconds: float) -> Iterator[Callable[[float], tuple[Ends | None, str]]]:
-    """Bound λ by fields in a process; yield a function of a wait, s: the last bracket, or None and why."""
-    order = [sys.executable, "-m", "jld_cut.fields", str(scene), str(seconds)]
-    process = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+def bounds_beside(
+    name: str, cutting: Cutting, bodies: list[Any], setting: Setting, out: Path, seconds: float
+) -> Iterator[Callable[[float], tuple[Ends | None, str]]]:
+    """Bound λ of parts by fields in a process; yield a function of a wait, s: the last bracket, or None and why.
+
+    The process also finds the convex pieces, which may take seconds, and writes their scene into a folder.
+    """
+    task = name, cutting.planes, surface_of(cutting.solid), [surface_of(body) for body in bodies], setting, out, seconds
+    with TemporaryFile() as given:
+        pickle.dump(task, given)
+        given.seek(0)
+        order = [sys.executable, "-m", "jld_cut.fields"]
+        process = subprocess.Popen(order, stdin=given, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
     def bracket(wait: float) -> tuple[Ends | None, str]:
         try:
@@ -112,10 +125,14 @@ def bounds_beside(scene: Path, seconds: float) -> Iterator[Callable[[float], tup
         process.wait()
 
 
-def _told(scene: Path, seconds: float) -> None:
+def _told(task: tuple[Any, ...]) -> None:
     """Print an upper bound, which takes a tenth of the time, then the bracket of the first mesh, then of the last."""
+    name, planes, solid, bodies, setting, out, seconds = task
     end, best = time.time() + seconds, (-np.inf, np.inf)
-    assembly = build_assembly(parse_scene(json.loads(scene.read_text(encoding="utf-8"))))
+    cutting = Cutting(solid_of(*solid), planes=planes)
+    scene = scene_of_parts(name, cutting, [solid_of(*body) for body in bodies], setting)
+    files.write_text(out / "scene_fields.json", json.dumps(scene) + "\n")
+    assembly = build_assembly(parse_scene(scene))
 
     def told(low: float, high: float) -> tuple[float, float]:
         ends = max(best[0], low), min(best[1], high)
@@ -131,6 +148,8 @@ def _told(scene: Path, seconds: float) -> None:
 
 if __name__ == "__main__":
     try:
-        _told(Path(sys.argv[1]), float(sys.argv[2]))
+        _told(pickle.load(sys.stdin.buffer))
     except InputError as error:
         sys.exit(str(error))
+    except (ValueError, GEOSException):
+        sys.exit("the parts have pieces of no thickness")

@@ -208,13 +208,13 @@ def variants(family: Family, block: Ints, found: list[Slide], setting: Setting, 
         joints = joints_of(cells, cutting.planes, cutting.size, SPLIT)
         try:
             document = scene_of(family.document["name"], cutting, joints, setting, SPLIT, cutting.planes)
-            coarse = float(Bounds(document)(names[None])[0][0])
+            coarse = float(Bounds(document, few=True)(names[None])[0][0])
         except InputError:  # splinters may leave joints that no face bears out
             continue
         if coarse <= least:
             continue
         one = replace(family, cutting=cutting, joints=joints, document=document)
-        one.truth = Truth(one, setting)
+        one.truth = Truth(one, setting, few=True)
         bracket = weaker(one.truth.solve(names), coarse)
         if low_of(bracket) > least and not (one.truth.coarse and not family.truth.coarse):
             yield Keyed(one, names, bracket, tuple(keys))

@@ -259,14 +259,17 @@ class Asked:
 
 
 class Bounds:
-    """Bounds on λ of layouts by the parts of the first n elements; without crushing unless `crush`."""
+    """Bounds on λ of layouts by the parts of the first n elements; without crushing unless `crush`.
 
-    def __init__(self, document: dict[str, Any], *, crush: bool = False) -> None:
+    few: that there will be few of them, so that the mean solution of samples is no start worth its time.
+    """
+
+    def __init__(self, document: dict[str, Any], *, crush: bool = False, few: bool = False) -> None:
         kinds = {k: dict(v) if isinstance(v, dict) else v for k, v in document["materials"].items()}
         for kind in () if crush else ("dry", "inner"):
             kinds[kind].pop("compressive_strength", None)
         self.assembly = build_assembly(parse_scene(document | {"materials": kinds}))
-        self.analysis = LimitAnalysis(self.assembly)
+        self.analysis = LimitAnalysis(self.assembly, single_labelling=few)
 
     def __call__(self, blocks: Ints) -> tuple[Floats, Floats, Bools]:
         """Return lower and upper bounds (k,) for parts (k, n), and where no load makes a layout collapse.

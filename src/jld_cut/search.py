@@ -138,7 +138,7 @@ def _meets(joint: Joint, region: Region) -> bool:
 class Truth:
     """λ of layouts of a family on convex cells, all of whose inner faces may crack."""
 
-    def __init__(self, family: Family, setting: Setting) -> None:
+    def __init__(self, family: Family, setting: Setting, *, few: bool = False) -> None:
         cutting = family.cutting
         pieces, self.of, planes, self.convex = convex_parts(cutting.cells, max(PIECES, 2 * len(cutting.cells)))
         fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
@@ -146,12 +146,12 @@ class Truth:
         self.document = scene_of(family.document["name"], fine, joints, setting, SPLIT, fine.planes)
         self.coarse = ""  # why the cells of the search stand for convex ones
         try:
-            self._bounds = Bounds(self.document, crush=True)
+            self._bounds = Bounds(self.document, crush=True, few=few)
         except InputError as error:  # splinters of bisector planes may leave joints that no face bears out
             self.coarse = str(error)
             self.of, self.convex = np.arange(len(cutting.cells)), False
             self.document = family.document
-            self._bounds = Bounds(self.document, crush=True)
+            self._bounds = Bounds(self.document, crush=True, few=few)
         self.cells = len(self.of)
         self.known: dict[bytes, Bracket] = {}
         self._orders: dict[bytes, Any] = {}
