@@ -175,14 +175,18 @@ def processor() -> float:
     return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
-def of_planes(path: Path, options: Options, parts: int, out: Path) -> dict[str, Any]:
-    """Cut a solid by planes along its axes alone, to at most as many parts: λ of the strongest, and what is known."""
-    options = replace(options, families=("grid",), parts=parts, keys=False)
+def with_planes(row: dict[str, Any], out: Path, seconds: float) -> dict[str, Any]:
+    """Cut a solid by planes along its axes alone, to at most as many parts, without keys: λ of the strongest."""
+    name, case = row["solid"], SOLIDS[row["solid"]]
+    options = Options(case.box, case.loads, seconds=seconds, clearance=0.002, families=("grid",), keys=False)
     try:
-        found = cut(path, options, out)
+        found = cut(out / f"{name}.stl", replace(options, parts=row["parts"]), out / f"{name}_grid")
     except InputError:
-        return {"grid": None, "grid_proven": None}
-    return {"grid": np.inf if found["locked"] else found["bracket"][0], "grid_proven": found["proven"]}
+        return row | {"grid": None, "grid_proven": None, "by_grid": None}
+    low = np.inf if row["locked"] else row["bracket_lo"]
+    grid = np.inf if found["locked"] else found["bracket"][0]
+    by_grid = 1.0 if low == grid else low / grid
+    return row | {"grid": grid, "grid_proven": found["proven"], "by_grid": by_grid}
 
 
 def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
@@ -193,22 +197,16 @@ def row_of(name: str, out: Path, seconds: float) -> dict[str, Any]:
     options = Options(case.box, case.loads, seconds=seconds, clearance=0.002)
     found = cut(path, options, out / name, print)
     kept = ("family", "parts", "proven", "layouts", "bound", "bound_by", "meets", "can_be_laid")
-    low = np.inf if found["locked"] else found["bracket"][0]
-    used, planes = processor() - start, of_planes(path, options, found["parts"], out / f"{name}_grid")
+    used = processor() - start
+    planes = [one["parts"] for one in found["families"] if one["name"] == "grid" and one["parts"] is not None]
     return (
         {"solid": name}
         | {key: found[key] for key in (*kept, "volume_error", "verdict", "file_error", "seconds")}
         | {"processor": used}
         | {f"{key}_{end}": found[key][k] for key in ("bracket", "uncut") for k, end in enumerate(("lo", "hi"))}
-        | {"of_cells": found["load_factor_of_cells"]}
-        | planes
-        | {
-            "grid_parts": min(
-                (one["parts"] for one in found["families"] if one["name"] == "grid" and one["parts"]), default=None
-            )
-        }
+        | {"of_cells": found["load_factor_of_cells"], "locked": found["locked"]}
+        | {"grid_parts": min(planes, default=None)}
         | {f"by_fields_{end}": (found["by_fields"] or (None, None))[k] for k, end in enumerate(("lo", "hi"))}
-        | {"by_grid": None if planes["grid"] is None else 1.0 if low == planes["grid"] else low / planes["grid"]}
         | {"without_keys": found["load_factor_without_keys"], "keys": "; ".join(key["told"] for key in found["keys"])}
         | {"left_out": "; ".join(found["left_out"])}
         | independent_check(out / name, case.box)
@@ -226,6 +224,8 @@ def measured(folder: Path, seconds: float, names: tuple[str, ...] = tuple(SOLIDS
         except (InputError, ArithmeticError, ValueError) as error:
             rows.append({"solid": name, "problem": str(error)})
         pd.DataFrame(rows).to_csv(folder / "table.csv", index=False)
+    rows = [with_planes(row, folder, seconds) if "parts" in row else row for row in rows]
+    pd.DataFrame(rows).to_csv(folder / "table.csv", index=False)
     return pd.DataFrame(rows)
 
 

@@ -24,6 +24,9 @@ from jld_cut.meshes import (
 
 CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
+_SPLINTER: Final = 1e-4  # of the mean volume: such convex pieces join another one
+_SHEET: Final = 1e-7  # thickness below which a piece is a sheet, by size
+_ALIKE: Final = 1e-3  # sine of the angle between planes of one joint
 _FLAT: Final = 1e-8  # distance of corners from a plane that they lie in, by size
 _LEAST: Final = 1e-9  # area of a section by the square of the size
 JOINT: Final = 1e-5  # the same of a joint that carries
@@ -88,7 +91,17 @@ class Cutting:
         halves = cell.split_by_plane(tuple(normal), float(offset))
         if min(half.volume() for half in halves) < 1e-9 * self.size**3:
             return [cell]
-        return [one for half in halves for one in pieces_of(half) if one.volume() > 1e-12 * self.size**3]
+        sides = [[one for one in pieces_of(half) if one.volume() > 1e-12 * self.size**3] for half in halves]
+        # where the plane runs along a face, rounding leaves a sheet on the other side of it
+        sheets = [[one for one in side if 2 * one.volume() < _SHEET * self.size * one.surface_area()] for side in sides]
+        if any(sheets):
+            thick = [[one for one in side if one not in thin] for side, thin in zip(sides, sheets, strict=True)]
+            if not all(thick):
+                return [cell]
+            join = manifold3d().Manifold.batch_boolean
+            both = zip(thick, sheets[::-1], strict=True)
+            sides = [pieces_of(join([*own, *thin], manifold3d().OpType.Add)) for own, thin in both]
+        return [one for side in sides for one in side]
 
     def locally(self, point: Floats, normal: Floats) -> bool:
         """Cut the cell at a point, only where the section through the point is connected."""
@@ -268,19 +281,28 @@ def joints_of(
 ) -> list[Joint]:
     """Return the joints between cells in planes, as pieces of so many corners, convex but for a share `bent`."""
     found = []
-    met: dict[tuple[int, int], list[Floats]] = {}
+    met: dict[tuple[int, int], list[tuple[Floats, Floats]]] = {}
     for plane in unique_planes(planes, size):
         checkpoint()
-        here = sections(cells, plane, size)
-        for a, b, region in here:
+        here = []
+        for a, b, region in sections(cells, plane, size):
             # cells that meet in a plane also meet in one that differs by rounding: that is the same joint
-            if any(np.abs(plane - one).max() < 1e-6 * max(1.0, size) for one in met.get((min(a, b), max(a, b)), ())):
-                continue
+            if not any(_covers(one, region, plane) for one in met.get((min(a, b), max(a, b)), ())):
+                here.append((a, b, region))
+        for a, b, region in here:
             for piece in convex_pieces(region, 1e-7 * size, bent, corners):
                 found.append(Joint(a, b, lifted(piece, plane), plane[:3], piece.area))
-        for a, b, _ in here:
-            met.setdefault((min(a, b), max(a, b)), []).append(plane)
+            met.setdefault((min(a, b), max(a, b)), []).append((plane, lifted(region, plane)))
     return found
+
+
+def _covers(met: tuple[Floats, Floats], region: Any, plane: Floats) -> bool:
+    """Return whether a joint, a plane and corners, holds most of a region of a plane that differs by rounding."""
+    before, ring = met
+    if np.linalg.norm(np.cross(before[:3], plane[:3])) > _ALIKE:
+        return False
+    common = shapely.intersection(shapely.Polygon(ring @ basis(plane[:3]).T).buffer(0.0), region)
+    return bool(common.area > 0.5 * region.area)
 
 
 def unique_planes(planes: list[Floats], size: float) -> list[Floats]:
@@ -403,6 +425,26 @@ def convex_parts(
             pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * len(left)
             edges[at : at + 1] = left
     return pieces, np.array(of), planes, all(_convex(piece) for piece in pieces)
+
+
+def without_splinters(pieces: list[Any], of: Ints, joints: list[Joint]) -> tuple[list[Any], Ints] | None:
+    """Return pieces and their cells, splinters joined to the piece of the same cell with most in common; None as is."""
+    volume = np.array([piece.volume() for piece in pieces])
+    group = list(range(len(pieces)))
+    for k in np.flatnonzero(volume < _SPLINTER * volume.mean()).tolist():
+        shared: dict[int, float] = {}
+        for joint in joints:
+            if k in (joint.a, joint.b) and of[joint.a] == of[joint.b]:
+                other = joint.a + joint.b - k
+                shared[other] = shared.get(other, 0.0) + joint.area
+        if shared:
+            old, new = group[k], group[max(shared, key=lambda other: shared[other])]
+            group = [new if name == old else name for name in group]
+    names = sorted(set(group))
+    if len(names) == len(pieces):
+        return None
+    made = [union([pieces[k] for k in range(len(group)) if group[k] == name]) for name in names]
+    return made, of[names]
 
 
 def _convex(piece: Any) -> bool:

@@ -26,7 +26,7 @@ from jld_core import (
     plugins,
 )
 from jld_core.limit import face_jumps
-from jld_cut.cells import BENT, SPLIT, Cutting, Joint, Limits, convex_parts, joints_of
+from jld_cut.cells import BENT, SPLIT, Cutting, Joint, Limits, convex_parts, joints_of, without_splinters
 from jld_cut.clock import SEARCHED, Clock
 from jld_cut.families import FAMILIES, Body
 from jld_cut.meshes import moments, surface_of
@@ -42,6 +42,7 @@ MOST: Final = 24  # parts, where no other number is asked for
 _BESIDE: Final = 8.0  # time of a search from which families are searched beside each other, s
 _CUT: Final = 0.6  # share of the time of the search up to which solids are cut finer
 _WITHOUT: Final = 0.4  # the same by which a search goes on that found nothing that carries
+_OFF: Final = 0.01  # distance of a section from mean planes of facets that bear it, by size
 _FINER: Final = 1.7  # cells of the second cutting of each family by those of the first
 
 
@@ -139,18 +140,25 @@ class Truth:
     """λ of layouts of a family on convex cells, all of whose inner faces may crack."""
 
     def __init__(self, family: Family, setting: Setting, *, few: bool = False) -> None:
-        cutting = family.cutting
-        pieces, self.of, planes, self.convex = convex_parts(cutting.cells, max(PIECES, 2 * len(cutting.cells)))
+        cutting, self.coarse = family.cutting, ""  # why the cells of the search stand for convex ones
+        pieces, of, planes, self.convex = convex_parts(cutting.cells, max(PIECES, 2 * len(cutting.cells)))
         fine = Cutting(cutting.solid, pieces, [*cutting.planes, *planes])
         joints = joints_of(pieces, fine.planes, fine.size, SPLIT)
-        self.document = scene_of(family.document["name"], fine, joints, setting, SPLIT, fine.planes)
-        self.coarse = ""  # why the cells of the search stand for convex ones
-        try:
-            self._bounds = Bounds(self.document, crush=True, few=few)
-        except InputError as error:  # splinters of bisector planes may leave joints that no face bears out
-            self.coarse = str(error)
-            self.of, self.convex = np.arange(len(cutting.cells)), False
-            self.document = family.document
+        if (kept := without_splinters(pieces, of, joints)) is not None:
+            fine.cells, of = kept
+            joints = joints_of(fine.cells, fine.planes, fine.size, SPLIT)
+        document = scene_of(family.document["name"], fine, joints, setting, SPLIT, fine.planes)
+        # nearly plane facets are one face to a scene, and exact sections of them lie off it
+        for one in (document, document | {"tolerance": _OFF * fine.size}):
+            try:
+                self._bounds = Bounds(one, crush=True, few=few)
+            except InputError as error:
+                self.coarse = str(error)
+            else:
+                self.document, self.of, self.coarse = one, of, ""
+                break
+        else:
+            self.document, self.of, self.convex = family.document, np.arange(len(cutting.cells)), False
             self._bounds = Bounds(self.document, crush=True, few=few)
         self.cells = len(self.of)
         self.known: dict[bytes, Bracket] = {}

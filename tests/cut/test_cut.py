@@ -22,7 +22,17 @@ from scipy.spatial import ConvexHull
 
 from jld_core import InputError, ParameterError, build_assembly, checkpoint, parse_scene
 from jld_cut import Options, cut
-from jld_cut.cells import BENT, Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union
+from jld_cut.cells import (
+    BENT,
+    Cutting,
+    Joint,
+    Limits,
+    concave_edges,
+    convex_parts,
+    joints_of,
+    union,
+    without_splinters,
+)
 from jld_cut.clock import Clock
 from jld_cut.cut import carries, verdict
 from jld_cut.families import axis_of, compressed
@@ -816,6 +826,48 @@ def test_fields_have_as_few_pieces_as_fill_a_part() -> None:
     assert [one.get("block") for one in found["elements"]] == ["part 1"] * 3 + [None]
     assembly = build_assembly(parse_scene(found))
     assert assembly.elements.volume[assembly.elements.free].sum() == pytest.approx(corbel.volume(), rel=1e-6)
+
+
+def test_joints_for_fields_have_all_corners() -> None:
+    """Two drums of sixteen sides meet in all of their section; the search has eight corners of it, 9 % less."""
+    drums = Manifold.cylinder(2.0, 0.5, 0.5, 16)
+    cutting = Cutting(drums)
+    cutting.through(np.array([0.0, 0, 1]), 1.0)
+    wish = Options((3.0,) * 3, ("0,0,-1000",)).wish()
+    found = build_assembly(parse_scene(scene_of_parts("drums", cutting, cutting.cells, wish.setting)))
+    section = 8 * 0.25 * np.sin(np.pi / 8)
+    assert found.interfaces.area.max() == pytest.approx(section, rel=1e-6)
+    (joint,) = joints_of(cutting.cells, cutting.planes, cutting.size)
+    assert joint.area == pytest.approx(4 * 0.25 * np.sin(np.pi / 4), rel=1e-6)
+
+
+def test_a_plane_along_a_face_leaves_no_sheet() -> None:
+    """Where rounding puts a plane below the top of a bump, the sheet stays with the bump, and no volume is lost."""
+    solid = box(3, 1, 0.5) + box(1, 1, 2) + box(1, 1, 1, (2, 0, 0))
+    cutting = Cutting(solid)
+    cutting.through(np.array([0.0, 0, 1]), 1.0 - 5e-9)
+    assert len(cutting.cells) == 2
+    assert sum(cell.volume() for cell in cutting.cells) == pytest.approx(solid.volume(), rel=1e-14)
+
+
+def test_a_joint_in_planes_that_differ_by_rounding_is_one() -> None:
+    """A narrow joint lies in any plane that turns a little about it."""
+    cells = [box(1, 1e-3, 1), box(1, 1e-3, 1, (0, 0, 1))]
+    turned = np.array([0.0, 4e-6, 1.0])
+    planes = [np.array([0.0, 0, 1, 1]), np.array([*turned, turned @ [0.5, 5e-4, 1.0]])]
+    (joint,) = joints_of(cells, planes, 2.0)
+    assert joint.area == pytest.approx(1e-3)
+
+
+def test_a_splinter_joins_a_piece_of_its_cell() -> None:
+    """Joints of a splinter are too small to carry, so it would hang in the air."""
+    pieces = [box(1, 1, 1), box(1, 1, 1, (0, 0, 1)), box(0.02, 0.02, 0.02, (1, 0, 0.5)), box(1, 1, 1, (1.02, 0, 0))]
+    planes = [np.array([0.0, 0, 1, 1]), np.array([1.0, 0, 0, 1]), np.array([1.0, 0, 0, 1.02])]
+    kept = without_splinters(pieces, np.array([0, 0, 0, 1]), joints_of(pieces, planes, 2.0))
+    assert kept is not None
+    assert [piece.volume() for piece in kept[0]] == pytest.approx([1.000008, 1.0, 1.0])
+    assert kept[1].tolist() == [0, 0, 1]
+    assert without_splinters(kept[0], kept[1], joints_of(kept[0], planes, 2.0)) is None
 
 
 def test_no_joint_of_the_pieces_for_fields_is_lost(tmp_path: Path) -> None:
