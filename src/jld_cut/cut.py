@@ -567,6 +567,8 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
         solids = [(part.name, False, plain_surface(part.exact)) for part in chosen.parts]
         size = max(float(part.box.max()) for part in chosen.parts)
         files.write_text(out / "parts.step", step_of_solids(chosen.fine.document["name"], "m", size, solids))
+        for one in solids:
+            files.write_text(out / "parts" / f"{one[0]}.step", step_of_solids(one[0], "m", size, [one]))
 
     clock.run("parts.step", FILED, step_file)
     files.write_text(out / "scene.json", json.dumps(chosen.fine.scene(chosen.block)) + "\n")

@@ -161,7 +161,7 @@ def plain_surface(solid: Any) -> unions.Surface:
 
 
 def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
-    """Write each part as STL and OBJ where it stands and as STL on its bed, and all as one 3MF; read STL again."""
+    """Write each part as STL, OBJ and 3MF where it stands and as STL on its bed, all as one 3MF; read STL again."""
     for name in ("parts", "bed"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     surfaces = []
@@ -177,6 +177,7 @@ def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
         lying = as_single(turned - turned.min(axis=0), triangles)
         (folder / "bed" / f"{part.name}.stl").write_bytes(stl_bytes(*lying))
         surfaces.append((part.name, points * (1e3 * unit), triangles))
+        write_3mf(folder / "parts" / f"{part.name}.3mf", surfaces[-1:])
     write_3mf(folder / "parts.3mf", surfaces)
 
 
