@@ -647,14 +647,11 @@ class Following:
         """Form a new block around atoms a and b, out of their two blocks; None if that fails."""
         # The pieces left of the two blocks join neighbours or become blocks of their own.
         cutter, links = segmentations.cutter, segmentations.graph.links
-        members: dict[int, list[int]] = {}
-        for c, name in enumerate(part):
-            members.setdefault(name, []).append(c)
         old = (part[a], part[b])
         block = [a, b]
         if not cutter.fits(block):
             return None
-        left = {*members[old[0]], *members[old[1]]} - {a, b}
+        left = {c for c, name in enumerate(part) if name in old} - {a, b}
         while rng.real() < _GROWTH_PROBABILITY:
             near = sorted({d for c in block for d, _ in links[c] if d in left})
             fitting = [c for c in near if cutter.fits([*block, c])]
@@ -666,7 +663,7 @@ class Following:
         child, fresh = list(part), max(part) + 1
         for c in block:
             child[c] = fresh
-        members[fresh] = sorted(block)
+        members = {fresh: sorted(block)}  # of blocks that a piece may have joined
         unchecked = [fresh]
         # pieces of the two blocks stay separate, because together they may be too large
         rest = [piece for name in old for piece in cutter.components([c for c in sorted(left) if part[c] == name])]
@@ -674,6 +671,9 @@ class Following:
             name = fresh + 1 + number
             if rng.real() < _JOIN_PROBABILITY:
                 around = sorted({child[d] for c in piece for d, _ in links[c]} - {*old, fresh})
+                for beside in around:
+                    if beside not in members:
+                        members[beside] = [c for c, other in enumerate(part) if other == beside]
                 fitting = [n for n in around if cutter.fits([*piece, *members[n]])]
                 if fitting:
                     name = rng.pick(fitting)
