@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
+from jld_core import plugins
 from jld_core.errors import InputError
 from jld_core.scene.complaints import shown
 from jld_core.scene.standard import STRESS_KEYS
@@ -77,6 +78,9 @@ QUANTITIES: Final[dict[str, _Powers]] = {
 
 _SPREAD: Final = ("nominal", "low", "mean")  # keys of an object that stands for one number
 
+# What a criterion may call the unit of a parameter
+_WORDS: Final = {"force": _FORCE, "length": _LENGTH, "moment": _MOMENT, "stress": _STRESS, "density": _DENSITY}
+
 # Pattern of a number and its unit
 _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)?\s*")
 
@@ -122,9 +126,7 @@ class UnitSystem:
 
 def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     """Convert the texts with units in a scene to numbers in its units, without copying unchanged lists."""
-    units = document.get("units")
-    names = units if isinstance(units, dict) else {}
-    own = _Names(str(names.get("force", "N")), str(names.get("length", "m")), _gravity(document.get("materials")))
+    own = _names_of(document)
     return {
         key: value if key == "units" else _converted(value, own, key, QUANTITIES.get(key))
         for key, value in document.items()
@@ -141,6 +143,12 @@ class _Names(NamedTuple):
     @property
     def system(self) -> UnitSystem:
         return UnitSystem.named(*self)
+
+
+def _names_of(document: dict[str, Any]) -> _Names:
+    units = document.get("units")
+    names = units if isinstance(units, dict) else {}
+    return _Names(str(names.get("force", "N")), str(names.get("length", "m")), _gravity(document.get("materials")))
 
 
 def _gravity(materials: Any) -> float:
@@ -160,11 +168,31 @@ def _converted(value: Any, own: _Names, where: str, powers: _Powers | None) -> A
     if isinstance(value, list):
         return [_converted(inner, own, f"{where}[{index}]", powers) for index, inner in enumerate(value)]
     if isinstance(value, dict):
-        return {
+        found = {
             key: _converted(inner, own, f"{where}.{key}", powers if key in _SPREAD else QUANTITIES.get(key))
             for key, inner in value.items()
+            if key != "parameters"
         }
+        if "parameters" in value:
+            found["parameters"] = _of_criterion(value["parameters"], value.get("criterion"), own, f"{where}.parameters")
+        return found
     return value
+
+
+def _of_criterion(parameters: Any, name: Any, own: _Names, where: str) -> Any:
+    """Convert the texts in parameters of a criterion by the units that it names, or by their keys."""
+    texts = isinstance(parameters, dict) and any(isinstance(one, str) for one in parameters.values())
+    powers = _powers_of(name) if texts else {}
+    if not powers:
+        return _converted(parameters, own, where, None)
+    return {key: _converted(inner, own, f"{where}.{key}", powers.get(key)) for key, inner in parameters.items()}
+
+
+def _powers_of(name: Any) -> dict[str, _Powers | None]:
+    """Return what the parameters of a criterion are, by the words that it has for their units."""
+    known = isinstance(name, str) and name in plugins.entry_points("jld.criteria")
+    stated = getattr(plugins.load("jld.criteria", name), "parameters", ()) if known else ()
+    return {} if isinstance(stated, type) else {one.name: _WORDS.get(one.unit) for one in stated}
 
 
 def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
