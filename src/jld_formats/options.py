@@ -444,9 +444,27 @@ def listed(names: Iterable[str], most: int = 6) -> str:
 def _fits(entry: dict[str, Any], ids: set[str], dimension: int) -> bool:
     """Return True if a load entry of another scene can be used in this one."""
     if "face" in entry:
-        return dimension == 2 if "along" in entry["face"] else entry["face"]["between"][0] in ids
-    vector = scene_loads.body_of(entry) or entry.get("force") or []
-    return entry.get("element") in (None, *ids) and len(vector) in (0, dimension)
+        face = entry["face"]
+        return face["between"][0] in ids if "between" in face else dimension == (2 if "along" in face else 3)
+    vector = scene_loads.body_of(entry) or entry.get("force") or entry.get("tilt", {}).get("towards") or []
+    return "on_fill" not in entry and entry.get("element") in (None, *ids) and len(vector) in (0, dimension)
+
+
+def _like(document: dict[str, Any], options: ImportOptions, notes: Notes) -> dict[str, Any]:
+    """Return the scene that a document is to be like, in the units of the document if it has any."""
+    if options.like is None:
+        return {}
+    like: dict[str, Any] = options.like.model_dump(mode="json", exclude_defaults=True)
+    theirs = {"length": options.like.units.length, "force": options.like.units.force}
+    own = {"length": "m", "force": "N"} | document.get("units", theirs)
+    if own == theirs:
+        return like
+    if not all(one["length"] in units.METRES and one["force"] in units.NEWTONS for one in (own, theirs)):
+        said = "its numbers are in {force} and {length}, those of the file in ".format(**theirs)
+        raise ParameterError("like", said + "{force} and {length}".format(**own), "units of known names")
+    told = "numbers of the scene that it is to be like turned from {force} and {length} to ".format(**theirs)
+    notes.found.append(told + "{force} and {length}".format(**own))
+    return units.in_units(like, own, options.like.dimension)
 
 
 def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, dimension: int) -> dict[str, Any]:
@@ -454,7 +472,7 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
     # Materials and load come from `options.like` if given, together with its search and units. Otherwise they are
     # `DEFAULT_MATERIALS` and a horizontal body load. Each assumption is added to `notes`. The document is changed in
     # place.
-    like = options.like.model_dump(mode="json", exclude_defaults=True) if options.like is not None else {}
+    like = _like(document, options, notes)
     if "materials" not in document:
         document["materials"] = like.get("materials", DEFAULT_MATERIALS)
         if not like:
@@ -464,12 +482,12 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
     for key in ("search", "units"):
         if key in like and key not in document:
             document[key] = like[key]
-    loads = document.setdefault("loads", {})
-    if not loads and like.get("loads", {}).get("cases"):
-        notes.assumed.append("loads of the scene it is to be like are cases, and are not taken over")
+    loads, others = document.setdefault("loads", {}), like.get("loads", {})
+    if not loads and (left := [key for key in others if key != "live"]):
+        notes.assumed.append(f"of the scene it is to be like, loads.{', '.join(left)} is not taken over")
     if not loads.get("live") and not loads.keys() & {"cases", "moving", "pushes"}:
         ids = {entry["id"] for entry in document["elements"]}
-        fitting = [entry for entry in like.get("loads", {}).get("live", []) if _fits(entry, ids, dimension)]
+        fitting = [entry for entry in others.get("live", []) if _fits(entry, ids, dimension)]
         loads["live"] = fitting or [{"body": [1.0, 0.0, 0.0][:dimension]}]
         if not fitting:
             notes.assumed.append("a horizontal body load along x: no load was found")

@@ -133,6 +133,49 @@ def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+# Keys of `search` and of `search.limits` that hold forces, lengths and masses
+_LIMITS: Final = {"block_weight": _FORCE, "block_extent": _LENGTH}
+_MASSES: Final = ("block_mass", "mass", "largest_block_mass")
+_SAWN: Final = ("sawn_length", "dry_length")  # in space areas
+
+
+def in_units(document: dict[str, Any], units: dict[str, str], dimension: int) -> dict[str, Any]:
+    """Return a scene's materials, loads and search in units of other names, gravity in m/s²; all units are known."""
+    own = _names_of(document).system
+    other = UnitSystem.named(units["force"], units["length"], own.acceleration)
+
+    def factor(powers: _Powers | None) -> float:
+        if powers == _DENSITY:
+            return own.density / other.density
+        return 1.0 if powers is None else own.si(powers) / other.si(powers)
+
+    def converted(value: Any, table: dict[str, float], times: float = 1.0) -> Any:
+        if isinstance(value, list):
+            return [converted(inner, table, times) for inner in value]
+        if isinstance(value, dict):
+            named = {name: factor(powers) for name, powers in _powers_of(value.get("criterion")).items()}
+            return {
+                key: converted(
+                    inner, named if key == "parameters" else table, times if key in _SPREAD else table.get(key, 1.0)
+                )
+                for key, inner in value.items()
+            }
+        number = isinstance(value, float | int) and not isinstance(value, bool)
+        return value * times if number and times != 1.0 else value
+
+    known = {key: factor(powers) for key, powers in QUANTITIES.items()}
+    materials = {key: known[key] for key in ("density", "reference_strength", *STRESS_KEYS)}
+    limits = {key: factor(powers) for key, powers in _LIMITS.items()}
+    limits |= dict.fromkeys(_MASSES, factor(_DENSITY) * factor((0, 3)))
+    limits |= dict.fromkeys(_SAWN, factor((0, dimension - 1)))
+    tables = {
+        "materials": materials | {"gravity": own.acceleration / own.gravity if own.gravity else 1.0},
+        "loads": known,
+        "search": limits,
+    }
+    return document | {part: converted(document[part], tables[part]) for part in tables if part in document}
+
+
 class _Names(NamedTuple):
     """Names of the units of a scene, and its number for gravity."""
 
