@@ -141,7 +141,7 @@ _SAWN: Final = ("sawn_length", "dry_length")  # in space areas
 
 def in_units(document: dict[str, Any], units: dict[str, str], dimension: int) -> dict[str, Any]:
     """Return a scene's materials, loads and search in units of other names, gravity in m/s²; all units are known."""
-    own = _names_of(document).system
+    own = system_of(document)
     other = UnitSystem.named(units["force"], units["length"], own.acceleration)
 
     def factor(powers: _Powers | None) -> float:
@@ -186,6 +186,10 @@ class _Names(NamedTuple):
     @property
     def system(self) -> UnitSystem:
         return UnitSystem.named(*self)
+
+
+def system_of(document: dict[str, Any]) -> UnitSystem:
+    return _names_of(document).system
 
 
 def _names_of(document: dict[str, Any]) -> _Names:
