@@ -221,10 +221,12 @@ class _Loads:
             problem = f"the text {mark.text!r} is a load per length or area, and its line lies along no free edge"
             raise InputError(f"layer {mark.layer!r}", problem, "a line on the edge that it acts on")
         ends = [[float(v) + 0.0 for v in points[k]] for k in (0, -1)]
+        reach = self._structure.reach
+        along = shapely.buffer(shapely.LineString(points), reach, cap_style="flat")
         touched = [
             str(self._cells[k].name)
             for k in self._free.tolist()
-            if (shapely.distance(shapely.points(probes), self._shapes[k]) <= self._structure.reach).sum() > 1
+            if shapely.length(shapely.intersection(shapely.get_exterior_ring(self._shapes[k]), along)) > 4.0 * reach
         ]
         where = " to ".join(f"({x:.9g}, {y:.9g})" for x, y in ends)
         told = f"{kind} pressure {pressure:.9g} {self._unit}/{self._structure.unit}² on elements {listed(touched)}"
