@@ -277,6 +277,11 @@ def test_parameters_take_texts_with_units(face: bool) -> None:
     found = parsed.faces[0].inner if face else parsed.inner
     assert found is not None
     assert found.parameters == {"uniaxial_strength": pytest.approx(0.4), "m": 8.0}
+    stated["parameters"]["uniaxial_strength"] = 4e6
+    warnings = [one for one in build_assembly(parse_scene(document)).warnings if "parameters" in one]
+    where = "materials.faces[0].inner" if face else "materials.inner"
+    told = f"{where}.parameters.uniaxial_strength is 4e+06, which is 4e+13 Pa in cm and kN; usual is"
+    assert [one.startswith(told) for one in warnings] == [True]
     stated["parameters"]["m"] = "8 kN"
     with pytest.raises(InputError, match=r"parameters.m: it is .*; expected a number from"):
         build_assembly(parse_scene(document))

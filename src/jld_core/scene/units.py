@@ -47,7 +47,7 @@ _Powers = tuple[int, int]  # powers of force and length of a quantity
 _FORCE: Final[_Powers] = (1, 0)
 _LENGTH: Final[_Powers] = (0, 1)
 _MOMENT: Final[_Powers] = (1, 1)
-_STRESS: Final[_Powers] = (1, -2)
+STRESS: Final[_Powers] = (1, -2)
 _LINE: Final[_Powers] = (1, -1)
 _DENSITY: Final[_Powers] = (1, -3)
 
@@ -56,7 +56,7 @@ _EXAMPLES: Final = {
     _FORCE: "10 kN",
     _LENGTH: "1.2 m",
     _MOMENT: "3 kN·m",
-    _STRESS: "2 kN/m²",
+    STRESS: "2 kN/m²",
     _LINE: "2 kN/m",
     _DENSITY: '2000 kg/m³" or "20 kN/m³',
 }
@@ -72,14 +72,14 @@ QUANTITIES: Final[dict[str, _Powers]] = {
     "density": _DENSITY,
     **dict.fromkeys(
         ("pressure", "traction", "surcharge", "reference_strength", *STRESS_KEYS),
-        _STRESS,
+        STRESS,
     ),
 }
 
 _SPREAD: Final = ("nominal", "low", "mean")  # keys of an object that stands for one number
 
 # What a criterion may call the unit of a parameter
-_WORDS: Final = {"force": _FORCE, "length": _LENGTH, "moment": _MOMENT, "stress": _STRESS, "density": _DENSITY}
+_WORDS: Final = {"force": _FORCE, "length": _LENGTH, "moment": _MOMENT, "stress": STRESS, "density": _DENSITY}
 
 # Pattern of a number and its unit
 _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)?\s*")
@@ -153,7 +153,7 @@ def in_units(document: dict[str, Any], units: dict[str, str], dimension: int) ->
         if isinstance(value, list):
             return [converted(inner, table, times) for inner in value]
         if isinstance(value, dict):
-            named = {name: factor(powers) for name, powers in _powers_of(value.get("criterion")).items()}
+            named = {name: factor(powers) for name, powers in powers_of(value.get("criterion")).items()}
             return {
                 key: converted(
                     inner, named if key == "parameters" else table, times if key in _SPREAD else table.get(key, 1.0)
@@ -229,13 +229,13 @@ def _converted(value: Any, own: _Names, where: str, powers: _Powers | None) -> A
 def _of_criterion(parameters: Any, name: Any, own: _Names, where: str) -> Any:
     """Convert the texts in parameters of a criterion by the units that it names, or by their keys."""
     texts = isinstance(parameters, dict) and any(isinstance(one, str) for one in parameters.values())
-    powers = _powers_of(name) if texts else {}
+    powers = powers_of(name) if texts else {}
     if not powers:
         return _converted(parameters, own, where, None)
     return {key: _converted(inner, own, f"{where}.{key}", powers.get(key)) for key, inner in parameters.items()}
 
 
-def _powers_of(name: Any) -> dict[str, _Powers | None]:
+def powers_of(name: Any) -> dict[str, _Powers | None]:
     """Return what the parameters of a criterion are, by the words that it has for their units."""
     known = isinstance(name, str) and name in plugins.entry_points("jld.criteria")
     stated = getattr(plugins.load("jld.criteria", name), "parameters", ()) if known else ()
@@ -286,7 +286,7 @@ def _unit(name: str) -> tuple[float, _Powers] | None:
     if name in METRES:
         return METRES[name], _LENGTH
     if name in _PASCALS:
-        return _PASCALS[name], _STRESS
+        return _PASCALS[name], STRESS
     for force in NEWTONS:
         if name.startswith(force) and name[len(force) :] in METRES:
             return NEWTONS[force] * METRES[name[len(force) :]], _MOMENT
