@@ -11,7 +11,7 @@ import shapely
 
 from jld_core import Floats, InputError
 from jld_core.scene import units
-from jld_formats.forces import WrittenForce, closest_first, parse_force
+from jld_formats.forces import WrittenForce, closest_first, parse_force, refuse_mixed
 from jld_formats.options import ImportOptions, Notes, listed
 from jld_formats.paths import Path
 
@@ -71,7 +71,11 @@ class Cell:
 
 
 # Pattern of the layers of a load case: a name with a number, or a name after "load case"
-_CASE: Final = re.compile(r".*[^\W\d_][\s_.:-]*\d+|.*load\W?case[\s_.:-]+\S.*", re.IGNORECASE)
+# Names of layers of load cases: with a number, or with a name behind words for one
+_CASE: Final = re.compile(
+    r".*[^\W\d_][\s_.:-]*\d+|.*(?:load\W?case|lastfall|cas de charge|caso di carico|caso de carga)[\s_.:-]+\S.*",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,7 @@ def drawn_loads(
     cases = [layer for layer in live if _CASE.fullmatch(layer)]
     if len(cases) < 2:
         cases = []
+    refuse_mixed([(mark.layer, mark.text) for mark in marks if mark.text and mark.layer in (*live, *dead)])
     shared = loads.of(paths, marks, [layer for layer in live if layer not in cases], "live")
     found: dict[str, Any] = {"live": shared, "dead": loads.of(paths, marks, dead, "dead")}
     of_case = {layer: loads.of(paths, marks, [layer], f"load case {layer!r}:") for layer in cases}

@@ -36,13 +36,14 @@ EDGE: Final = 0.02
 FACET: Final = 1e-3  # default distance of chords from their arcs, relative to the size of the drawing
 
 # Words of layer names by role, in English, German, Italian, French, Spanish and the codes of AIA, without accents; the
-# first role with a word of a name counts. A word may stand within another one; with "." it is a whole word.
+# first role with a word of a name counts. A word may stand within another one; with "." it is a whole word, with "-" as
+# well the end of one.
 _WORDS: Final = (
     ("skip", "blockids arrows. mechanism thrust defpoints"),
     ("dead", "dead eigengewicht. eigenlast. permanent."),
     (
         "load",
-        "load last. lasten. nutzlast carico. carichi. charge. charges. carga. cargas. force. forces. kraft. kraefte.",
+        "load -last. lasten. lastfall carico. carichi. charge. charges. carga. cargas. force. forces. kraft. kraefte.",
     ),
     ("id", "names"),
     (
@@ -81,7 +82,10 @@ _ISO_ELEMENT: Final = {
 
 def _pattern(words: str) -> re.Pattern[str]:
     """Return a pattern that finds one of the words of a role in a name whose words are divided by single spaces."""
-    return re.compile("|".join(rf"\b{word[:-1]}\b" if word.endswith(".") else word for word in words.split()))
+    found = (word.removesuffix(".") + (r"\b" if word.endswith(".") else "") for word in words.split())
+    return re.compile(
+        "|".join(word[1:] if word[0] == "-" else rf"\b{word}" if word.endswith(r"\b") else word for word in found)
+    )
 
 
 _PATTERNS: Final = tuple((role, _pattern(words)) for role, words in _WORDS)

@@ -512,6 +512,77 @@ def test_supports_of_a_table_are_named_in_five_languages(yes: str, no: str, tmp_
         import_file(path)
 
 
+def pier(path: Path, lines: list[tuple[str, float, float, float, float]], texts: list[tuple[str, str]]) -> None:
+    """A pier of 1 × 2 m on a footing, drawn in mm, with lines by layer and texts by layer beside them."""
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = 4
+    space = document.modelspace()
+    for layer, low, high in (("Pfeiler", 0, 2000), ("Gründung", -200, 0)):
+        outline = [(0, low), (1000, low), (1000, high), (0, high)]
+        space.add_lwpolyline(outline, close=True, dxfattribs={"layer": layer})
+    for (layer, *ends), (own, text) in zip(lines, texts, strict=True):
+        space.add_line(ends[:2], ends[2:], dxfattribs={"layer": layer})
+        middle = (0.5 * (ends[0] + ends[2]) + 20.0, 0.5 * (ends[1] + ends[3]))
+        space.add_text(text, height=50, dxfattribs={"layer": own, "insert": middle})
+    document.saveas(path)
+
+
+WIND, SNOW = (0.0, 2000.0, 0.0, 500.0), (500.0, 2500.0, 500.0, 2000.0)
+
+
+def test_load_cases_are_named_in_german(tmp_path: Path) -> None:
+    path = tmp_path / "pier.dxf"
+    named = [(layer, *line) for layer, line in (("Lastfall Wind", WIND), ("Lastfall Schnee", SNOW))]
+    pier(path, named, [("Lastfall Wind", "w = 0,8 kN/m²"), ("Lastfall Schnee", "1,5 kN")])
+    cases = import_file(path).document["loads"]["cases"]
+    assert [case["name"] for case in cases] == ["Lastfall Schnee", "Lastfall Wind"]
+    assert cases[0]["live"][0]["force"] == [0.0, -1500.0]
+    assert cases[1]["live"][0]["pressure"] == pytest.approx(800.0)
+
+
+def test_a_point_is_no_sign_of_thousands_beside_a_decimal_comma(tmp_path: Path) -> None:
+    path = tmp_path / "pier.dxf"
+    texts = [("Lasten", "w = 0,8 kN/m²"), ("Lasten", "1.500 N")]
+    pier(path, [("Lasten", *WIND), ("Lasten", *SNOW)], texts)
+    with pytest.raises(
+        InputError, match=r"the point in '1.500 N' may separate thousands, as 'w = 0,8 kN/m²' has a dec"
+    ):
+        import_file(path)
+
+
+def test_forces_on_layers_that_are_not_read_are_doubtful(tmp_path: Path) -> None:
+    path = tmp_path / "pier.dxf"
+    pier(path, [("Druck", *WIND), ("Druck", *SNOW)], [("Druck", "w = 0,8 kN/m²"), ("Notizen", "Höhe 2 m")])
+    doubts = import_file(path).report.doubtful
+    assert [one for one in doubts if "Druck" in one] == [
+        "the text 'w = 0,8 kN/m²' on layer Druck states a force: a load? --load 'Druck'"
+    ]
+    assert not any("Notizen" in one for one in doubts)
+
+
+@pytest.mark.parametrize(
+    ("support", "words"),
+    [
+        ([(0, 0), (1000, 0)], "no line on layer Auflager encloses an area; expected closed outlines there"),
+        ([(500, 0), (420, -140), (580, -140)], "'e2' and 'e1' touch at a point alone"),
+    ],
+)
+def test_supports_that_bear_nothing_are_explained(
+    support: list[tuple[float, float]], words: str, tmp_path: Path
+) -> None:
+    """A line of the ground, and the triangle by which drawings show a bearing."""
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = 4
+    space = document.modelspace()
+    outline = [(0, 0), (1000, 0), (1000, 400), (0, 400)]
+    space.add_lwpolyline(outline, close=True, dxfattribs={"layer": "Träger"})
+    space.add_lwpolyline(support, close=len(support) > 2, dxfattribs={"layer": "Auflager"})
+    document.saveas(tmp_path / "beam.dxf")
+    with pytest.raises(InputError) as error:
+        built(tmp_path / "beam.dxf")
+    assert words in str(error.value)
+
+
 def test_a_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
