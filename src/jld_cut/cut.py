@@ -34,6 +34,7 @@ from jld_views import figures, page_of_study
 _FIELDS: Final = 3.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
 _UNKNOWN, _LAID = 1, 2  # ranks of layouts that fit: time ended before an order of assembly was known, and with one
+_USUAL: Final = (0.02, 20.0)  # lengths of solids that pass without a word, m
 _NAMED: Final = 3  # keys that the verdict names
 _DRAWING: Final = 7.0  # time that pictures and pages need after them, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
@@ -126,7 +127,7 @@ class Options:
             raise ParameterError("load", "no load is given", 'a force such as "0,0,-1000", N, or body:X,Y,Z')
         unknown = [name for name in self.families if name not in FAMILIES]
         if unknown or not self.families:
-            raise ParameterError("families", f"{', '.join(unknown) or 'none'} is no way to cut", ", ".join(FAMILIES))
+            raise ParameterError("family", f"{', '.join(unknown) or 'none'} is no way to cut", ", ".join(FAMILIES))
         loads = [parse_load(text, scale) for text in self.loads]
         patches = [parse_region("support", text, scale) for text in self.support]
         regions = tuple(parse_region("keep_whole", text, scale) for text in self.keep_whole)
@@ -172,7 +173,11 @@ class Chosen:
 
 
 def cut(
-    path: str | Path, options: Options, out: str | Path, announce: Callable[[str], None] | None = None
+    path: str | Path,
+    options: Options,
+    out: str | Path,
+    announce: Callable[[str], None] | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """Cut a solid of a file to numbered parts, and write them with tables and pictures into a folder.
 
@@ -186,6 +191,8 @@ def cut(
         New or empty folder.
     announce : callable, optional
         Called with a line on what was done.
+    warn : callable, optional
+        Called with each warning, which the summary holds as well.
 
     Returns
     -------
@@ -207,13 +214,15 @@ def cut(
             f"the file states {stated}, the options are read in {options.unit}: 1 {options.unit} is "
             f"{scale / UNITS[stated]:.6g} {stated} of it"
         ]
-        say(f"warning: {warnings[0]}")
     files.require_folder(out)
     if out.exists() and any(out.iterdir()):
         raise InputError(str(out), "the folder is not empty", "a new one")
-    solid = read_solid(path, scale if path.suffix.lower() != ".3mf" else 1.0)
+    solid = read_solid(path, scale if path.suffix.lower() != ".3mf" else 1.0, scale)
     _refuse_small(solid, wish.limits)
     _refuse_thin(solid, scale * options.clearance)
+    warnings += _of_size(solid, options)
+    for line in warnings if warn else ():
+        warn(line)
     families = search_all(solid, path.stem, wish, clock, say)
     out.mkdir(parents=True, exist_ok=True)
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
@@ -260,6 +269,19 @@ def _begun(
     return beside.enter_context(bounds_beside(scene, clock.left(DRAWN) - _DRAWING)) if scene else None
 
 
+def _of_size(solid: Any, options: Options) -> list[str]:
+    """Return a warning about a solid of a size that is hardly meant, with its mass and a likely unit."""
+    box = np.array(solid.bounding_box())
+    size, mass = float((box[3:] - box[:3]).max()), options.matter.density * solid.volume()
+    if _USUAL[0] <= size <= _USUAL[1]:
+        return []
+    read = options.unit or "m"
+    likely = min(UNITS, key=lambda unit: abs(np.log(size / options.scale * UNITS[unit])))
+    meant = f"; in {likely} it is {size / options.scale * UNITS[likely]:.3g} m: --unit {likely}"
+    told = f"the solid is {size:.4g} m long and weighs {mass:.3g} kg, with lengths in {read}"
+    return [told + (meant if likely != read else "")]
+
+
 def _refuse_small(solid: Any, limits: Limits) -> None:
     """Raise InputError for a box, or a mass, that more parts than there may be cells would be needed for."""
     box = np.array(solid.bounding_box())
@@ -272,7 +294,7 @@ def _refuse_small(solid: Any, limits: Limits) -> None:
             problem = (
                 f"the solid makes at least {int(np.ceil(number))} such parts, and {limits.cells} cells are the most"
             )
-            raise InputError(name, problem, "larger parts, or another unit of the file")
+            raise ParameterError(name, problem, "larger parts, or another unit of the file")
 
 
 def _refuse_thin(solid: Any, clearance: float) -> None:
@@ -280,7 +302,7 @@ def _refuse_thin(solid: Any, clearance: float) -> None:
     if clearance:
         left = min((solid ^ solid.translate(tuple(clearance * axis))).volume() for axis in np.eye(3)) / solid.volume()
         if left < 0.5:
-            raise InputError("clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
+            raise ParameterError("clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
 
 
 def _choose(families: list[Family], wish: Wish, clearance: float, clock: Clock, say: Callable[[str], None]) -> Chosen:

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Floats, InputError, Ints, checkpoint, files, time_left
+from jld_core import Floats, InputError, Ints, ParameterError, checkpoint, files, time_left
 from jld_core.geometry import unions
 from jld_cut.cells import Joint, basis, closed, sides_of, union
 from jld_cut.meshes import (
@@ -90,7 +90,7 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
         pieces = [one for one in pieces_of(solid) if one.volume() > _SPLINTER * whole.volume()]
         if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
-            raise InputError("clearance", problem, "a smaller clearance")
+            raise ParameterError("clearance", problem, "a smaller clearance")
         left = sum(piece.volume() for piece in pieces)
         one = (closed(pieces, left) if solid is not whole else None) or union(pieces)
         found.append(Part(k + 1, group, whole, one, density * whole.volume()))

@@ -231,8 +231,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
         gaps = [gap for gap in find_gaps(chords.points, paths, options, size) if gap.width > tolerance]
         raise _too_wide(error, gaps, size, scale, drawn_in) from None
     cells = found.cells
-    lined = sorted({path.layer for path in paths if options.role(path.layer) == "support"})
-    _support(cells, marks, options, size, tolerance, notes, nested=found.nested, feet=feet, lined=lined)
+    _support(cells, marks, options, size, tolerance, notes, nested=found.nested, feet=feet, paths=paths)
     _name(cells, marks, options)
     _note_open(gaps, tolerance, scale, drawn_in, notes)
     if LOWEST in options.support:
@@ -441,7 +440,7 @@ def _support(
     *,
     nested: list[tuple[Cell, Cell]],
     feet: bool,
-    lined: list[str],
+    paths: list[Path],
 ) -> None:
     """Mark supports by layer, by mark inside, or as lowest; add feet where none is. InputError if no or every cell."""
     # Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`.
@@ -464,6 +463,7 @@ def _support(
             cell.support |= down
     if feet and not any(cell.support for cell in cells) and (not options.support or alone):
         cells += planar_feet(cells, tolerance, notes)
+    lined = sorted({path.layer for path in paths if options.role(path.layer) == "support"})
     check_supports([cell.support for cell in cells], options, lined)
 
 
