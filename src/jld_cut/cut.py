@@ -21,7 +21,7 @@ from jld_cut.clock import CHOSEN, DRAWN, FILED, KEYED, Clock
 from jld_cut.families import FAMILIES
 from jld_cut.fields import Ends, bounds_beside, scene_of_parts
 from jld_cut.keys import Key, Keyed, are_sound, keyed
-from jld_cut.meshes import UNITS, read_solid, unit_of
+from jld_cut.meshes import UNITS, manifold3d, read_solid, unit_of
 from jld_cut.partitions import BEST, Layouts, frames
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
@@ -35,6 +35,7 @@ _FIELDS: Final = 3.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
 _UNKNOWN, _LAID = 1, 2  # ranks of layouts that fit: time ended before an order of assembly was known, and with one
 _USUAL: Final = (0.02, 20.0)  # lengths of solids that pass without a word, m
+_FAR: Final = 100.0  # distance from the origin by the size of a solid from which files of parts are moved
 _NAMED: Final = 3  # keys that the verdict names
 _DRAWING: Final = 7.0  # time that pictures and pages need after them, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
@@ -220,7 +221,9 @@ def cut(
     solid = read_solid(path, scale if path.suffix.lower() != ".3mf" else 1.0, scale)
     _refuse_small(solid, wish.limits)
     _refuse_thin(solid, scale * options.clearance)
-    warnings += _of_size(solid, options)
+    _refuse_regions(solid, wish)
+    moved = _to_origin(solid, scale)
+    warnings += [*_of_size(solid, options), *_of_moved(moved, options)]
     for line in warnings if warn else ():
         warn(line)
     families = search_all(solid, path.stem, wish, clock, say)
@@ -236,7 +239,7 @@ def cut(
             locking = chosen.fine.locking(chosen.block, _LAYING) if laying is False else []
             chosen = replace(chosen, laying=laying, locking=locking)
         summary = _summary(chosen, families, solid, options) | {"unit": options.unit or "m", "warnings": warnings}
-        _write(chosen, summary, out, options, clock)
+        _write(chosen, summary, out, options, clock, moved)
         late = "bounds by fields" in clock.left_out
         unbegun = "time ended" if late else "the parts are no union of a few convex pieces"
         summary["by_fields"], why = bracket(clock.left(DRAWN) - _DRAWING) if bracket else (None, unbegun)
@@ -280,6 +283,35 @@ def _of_size(solid: Any, options: Options) -> list[str]:
     meant = f"; in {likely} it is {size / options.scale * UNITS[likely]:.3g} m: --unit {likely}"
     told = f"the solid is {size:.4g} m long and weighs {mass:.3g} kg, with lengths in {read}"
     return [told + (meant if likely != read else "")]
+
+
+def _to_origin(solid: Any, scale: float) -> Floats:
+    """Return by how much files of parts are moved, m, in whole units: single precision holds few digits far away."""
+    box = np.array(solid.bounding_box())
+    if np.abs(box).max() <= _FAR * (box[3:] - box[:3]).max():
+        return np.zeros(3)
+    return -scale * np.floor(box[:3] / scale)
+
+
+def _of_moved(moved: Floats, options: Options) -> list[str]:
+    told = ", ".join(f"{value + 0.0:.12g}" for value in moved / options.scale)
+    where = f"files of parts are moved by ({told}) {options.unit or 'm'}"
+    return [f"the solid stands far from the origin: {where}, as STL has single precision"] if moved.any() else []
+
+
+def _refuse_regions(solid: Any, wish: Wish) -> None:
+    """Raise ParameterError for a box to be kept whole in which nothing lies, or more than a part may be."""
+    for region in wish.whole:
+        assert region.box is not None
+        low, high = region.box[:3], region.box[3:]
+        held = solid ^ manifold3d().Manifold.cube(tuple(high - low)).translate(tuple(low))
+        told = ",".join(f"{value:.6g}" for value in region.box)
+        if held.volume() <= 0.0:
+            raise ParameterError("keep_whole", f"nothing of the solid lies in {told} m", "a box around some of it")
+        most = min(wish.limits.volume, float(wish.limits.fit.prod()))
+        if held.volume() > most * (1 + 1e-6):
+            problem = f"in {told} m lie {held.volume():.4g} m³ of the solid, and a part holds {most:.4g} m³ at most"
+            raise ParameterError("keep_whole", problem, "a smaller box, or larger parts")
 
 
 def _refuse_small(solid: Any, limits: Limits) -> None:
@@ -555,7 +587,7 @@ def _bounded(summary: dict[str, Any]) -> str:
     return f"; not proven: no layout of as many parts of these cells{joints} exceeds {bound:.3g} ({kind})"
 
 
-def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
+def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock, moved: Floats) -> None:
     scale = options.scale
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}
@@ -578,7 +610,7 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
         for part in chosen.parts:
             clock.run(f"number on part {part.number}", FILED, partial(mark, part, scale))
         summary["marked"] = [part.number for part in chosen.parts if part.marked]
-    write_parts(out, chosen.parts, scale)
+    write_parts(out, chosen.parts, scale, moved)
     summary["watertight"] = all(part.watertight for part in chosen.parts)
     summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]
     summary["file_error"] = max(part.error for part in chosen.parts)

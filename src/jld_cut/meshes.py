@@ -230,10 +230,16 @@ def read_solid(path: Path, unit: float, shown: float = 1.0) -> Any:
         if not _SIZES[0] <= size <= _SIZES[1]:
             raise InputError("", f"the solid is {size:.3g} m long", f"{_SIZES[0]:g} to {_SIZES[1]:g} m: another unit")
         solids = [_checked(unit * points, faces, shown) for points, faces in pieces]
-        # surfaces that are turned inwards are cavities, unless there is only one
-        hollow = [not outwards and len(solids) > 1 for _, outwards in solids]
-        whole = manifold3d().Manifold()
+        # surfaces that are turned inwards are cavities, but a file whose outermost ones are is turned inside out
         bodies = [solid for solid, _ in solids]
+        outer = [
+            outwards
+            for body, outwards in solids
+            if not any(_within(body, other) for other in bodies if other is not body)
+        ]
+        turned = bool(outer) and not any(outer)
+        hollow = [outwards == turned for _, outwards in solids]
+        whole = manifold3d().Manifold()
         cavities = [body for body, empty in zip(bodies, hollow, strict=True) if empty]
         depths = [sum(_within(body, other) for other in cavities if other is not body) for body in bodies]
         for _, empty, body in sorted(zip(depths, hollow, bodies, strict=True), key=lambda one: one[:2]):

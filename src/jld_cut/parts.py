@@ -160,13 +160,13 @@ def plain_surface(solid: Any) -> unions.Surface:
     return unions.Surface(points, faces, faces)
 
 
-def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
-    """Write each part as STL and OBJ where it stands and as STL on its bed, and all as one 3MF; read STL again."""
+def write_parts(folder: Path, parts: list[Part], unit: float, moved: Floats = np.zeros(3)) -> None:  # noqa: B008
+    """Write each part as STL and OBJ where it stands, moved (3,), and as STL on its bed, all as 3MF; read STL again."""
     for name in ("parts", "bed"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     surfaces = []
     for part in parts:
-        points, triangles = as_written(part.solid, unit)
+        points, triangles = as_written(part.solid.translate(tuple(moved)) if moved.any() else part.solid, unit)
         path = folder / "parts" / f"{part.name}.stl"
         path.write_bytes(stl_bytes(points, triangles))
         again = as_read(path.read_bytes())

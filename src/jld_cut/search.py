@@ -281,7 +281,9 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
         raise InputError("jld cut", f"the solid cannot be cut by {', '.join(wish.families)}", "a further family")
     if not any(len(one.low) for family in families for one in family.found.of.values()):
         reasons = "; ".join(f"{one.name}: {told(one, wish.require)}" for one in families)
-        raise InputError("jld cut", f"no layout was found ({reasons})", "a larger box, more time or other supports")
+        raise InputError(
+            "jld cut", f"no layout was found ({reasons})", "a larger box, more parts, more time or other supports"
+        )
     for line in said:
         say(line)
     return families
@@ -294,7 +296,8 @@ def told(family: Family, require: float) -> str:
     best = next((n for n, one in sorted(found.of.items()) if len(one.low) and one.low[0] >= require), None)
     best = best or max((n for n, one in found.of.items() if len(one.low)), default=None)
     if best is None:
-        fits = "every layout falls" if solved + branches else "no parts fit the box"
+        within = "no layout within the limits on parts and shapes stands" if branches else "no parts fit the box"
+        fits = "every layout falls" if solved else within
         return f"{found.problem or fits}, {solved} layouts and {branches} branches"
     value = f"λ = {found.of[best].low[0]:.4g}" if np.isfinite(found.of[best].low[0]) else "no load makes it collapse"
     bound = found.bound(best)

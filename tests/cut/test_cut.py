@@ -362,6 +362,25 @@ def test_a_solid_whose_unit_is_doubtful_is_named_with_its_mass(tmp_path: Path, j
     assert json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["warnings"] == [told]
 
 
+def test_files_of_a_solid_far_from_the_origin_are_whole(tmp_path: Path) -> None:
+    """A pillar at coordinates of a survey: parts are moved to the origin, and said to be; the table says where."""
+    mesh, far = mesh_of(box(1, 1, 2)), np.array([3456789.25, 5432100.5, 0.0])
+    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in (mesh.vertices + far).tolist()]
+    rows += [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
+    (tmp_path / "pillar.obj").write_text("\n".join(["o pillar", *rows, ""]))
+    options = Options((1.2,) * 3, DOWN, families=("grid",), cells=2, seconds=3.0, keys=False)
+    found = cut(tmp_path / "pillar.obj", options, tmp_path / "out")
+    assert found["watertight"]
+    assert found["file_error"] < 1e-6
+    (told,) = found["warnings"]
+    assert "files of parts are moved by (-3456789, -5432100, 0) m" in told
+    table = pd.read_csv(tmp_path / "out" / "parts.csv")
+    assert table["at_x"].tolist() == pytest.approx([far[0]] * 2, rel=1e-9)
+    parts = [trimesh.load(tmp_path / "out" / name) for name in table["file"]]
+    assert sum(part.volume for part in parts) == pytest.approx(2.0, rel=1e-6)
+    assert min(part.bounds[0, 0] for part in parts) == pytest.approx(0.25, abs=1e-6)
+
+
 def test_nothing_is_printed_beside_an_error_of_a_cut(tmp_path: Path, jld: Command) -> None:
     """A slab whose only support leaves it to fall: one line on stderr, none of what was tried."""
     path = written(box(2.0, 1.0, 0.2), tmp_path / "slab.stl")
@@ -413,6 +432,11 @@ def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any,
         ({"clearance": -1.0}, "clearance"),
         ({"require": float("nan")}, "require"),
         ({"keep_whole": ("0,0,0",)}, "keep_whole"),
+        ({"keep_whole": ("5,5,5,6,6,6",)}, "^keep_whole: nothing of the solid lies in 5,5,5,6,6,6 m"),
+        (
+            {"keep_whole": ("0,0,0,1,1,2",), "fit": (0.6,) * 3},
+            "^keep_whole: in .* lie 0.32 m³ of the solid, and a part",
+        ),
     ],
 )
 def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: str) -> None:
@@ -652,6 +676,11 @@ def _inwards(solid: Any) -> Any:
     return mesh
 
 
+def _inside_out(mesh: Any) -> Any:
+    mesh.invert()
+    return mesh
+
+
 def _hollow(inside: Any) -> Any:
     """A box with a cavity, and a body within that."""
     return trimesh.util.concatenate([_of(box(2, 2, 2)), _inwards(box(1, 1, 1, (0.5, 0.5, 0.5))), mesh_of(inside)])
@@ -667,6 +696,8 @@ def _hollow(inside: Any) -> Any:
         (lambda: trimesh.util.concatenate([_of(box(2, 2, 2)), _inwards(box(1, 1, 1, (0.5, 0.5, 0.5)))]), 7.0),
         (lambda: _of(bench()), 1.8 * 0.4 * 0.1 + 2 * 0.2 * 0.4 * 0.4),
         (lambda: _inwards(bench()), 1.8 * 0.4 * 0.1 + 2 * 0.2 * 0.4 * 0.4),  # turned inwards as a whole, the same
+        (lambda: _inside_out(_hollow(box(0.2, 0.2, 1, (0.9, 0.9, 0.5)))), 7.04),  # that of a cavity as well
+        (lambda: _inside_out(_of(box(1, 1, 1), box(1, 1, 1, (1, 0, 0)))), 2.0),
         (lambda: _of(box(2, 2, 2), box(1, 1, 1, (0.5, 0.5, 0.5))), 8.0),  # one within the other, both outwards
         (lambda: _of(box(1, 1, 1), box(1, 1, 1, (3, 0, 0))), None),
         (lambda: _hollow(box(0.2, 0.2, 1, (0.9, 0.9, 0.5))), 7.04),  # a pillar across the cavity
