@@ -18,6 +18,7 @@ from jld_core.linalg.factors import summed
 from jld_core.loads import Loads, resultants
 from jld_core.notebook_repr import NotebookRepr
 from jld_core.parameters import require_kind
+from jld_core.scene.units import UnitSystem
 from jld_core.strengths import FaceStrengths, Route, Strengths
 
 if TYPE_CHECKING:
@@ -391,6 +392,12 @@ class Assembly(NotebookRepr):
     def live(self) -> Floats:
         """Return the live loads about centroids: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), scene units."""
         return resultants(self.live_loads, self.elements)
+
+    @property
+    def kilograms(self) -> float | None:
+        """Return the kilograms of a mass of 1 in its units; None where these have no known names."""
+        own = UnitSystem.named(self.units[1], self.units[0], self.elements.gravity)
+        return own.density * own.si((0, 3)) if own.known else None
 
     @property
     def pressed(self) -> bool:

@@ -125,6 +125,12 @@ def guarded(group: str, which: Any) -> Iterator[None]:
         raise refuse_type(group, point.name, f"{GROUPS[group]} that ends without an error", problem) from error
 
 
+def of_strangers(*groups: str) -> bool:
+    """Return whether packages beside jld add to any of the groups."""
+    points = [point for group in groups for point in entry_points(group).values()]
+    return any(point.dist is not None and point.dist.name != "jld" for point in points)
+
+
 def package(point: EntryPoint) -> str:
     return point.dist.name if point.dist is not None else point.module
 

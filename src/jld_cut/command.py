@@ -82,5 +82,9 @@ def cut_(
         marks=marks,
         keys=keys,
     )
-    summary = cut(solid, wanted, out, None if as_json else streams.say)
+
+    def warn(line: str) -> None:
+        streams.remark(f"jld: warning: {solid}: {line}")
+
+    summary = cut(solid, wanted, out, None if as_json else streams.say, warn)
     streams.say(json.dumps(summary, indent=1) if as_json else f"written to   {out}")

@@ -20,7 +20,7 @@ from jld_cut.clock import CHOSEN, DRAWN, FILED, KEYED, Clock
 from jld_cut.families import FAMILIES
 from jld_cut.fields import Ends, bounds_beside
 from jld_cut.keys import Key, Keyed, are_sound, keyed
-from jld_cut.meshes import UNITS, read_solid, unit_of
+from jld_cut.meshes import UNITS, manifold3d, read_solid, unit_of
 from jld_cut.partitions import BEST, Layouts, frames
 from jld_cut.parts import Part, different, lay, mark, parts_of, plain_surface, tenons, write_parts
 from jld_cut.picture import figure_of_order, figure_of_parts, steps_of, write_page, write_pages
@@ -33,6 +33,8 @@ from jld_views import figures, page_of_study
 _FIELDS: Final = 3.0  # time from which bounds by fields have a chance, s
 _LAYING: Final = 3.0  # least time for an order of assembly, s
 _UNKNOWN, _LAID = 1, 2  # ranks of layouts that fit: time ended before an order of assembly was known, and with one
+_USUAL: Final = (0.02, 20.0)  # lengths of solids that pass without a word, m
+_FAR: Final = 100.0  # distance from the origin by the size of a solid from which files of parts are moved
 _NAMED: Final = 3  # keys that the verdict names
 _DRAWING: Final = 7.0  # time that pictures and pages need after them, s
 _PAGE: Final = 4.0  # time from which the page of the search is made, s
@@ -125,7 +127,7 @@ class Options:
             raise ParameterError("load", "no load is given", 'a force such as "0,0,-1000", N, or body:X,Y,Z')
         unknown = [name for name in self.families if name not in FAMILIES]
         if unknown or not self.families:
-            raise ParameterError("families", f"{', '.join(unknown) or 'none'} is no way to cut", ", ".join(FAMILIES))
+            raise ParameterError("family", f"{', '.join(unknown) or 'none'} is no way to cut", ", ".join(FAMILIES))
         loads = [parse_load(text, scale) for text in self.loads]
         patches = [parse_region("support", text, scale) for text in self.support]
         regions = tuple(parse_region("keep_whole", text, scale) for text in self.keep_whole)
@@ -171,7 +173,11 @@ class Chosen:
 
 
 def cut(
-    path: str | Path, options: Options, out: str | Path, announce: Callable[[str], None] | None = None
+    path: str | Path,
+    options: Options,
+    out: str | Path,
+    announce: Callable[[str], None] | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """Cut a solid of a file to numbered parts, and write them with tables and pictures into a folder.
 
@@ -185,6 +191,8 @@ def cut(
         New or empty folder.
     announce : callable, optional
         Called with a line on what was done.
+    warn : callable, optional
+        Called with each warning, which the summary holds as well.
 
     Returns
     -------
@@ -206,13 +214,17 @@ def cut(
             f"the file states {stated}, the options are read in {options.unit}: 1 {options.unit} is "
             f"{scale / UNITS[stated]:.6g} {stated} of it"
         ]
-        say(f"warning: {warnings[0]}")
     files.require_folder(out)
     if out.exists() and any(out.iterdir()):
         raise InputError(str(out), "the folder is not empty", "a new one")
-    solid = read_solid(path, scale if path.suffix.lower() != ".3mf" else 1.0)
+    solid = read_solid(path, scale if path.suffix.lower() != ".3mf" else 1.0, scale)
     _refuse_small(solid, wish.limits)
     _refuse_thin(solid, scale * options.clearance)
+    _refuse_regions(solid, wish)
+    moved = _to_origin(solid, scale)
+    warnings += [*_of_size(solid, options), *_of_moved(moved, options)]
+    for line in warnings if warn else ():
+        warn(line)
     families = search_all(solid, path.stem, wish, clock, say)
     out.mkdir(parents=True, exist_ok=True)
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
@@ -226,7 +238,7 @@ def cut(
             locking = chosen.fine.locking(chosen.block, _LAYING) if laying is False else []
             chosen = replace(chosen, laying=laying, locking=locking)
         summary = _summary(chosen, families, solid, options) | {"unit": options.unit or "m", "warnings": warnings}
-        _write(chosen, summary, out, options, clock)
+        _write(chosen, summary, out, options, clock, moved)
         summary["by_fields"], why = bracket(clock.left(DRAWN) - _DRAWING) if bracket else (None, "time ended")
     ends = summary["by_fields"] or [None, None]
     summary["fields_reached"] = [
@@ -261,6 +273,48 @@ def _begun(
     return beside.enter_context(bounds_beside(name, chosen.family.cutting, bodies, wish.setting, out, seconds))
 
 
+def _of_size(solid: Any, options: Options) -> list[str]:
+    """Return a warning about a solid of a size that is hardly meant, with its mass and a likely unit."""
+    box = np.array(solid.bounding_box())
+    size, mass = float((box[3:] - box[:3]).max()), options.matter.density * solid.volume()
+    if _USUAL[0] <= size <= _USUAL[1]:
+        return []
+    read = options.unit or "m"
+    likely = min(UNITS, key=lambda unit: abs(np.log(size / options.scale * UNITS[unit])))
+    meant = f"; in {likely} it is {size / options.scale * UNITS[likely]:.3g} m: --unit {likely}"
+    told = f"the solid is {size:.4g} m long and weighs {mass:.3g} kg, with lengths in {read}"
+    return [told + (meant if likely != read else "")]
+
+
+def _to_origin(solid: Any, scale: float) -> Floats:
+    """Return by how much files of parts are moved, m, in whole units: single precision holds few digits far away."""
+    box = np.array(solid.bounding_box())
+    if np.abs(box).max() <= _FAR * (box[3:] - box[:3]).max():
+        return np.zeros(3)
+    return -scale * np.floor(box[:3] / scale)
+
+
+def _of_moved(moved: Floats, options: Options) -> list[str]:
+    told = ", ".join(f"{value + 0.0:.12g}" for value in moved / options.scale)
+    where = f"STL, OBJ and 3MF files are moved by ({told}) {options.unit or 'm'}"
+    return [f"the solid stands far from the origin: {where}, as they have single precision"] if moved.any() else []
+
+
+def _refuse_regions(solid: Any, wish: Wish) -> None:
+    """Raise ParameterError for a box to be kept whole in which nothing lies, or more than a part may be."""
+    for region in wish.whole:
+        assert region.box is not None
+        low, high = region.box[:3], region.box[3:]
+        held = solid ^ manifold3d().Manifold.cube(tuple(high - low)).translate(tuple(low))
+        told = ",".join(f"{value:.6g}" for value in region.box)
+        if held.volume() <= 0.0:
+            raise ParameterError("keep_whole", f"nothing of the solid lies in {told} m", "a box around some of it")
+        most = min(wish.limits.volume, float(wish.limits.fit.prod()))
+        if held.volume() > most * (1 + 1e-6):
+            problem = f"in {told} m lie {held.volume():.4g} m³ of the solid, and a part holds {most:.4g} m³ at most"
+            raise ParameterError("keep_whole", problem, "a smaller box, or larger parts")
+
+
 def _refuse_small(solid: Any, limits: Limits) -> None:
     """Raise InputError for a box, or a mass, that more parts than there may be cells would be needed for."""
     box = np.array(solid.bounding_box())
@@ -273,7 +327,7 @@ def _refuse_small(solid: Any, limits: Limits) -> None:
             problem = (
                 f"the solid makes at least {int(np.ceil(number))} such parts, and {limits.cells} cells are the most"
             )
-            raise InputError(name, problem, "larger parts, or another unit of the file")
+            raise ParameterError(name, problem, "larger parts, or another unit of the file")
 
 
 def _refuse_thin(solid: Any, clearance: float) -> None:
@@ -281,7 +335,7 @@ def _refuse_thin(solid: Any, clearance: float) -> None:
     if clearance:
         left = min((solid ^ solid.translate(tuple(clearance * axis))).volume() for axis in np.eye(3)) / solid.volume()
         if left < 0.5:
-            raise InputError("clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
+            raise ParameterError("clearance", f"the solid is too thin for gaps of {clearance:g} m", "a smaller gap")
 
 
 def _choose(families: list[Family], wish: Wish, clearance: float, clock: Clock, say: Callable[[str], None]) -> Chosen:
@@ -534,7 +588,7 @@ def _bounded(summary: dict[str, Any]) -> str:
     return f"; not proven: no layout of as many parts of these cells{joints} exceeds {bound:.3g} ({kind})"
 
 
-def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
+def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock, moved: Floats) -> None:
     scale = options.scale
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}
@@ -557,7 +611,7 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
         for part in chosen.parts:
             clock.run(f"number on part {part.number}", FILED, partial(mark, part, scale))
         summary["marked"] = [part.number for part in chosen.parts if part.marked]
-    write_parts(out, chosen.parts, scale)
+    write_parts(out, chosen.parts, scale, moved)
     summary["watertight"] = all(part.watertight for part in chosen.parts)
     summary["faulty_files"] = [part.fault for part in chosen.parts if not part.watertight]
     summary["file_error"] = max(part.error for part in chosen.parts)

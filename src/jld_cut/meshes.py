@@ -215,8 +215,8 @@ def kind_of(moment: Floats, scale: float) -> tuple[int, ...]:
     return tuple(np.round(sizes / (1e-4 * scale ** (1 / 3))).astype(int).tolist())
 
 
-def read_solid(path: Path, unit: float) -> Any:
-    """Read one closed solid, lengths × `unit`; InputError says where it is open or crosses itself."""
+def read_solid(path: Path, unit: float, shown: float = 1.0) -> Any:
+    """Read one closed solid, lengths × `unit`; InputError says where it is open or crosses itself, by `shown`."""
     manifold3d()
     kind = path.suffix.lower().lstrip(".")
     if kind not in ENDINGS:
@@ -229,18 +229,24 @@ def read_solid(path: Path, unit: float) -> Any:
         size = float(np.ptp(corners, axis=0).max())
         if not _SIZES[0] <= size <= _SIZES[1]:
             raise InputError("", f"the solid is {size:.3g} m long", f"{_SIZES[0]:g} to {_SIZES[1]:g} m: another unit")
-        solids = [_checked(unit * points, faces) for points, faces in pieces]
-        # surfaces that are turned inwards are cavities, unless there is only one
-        hollow = [not outwards and len(solids) > 1 for _, outwards in solids]
-        whole = manifold3d().Manifold()
+        solids = [_checked(unit * points, faces, shown) for points, faces in pieces]
+        # surfaces that are turned inwards are cavities, but a file whose outermost ones are is turned inside out
         bodies = [solid for solid, _ in solids]
+        outer = [
+            outwards
+            for body, outwards in solids
+            if not any(_within(body, other) for other in bodies if other is not body)
+        ]
+        turned = bool(outer) and not any(outer)
+        hollow = [outwards == turned for _, outwards in solids]
+        whole = manifold3d().Manifold()
         cavities = [body for body, empty in zip(bodies, hollow, strict=True) if empty]
         depths = [sum(_within(body, other) for other in cavities if other is not body) for body in bodies]
         for _, empty, body in sorted(zip(depths, hollow, bodies, strict=True), key=lambda one: one[:2]):
             for piece in pieces_of(body):  # bodies that touch share corners
                 whole = whole - piece if empty else whole + piece
         if (number := len(pieces_of(whole))) > 1:
-            raise InputError("", f"it holds {number} solids that do not touch", "one solid")
+            raise InputError("", f"it holds {number} solids that share no face", "one solid")
     return whole
 
 
@@ -346,20 +352,20 @@ def _placed(
         yield from _placed(objects, one.get("objectid", ""), _placing(one) @ placing, deep - 1)
 
 
-def _checked(points: Floats, triangles: Ints) -> tuple[Any, bool]:
+def _checked(points: Floats, triangles: Ints, shown: float) -> tuple[Any, bool]:
     """Return the solid in a surface, and whether its faces look outwards; InputError for an open or crossed one."""
     size = float(np.ptp(points, axis=0).max())
     points, triangles = merged(points, triangles, 1e-7 * size)
     open_at = open_edges(triangles)
     if len(open_at):
-        spot = ", ".join(f"{x:.6g}" for x in points[open_at].mean(axis=1)[0])
+        spot = ", ".join(f"{x:.6g}" for x in points[open_at].mean(axis=1)[0] / shown)
         problem = f"it is open, or its faces turn against each other, along {len(open_at)} edges, one at ({spot})"
         raise InputError(
             "", problem, "a closed surface: fill holes and turn faces in the modeller, then write it again"
         )
     crossing = _crossing(points, triangles)
     if crossing is not None:
-        spot = ", ".join(f"{x:.6g}" for x in crossing)
+        spot = ", ".join(f"{x:.6g}" for x in crossing / shown)
         raise InputError("", f"its surface crosses itself at ({spot})", "its parts joined by a union in the modeller")
     solid = solid_of(points, triangles)
     outwards = solid.volume() >= 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -9,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from jld_core import Floats, InputError, Ints, checkpoint, files, time_left
+from jld_core import Floats, InputError, Ints, ParameterError, checkpoint, files, time_left
 from jld_core.geometry import unions
 from jld_cut.cells import Joint, basis, closed, sides_of, union
 from jld_cut.meshes import (
@@ -90,7 +91,7 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
         pieces = [one for one in pieces_of(solid) if one.volume() > _SPLINTER * whole.volume()]
         if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
-            raise InputError("clearance", problem, "a smaller clearance")
+            raise ParameterError("clearance", problem, "a smaller clearance")
         left = sum(piece.volume() for piece in pieces)
         one = (closed(pieces, left) if solid is not whole else None) or union(pieces)
         found.append(Part(k + 1, group, whole, one, density * whole.volume()))
@@ -160,13 +161,13 @@ def plain_surface(solid: Any) -> unions.Surface:
     return unions.Surface(points, faces, faces)
 
 
-def write_parts(folder: Path, parts: list[Part], unit: float) -> None:
-    """Write each part as STL, OBJ and 3MF where it stands and as STL on its bed, all as one 3MF; read STL again."""
+def write_parts(folder: Path, parts: list[Part], unit: float, moved: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+    """Write each part as STL, OBJ and 3MF where it stands, moved, as STL on its bed, all as one 3MF; read STL again."""
     for name in ("parts", "bed"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     surfaces = []
     for part in parts:
-        points, triangles = as_written(part.solid, unit)
+        points, triangles = as_written(part.solid.translate(tuple(moved)) if any(moved) else part.solid, unit)
         path = folder / "parts" / f"{part.name}.stl"
         path.write_bytes(stl_bytes(points, triangles))
         again = as_read(path.read_bytes())

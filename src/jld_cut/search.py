@@ -260,11 +260,12 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
     """Search all families, two at a time, until their time ends; InputError where no layout stands."""
     families: list[Family] = []
     futures: list[Callable[[], Found]] = []
+    said: list[str] = []  # printed only beside a layout
     start, until = time.time(), clock.at(SEARCHED)
     # processes take seconds to start
     jobs = 2 if until - start > _BESIDE and (os.cpu_count() or 1) > 1 else 1
     with Pool(jobs) as pool:
-        for family in _cut_ways(solid, title, wish, say, clock):
+        for family in _cut_ways(solid, title, wish, said.append, clock):
             # two at a time, each round with its share of the time; what is left is for finer cells
             rounds = -(-len(wish.families) // jobs)
             end = start + (until - start) * min(1.0, (len(families) // jobs + 1) / rounds)
@@ -283,12 +284,16 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
                 family.found = futures[-1]()
         for family, result in zip(families, futures, strict=True):
             family.found = result() if jobs > 1 else family.found
-            say(f"{family.name:<8} {len(family.cutting.cells)} cells: {told(family, wish.require)}")
+            said.append(f"{family.name:<8} {len(family.cutting.cells)} cells: {told(family, wish.require)}")
     if not families:
         raise InputError("jld cut", f"the solid cannot be cut by {', '.join(wish.families)}", "a further family")
     if not any(len(one.low) for family in families for one in family.found.of.values()):
         reasons = "; ".join(f"{one.name}: {told(one, wish.require)}" for one in families)
-        raise InputError("jld cut", f"no layout was found ({reasons})", "a larger box, more time or other supports")
+        raise InputError(
+            "jld cut", f"no layout was found ({reasons})", "a larger box, more parts, more time or other supports"
+        )
+    for line in said:
+        say(line)
     return families
 
 
@@ -299,7 +304,8 @@ def told(family: Family, require: float) -> str:
     best = next((n for n, one in sorted(found.of.items()) if len(one.low) and one.low[0] >= require), None)
     best = best or max((n for n, one in found.of.items() if len(one.low)), default=None)
     if best is None:
-        fits = "every layout falls" if solved + branches else "no parts fit the box"
+        within = "no layout within the limits on parts and shapes stands" if branches else "no parts fit the box"
+        fits = "every layout falls" if solved else within
         return f"{found.problem or fits}, {solved} layouts and {branches} branches"
     value = f"λ = {found.of[best].low[0]:.4g}" if np.isfinite(found.of[best].low[0]) else "no load makes it collapse"
     bound = found.bound(best)

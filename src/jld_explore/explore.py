@@ -12,7 +12,7 @@ from functools import partial
 from inspect import signature
 from pathlib import Path
 from types import NoneType
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, cast
 
 from jld_core.assembly import Assembly, with_members
 from jld_core.build import build_robust
@@ -24,7 +24,7 @@ from jld_core.limit.options import Model
 from jld_core.models import cost_estimate
 from jld_core.models.costs import require_memory
 from jld_core.parameters import near, require_kind, typed
-from jld_core.plugins import part
+from jld_core.plugins import of_strangers, part
 from jld_core.refinement import crack_cells
 from jld_core.scene.cracks import CellCracks, FieldCracks, cracks_in_words
 from jld_core.scene.reading import load_scene
@@ -191,14 +191,30 @@ def explore(
     if (cracks := settings.model.cracks) is not None:
         parsed = parsed.model_copy(update={"cracks": cracks})
         settings = replace(settings, model=replace(settings.model, cracks=None))
+    begun = (folder / RECORDS_FILE).exists()
+    # code of strangers may fail at any time, and an error stands alone
+    held: list[str] = []
+    say = held.append if announce is not None and of_strangers(*_AT_WORK) else announce
     try:
         with error_context(scene, str(folder)) if isinstance(scene, str | Path) else nullcontext():
-            return _search(parsed, folder, settings, report, announce, started)
-    except InputError:
+            return _search(parsed, folder, settings, report, say, started)
+    except InputError as error:
+        held.clear()
         if out is None:
             with suppress(OSError):  # removes the temporary folder only if nothing was written into it
                 folder.rmdir()
-        raise
+        if begun or not (folder / RECORDS_FILE).exists():
+            raise
+        kept = f"{error.expected}; what was found until then is in {folder}"
+        if error.parameter:
+            raise ParameterError(error.parameter, error.problem, kept) from error
+        raise InputError(error.where, error.problem, kept) from error
+    finally:
+        for line in held:
+            cast(Callable[[str], None], announce)(line)
+
+
+_AT_WORK: Final = ("jld.drivers", "jld.counts", "jld.objectives", "jld.steps")  # plug-ins that a search calls
 
 
 def _path(parameter: str, given: Any) -> Path:
@@ -397,6 +413,9 @@ def _run_study(study: Study, deadline: Deadline) -> StopReason:
     except BaseException as stop:
         # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
         study.records.close()
+        if isinstance(stop, InputError) and not len(study.records):
+            _leave_nothing(study)
+            raise
         apart = False
         if isinstance(stop, Interrupted):
             study.records = study.open_records()
@@ -417,14 +436,18 @@ def _run_study(study: Study, deadline: Deadline) -> StopReason:
         raise
     if not len(study.records) and reason is not StopReason.BUDGET:
         # The space, too large to count beforehand, is empty, or no labelling was found in time.
-        for path in (study.records.path, study.folder / "scene.json"):
-            path.unlink(missing_ok=True)
-        if not any(study.folder.iterdir()):
-            study.folder.rmdir()
+        _leave_nothing(study)
         if reason is StopReason.DRIVER:
             raise InputError(f"driver {study.driver.name!r}", "it asks for no layout", "one that its Register admits")
         raise nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
     return reason
+
+
+def _leave_nothing(study: Study) -> None:
+    for path in (study.records.path, study.folder / "scene.json"):
+        path.unlink(missing_ok=True)
+    if not any(study.folder.iterdir()):
+        study.folder.rmdir()
 
 
 def _solve_first(study: Study) -> bool:

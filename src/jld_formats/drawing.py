@@ -28,6 +28,7 @@ from jld_formats.cells import (
     without_frames,
 )
 from jld_formats.drawn_loads import MOST, Cell, Drawing, Mark, Structure, drawn_loads
+from jld_formats.forces import states_force
 from jld_formats.options import (
     CLOSED,
     EDGE,
@@ -230,11 +231,12 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
         gaps = [gap for gap in find_gaps(chords.points, paths, options, size) if gap.width > tolerance]
         raise _too_wide(error, gaps, size, scale, drawn_in) from None
     cells = found.cells
-    _support(cells, marks, options, size, tolerance, notes, nested=found.nested, feet=feet)
+    _support(cells, marks, options, size, tolerance, notes, nested=found.nested, feet=feet, paths=paths)
     _name(cells, marks, options)
     _note_open(gaps, tolerance, scale, drawn_in, notes)
     if LOWEST in options.support:
         notes.found.append(f"supports where the lowest point is: {listed(c.name or '' for c in cells if c.support)}")
+    _say_forces(marks, options, notes)
     say_large(cells, notes)
     say_nested(found.nested, notes)
     _say_dropped(drawing, found, paths, snapped, read, notes)
@@ -398,6 +400,17 @@ def _say_dropped(
         notes.doubtful.append(f"only {100 * share:.0f} % of the entities were read; the others are listed as skipped")
 
 
+def _say_forces(marks: list[Mark], options: ImportOptions, notes: Notes) -> None:
+    """Note texts that state forces on layers that are not those of loads."""
+    found: dict[str, list[str]] = {}
+    for mark in marks:
+        if mark.text and options.role(mark.layer) not in ("load", "dead", "id") and states_force(mark.text):
+            found.setdefault(mark.layer, []).append(mark.text)
+    for layer, texts in sorted(found.items()):
+        more = f" and {len(texts) - 1} more" if len(texts) > 1 else ""
+        notes.doubtful.append(f"the text {texts[0]!r}{more} on layer {layer} states a force: a load? --load {layer!r}")
+
+
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
     """Name the cells: by a text on a name layer inside, else by the outline, else by number."""
     # The names of `cells` are changed. Of equal names the first one stays, others become numbers.
@@ -427,6 +440,7 @@ def _support(
     *,
     nested: list[tuple[Cell, Cell]],
     feet: bool,
+    paths: list[Path],
 ) -> None:
     """Mark supports by layer, by mark inside, or as lowest; add feet where none is. InputError if no or every cell."""
     # Any of the three suffices; the lowest point counts only with `LOWEST` in `options.support`.
@@ -449,11 +463,15 @@ def _support(
             cell.support |= down
     if feet and not any(cell.support for cell in cells) and (not options.support or alone):
         cells += planar_feet(cells, tolerance, notes)
-    check_supports([cell.support for cell in cells], options)
+    lined = sorted({path.layer for path in paths if options.role(path.layer) == "support"})
+    check_supports([cell.support for cell in cells], options, lined)
 
 
-def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
-    """Raise InputError where no element is a support, or every element is one."""
+def check_supports(support: Sequence[bool], options: ImportOptions, lined: Sequence[str] = ()) -> None:
+    """Raise InputError where no element is a support, or every element is one; lined: layers of supports with lines."""
+    if not any(support) and lined:
+        said = f"no line on layer {listed(lined)} encloses an area"
+        raise InputError("", f"it has no support: {said}", 'closed outlines there, or `support="lowest"`')
     if not any(support):
         given = f"no layer is like {listed(options.support)}" if options.support else "no layer is named for supports"
         raise InputError("", f"it has no support: {given}", '`support` with the name of a layer, or `support="lowest"`')

@@ -11,7 +11,7 @@ import shapely
 
 from jld_core import Floats, InputError
 from jld_core.scene import units
-from jld_formats.forces import WrittenForce, closest_first, parse_force
+from jld_formats.forces import WrittenForce, closest_first, parse_force, refuse_mixed
 from jld_formats.options import ImportOptions, Notes, listed
 from jld_formats.paths import Path
 
@@ -71,7 +71,11 @@ class Cell:
 
 
 # Pattern of the layers of a load case: a name with a number, or a name after "load case"
-_CASE: Final = re.compile(r".*[^\W\d_][\s_.:-]*\d+|.*load\W?case[\s_.:-]+\S.*", re.IGNORECASE)
+# Names of layers of load cases: with a number, or with a name behind words for one
+_CASE: Final = re.compile(
+    r".*[^\W\d_][\s_.:-]*\d+|.*(?:load\W?case|lastfall|cas de charge|caso di carico|caso de carga)[\s_.:-]+\S.*",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,7 @@ def drawn_loads(
     cases = [layer for layer in live if _CASE.fullmatch(layer)]
     if len(cases) < 2:
         cases = []
+    refuse_mixed([(mark.layer, mark.text) for mark in marks if mark.text and mark.layer in (*live, *dead)])
     shared = loads.of(paths, marks, [layer for layer in live if layer not in cases], "live")
     found: dict[str, Any] = {"live": shared, "dead": loads.of(paths, marks, dead, "dead")}
     of_case = {layer: loads.of(paths, marks, [layer], f"load case {layer!r}:") for layer in cases}
@@ -221,10 +226,12 @@ class _Loads:
             problem = f"the text {mark.text!r} is a load per length or area, and its line lies along no free edge"
             raise InputError(f"layer {mark.layer!r}", problem, "a line on the edge that it acts on")
         ends = [[float(v) + 0.0 for v in points[k]] for k in (0, -1)]
+        reach = self._structure.reach
+        along = shapely.buffer(shapely.LineString(points), reach, cap_style="flat")
         touched = [
             str(self._cells[k].name)
             for k in self._free.tolist()
-            if (shapely.distance(shapely.points(probes), self._shapes[k]) <= self._structure.reach).sum() > 1
+            if shapely.length(shapely.intersection(shapely.get_exterior_ring(self._shapes[k]), along)) > 4.0 * reach
         ]
         where = " to ".join(f"({x:.9g}, {y:.9g})" for x, y in ends)
         told = f"{kind} pressure {pressure:.9g} {self._unit}/{self._structure.unit}² on elements {listed(touched)}"

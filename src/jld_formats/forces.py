@@ -89,6 +89,23 @@ def is_force(text: str) -> bool:
     return bool(re.match(r"\s*([-+.]?\d|[FPQV]?_?[XYZ]\s*=)", text, re.IGNORECASE))
 
 
+def refuse_mixed(texts: Sequence[tuple[str, str]]) -> None:
+    """Raise InputError where one of the texts with their layers has a decimal comma, and a point may mean thousands."""
+    comma = next((text for _, text in texts if re.search(r"\d,\d", text)), None)
+    for layer, text in texts if comma is not None else ():
+        if re.search(r"(?<![\d.,])\d{1,3}\.\d{3}(?!\d)", text):
+            problem = f"the point in {text!r} may separate thousands, as {comma!r} has a decimal comma"
+            raise InputError(f"layer {layer!r}", problem, "one sign for decimals, and none for thousands")
+
+
+def states_force(text: str) -> bool:
+    """Return True for a text that is a force, or a load per length or area, with its unit."""
+    try:
+        return parse_force(text, distributed=True).has_unit
+    except InputError:
+        return False
+
+
 def closest_first(
     lines: Ints, texts: Ints, away: Floats, reach: float, names: Sequence[tuple[str, str]]
 ) -> dict[int, int]:

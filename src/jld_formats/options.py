@@ -36,13 +36,14 @@ EDGE: Final = 0.02
 FACET: Final = 1e-3  # default distance of chords from their arcs, relative to the size of the drawing
 
 # Words of layer names by role, in English, German, Italian, French, Spanish and the codes of AIA, without accents; the
-# first role with a word of a name counts. A word may stand within another one; with "." it is a whole word.
+# first role with a word of a name counts. A word may stand within another one; with "." it is a whole word, with "-" as
+# well the end of one.
 _WORDS: Final = (
     ("skip", "blockids arrows. mechanism thrust defpoints"),
     ("dead", "dead eigengewicht. eigenlast. permanent."),
     (
         "load",
-        "load last. lasten. nutzlast carico. carichi. charge. charges. carga. cargas. force. forces. kraft. kraefte.",
+        "load -last. lasten. lastfall carico. carichi. charge. charges. carga. cargas. force. forces. kraft. kraefte.",
     ),
     ("id", "names"),
     (
@@ -81,7 +82,10 @@ _ISO_ELEMENT: Final = {
 
 def _pattern(words: str) -> re.Pattern[str]:
     """Return a pattern that finds one of the words of a role in a name whose words are divided by single spaces."""
-    return re.compile("|".join(rf"\b{word[:-1]}\b" if word.endswith(".") else word for word in words.split()))
+    found = (word.removesuffix(".") + (r"\b" if word.endswith(".") else "") for word in words.split())
+    return re.compile(
+        "|".join(word[1:] if word[0] == "-" else rf"\b{word}" if word.endswith(r"\b") else word for word in found)
+    )
 
 
 _PATTERNS: Final = tuple((role, _pattern(words)) for role, words in _WORDS)
@@ -444,9 +448,27 @@ def listed(names: Iterable[str], most: int = 6) -> str:
 def _fits(entry: dict[str, Any], ids: set[str], dimension: int) -> bool:
     """Return True if a load entry of another scene can be used in this one."""
     if "face" in entry:
-        return dimension == 2 if "along" in entry["face"] else entry["face"]["between"][0] in ids
-    vector = scene_loads.body_of(entry) or entry.get("force") or []
-    return entry.get("element") in (None, *ids) and len(vector) in (0, dimension)
+        face = entry["face"]
+        return face["between"][0] in ids if "between" in face else dimension == (2 if "along" in face else 3)
+    vector = scene_loads.body_of(entry) or entry.get("force") or entry.get("tilt", {}).get("towards") or []
+    return "on_fill" not in entry and entry.get("element") in (None, *ids) and len(vector) in (0, dimension)
+
+
+def _like(document: dict[str, Any], options: ImportOptions, notes: Notes) -> dict[str, Any]:
+    """Return the scene that a document is to be like, in the units of the document if it has any."""
+    if options.like is None:
+        return {}
+    like: dict[str, Any] = options.like.model_dump(mode="json", exclude_defaults=True)
+    theirs = {"length": options.like.units.length, "force": options.like.units.force}
+    own = {"length": "m", "force": "N"} | document.get("units", theirs)
+    if own == theirs:
+        return like
+    if not all(one["length"] in units.METRES and one["force"] in units.NEWTONS for one in (own, theirs)):
+        said = "its numbers are in {force} and {length}, those of the file in ".format(**theirs)
+        raise ParameterError("like", said + "{force} and {length}".format(**own), "units of known names")
+    told = "numbers of the scene that it is to be like turned from {force} and {length} to ".format(**theirs)
+    notes.found.append(told + "{force} and {length}".format(**own))
+    return units.in_units(like, own, options.like.dimension)
 
 
 def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, dimension: int) -> dict[str, Any]:
@@ -454,7 +476,7 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
     # Materials and load come from `options.like` if given, together with its search and units. Otherwise they are
     # `DEFAULT_MATERIALS` and a horizontal body load. Each assumption is added to `notes`. The document is changed in
     # place.
-    like = options.like.model_dump(mode="json", exclude_defaults=True) if options.like is not None else {}
+    like = _like(document, options, notes)
     if "materials" not in document:
         document["materials"] = like.get("materials", DEFAULT_MATERIALS)
         if not like:
@@ -464,12 +486,12 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
     for key in ("search", "units"):
         if key in like and key not in document:
             document[key] = like[key]
-    loads = document.setdefault("loads", {})
-    if not loads and like.get("loads", {}).get("cases"):
-        notes.assumed.append("loads of the scene it is to be like are cases, and are not taken over")
+    loads, others = document.setdefault("loads", {}), like.get("loads", {})
+    if not loads and (left := [key for key in others if key != "live"]):
+        notes.assumed.append(f"of the scene it is to be like, loads.{', '.join(left)} is not taken over")
     if not loads.get("live") and not loads.keys() & {"cases", "moving", "pushes"}:
         ids = {entry["id"] for entry in document["elements"]}
-        fitting = [entry for entry in like.get("loads", {}).get("live", []) if _fits(entry, ids, dimension)]
+        fitting = [entry for entry in others.get("live", []) if _fits(entry, ids, dimension)]
         loads["live"] = fitting or [{"body": [1.0, 0.0, 0.0][:dimension]}]
         if not fitting:
             notes.assumed.append("a horizontal body load along x: no load was found")

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core import Floats, InputError
+from jld_core import Floats, InputError, Ints
 from jld_core.geometry import merge_points
 
 _MOST_CHORDS: Final = 100_000  # largest number of chords of all arcs of a drawing
@@ -104,6 +104,7 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     stops: dict[int, list[float]] = {}
     for which, arc in zip(circle.tolist(), arcs, strict=True):
         stops.setdefault(which, []).extend([arc.first, arc.first + arc.sweep])
+    _add_ends(stops, paths, arcs, circle, same)
     count = np.bincount(circle)
     if float((count.astype(float) ** 2).sum()) > _MOST:
         raise InputError("", f"it holds {int(count.max())} arcs of one circle", "the arcs of a structure")
@@ -135,6 +136,21 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
                 pieces.append(inside[number, edge])
         found.append(np.concatenate(pieces))
     return Chords(found, len(arcs), deviation)
+
+
+def _add_ends(
+    stops: dict[int, list[float]], paths: Sequence[Path], arcs: list[_Arc], circle: Ints, same: float
+) -> None:
+    """Add the angles at which corners of paths lie on a circle: a joint that ends on an arc ends on its chords."""
+    every = np.concatenate([path.points[:, :2] for path in paths])
+    every = every[np.argsort(every[:, 0], kind="stable")]
+    for which, first in zip(*np.unique(circle, return_index=True), strict=True):
+        centre, radius = arcs[first].centre, arcs[first].radius
+        reach = radius + same
+        low, high = np.searchsorted(every[:, 0], [centre[0] - reach, centre[0] + reach])
+        away = every[low:high] - centre
+        on = away[abs(np.hypot(*away.T) - radius) <= same]
+        stops[int(which)].extend(np.arctan2(on[:, 1], on[:, 0]).tolist())
 
 
 def _step(radius: float, facet: float) -> float:

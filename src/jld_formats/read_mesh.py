@@ -269,7 +269,9 @@ def ply_text(layout: Layout, *, cells: bool) -> str:
 
 _COLUMNS: Final = ("id", "x", "y", "layer", "support")  # allowed columns
 
-_TRUE: Final = ("1", "true", "yes")  # texts that mean true in the column support
+# Texts of the column support, in English, German, French, Italian and Spanish
+_TRUE: Final = ("1", "true", "yes", "x", "ja", "wahr", "oui", "vrai", "sì", "si", "vero", "sí", "verdadero")
+_FALSE: Final = ("", "0", "false", "no", "nein", "falsch", "non", "faux", "falso")
 
 
 def _rows(text: str, mark: str) -> Iterator[list[str]]:
@@ -327,7 +329,10 @@ def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         if not np.isfinite(point).all():
             raise InputError(f"line {number}", "it holds a coordinate that is no number", "finite numbers only")
         corners.setdefault(entry["id"], []).append(point)
-        layer = "support" if entry.get("support", "").casefold() in _TRUE else entry.get("layer", "")
+        held = entry.get("support", "").casefold()
+        if held not in (*_TRUE, *_FALSE):
+            raise InputError(f"line {number}", f"support is {entry['support']!r}", "yes or no")
+        layer = "support" if held in _TRUE else entry.get("layer", "")
         layers[entry["id"]] = layer or layers.get(entry["id"], "")
     paths = []
     for name, points in corners.items():

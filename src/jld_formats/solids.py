@@ -332,6 +332,8 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes, *, feet: 
     document |= _taken_as_stated(document, options, notes)
     if unit is not None:
         document["units"] = {"force": "N", **document.get("units", {}), "length": unit}
+    elif options.like is not None:
+        document.setdefault("units", options.like.units.model_dump())
     free = len(parts) - sum(supports)
     counted = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
     measured = measure(document["elements"])
@@ -489,8 +491,9 @@ def _scale(found: Solids, options: ImportOptions, notes: Notes) -> tuple[float, 
         own = str(stated)
         return (units.METRES[given] / units.METRES[own] if given and own in units.METRES else 1.0), None, given or own
     if given is None:
-        notes.assumed.append("lengths in m: the file names no unit, give --unit")
-        return 1.0, None, "m"
+        own = "m" if options.like is None else options.like.units.length
+        notes.assumed.append(f"lengths in {own}: the file names no unit, give --unit")
+        return 1.0, None, own
     if given != "m":
         notes.found.append(f"lengths in {given}, times {units.METRES[given]:g} to m")
     return units.METRES[given], "m", given

@@ -67,8 +67,7 @@ class _Ifc:
         make = self.model.create_entity
         unit = layout.assembly.units[0]
         self._scale = 1.0 if unit in _PREFIX else scene_units.METRES.get(unit, 1.0)
-        # masses are weights over gravity in m/s²: kg where forces are in N
-        self._kilograms = scene_units.NEWTONS.get(layout.assembly.units[1], 1.0)
+        self._kilograms = layout.assembly.kilograms or 1.0
         self._cubic_metres = scene_units.METRES.get(unit, 1.0) ** 3
         mass = make("IfcSIUnit", UnitType="MASSUNIT", Prefix="KILO", Name="GRAM")
         metre = make("IfcSIUnit", UnitType="LENGTHUNIT", Name="METRE")
@@ -201,7 +200,7 @@ def _values(facts: BlockFacts, kilograms: float) -> list[tuple[str, str, Any]]:
         ("Block", "IfcLabel", files.printable(facts.block)),
         ("Elements", "IfcText", files.printable(" ".join(facts.elements))),
         ("Support", "IfcBoolean", facts.support),
-        ("Mass", "IfcMassMeasure", kilograms * facts.mass),
+        ("Mass", "IfcMassMeasure", float(f"{kilograms * facts.mass:.12g}")),
         ("DryFacesTo", "IfcText", files.printable(" ".join(facts.dry))),
         ("InnerFaces", "IfcInteger", facts.inner),
     ]
@@ -610,7 +609,8 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
         material = 0 if support else 1 + fact.shape % len(_COLOURS)
         meshes.append({"name": name, "primitives": [{"attributes": attributes, "material": material, "mode": 4}]})
         place = (scale * middle)[[0, 2, 1]] * [1.0, 1.0, -1.0]
-        extras = fact.entries()
+        sizes = {"mass": (layout.assembly.kilograms or 1.0) * fact.mass, "volume": scale**3 * fact.volume}
+        extras = fact.entries() | {name: float(f"{size:.12g}") for name, size in sizes.items()}
         nodes.append({"name": name, "mesh": number, "translation": place.tolist(), "extras": extras})
     materials = [_material("supports", (0.6, 0.6, 0.6))]
     materials += [_material(f"shape {k}", colour) for k, colour in enumerate(_COLOURS)]

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Stone:
-    """One block as a workshop sees it; lengths and masses in the units of the scene."""
+    """One block as a workshop sees it; lengths in the units of the scene, mass in kg where these are known."""
 
     number: int  # number that stands on the stone, from 1
     name: str  # name of the block
@@ -79,7 +79,8 @@ def stones_of(layout: Layout) -> list[Stone]:
             sides = [high - low for low, high in zip(block.lower, block.upper, strict=True)]
         own = (len(directions), outlines.different_lines(directions), sawn, outline)
         size = tuple(sorted(sides, reverse=True))
-        found.append(Stone(number, block.name, block.shape, block.mass, block.volume, size, *own))
+        mass = block.mass * (layout.assembly.kilograms or 1.0)
+        found.append(Stone(number, block.name, block.shape, mass, block.volume, size, *own))
     return found
 
 
@@ -490,11 +491,7 @@ def _stones(book: _Book) -> None:
     for stone in book.stones[:_ROWS]:
         size = " × ".join(languages.digits(book.length * side) for side in stone.size)
         waste = f"{100.0 * max(0.0, 1.0 - stone.volume / stone.stock):.0f} %"
-        mass = (
-            f"{languages.digits(stone.mass)} kg"
-            if book.scene.units.force in units.NEWTONS
-            else languages.digits(stone.mass)
-        )
+        mass = _kilograms(book, stone.mass)
         name = textwrap.shorten(stone.name, 14, placeholder="…")
         rows.append([str(stone.number), name, str(stone.shape), mass, size, str(stone.cuts), str(stone.set_ups), waste])
     top = book.table(figure, 0.91, head, rows, [0.07, 0.15, 0.09, 0.13, 0.23, 0.1, 0.13, 0.1])
@@ -502,6 +499,10 @@ def _stones(book: _Book) -> None:
         top = book.text(figure, top, [words["more"].format(count=len(book.stones) - _ROWS)])
     top = book.text(figure, top - 0.01, [words["making"]], 12.0)
     book.text(figure, top, [_making_words(book)])
+
+
+def _kilograms(book: _Book, mass: float) -> str:
+    return languages.digits(mass) + (" kg" if book.content.layout.assembly.kilograms is not None else "")
 
 
 def _making_words(book: _Book) -> str:
@@ -514,8 +515,8 @@ def _making_words(book: _Book) -> str:
         cuts=sums.cuts,
         set_ups=sums.set_ups,
         sawn=f"{languages.digits(metres**2 * sums.sawn)} m²",
-        mass=f"{languages.digits(sums.mass)} kg",
-        heaviest=f"{languages.digits(sums.heaviest)} kg",
+        mass=_kilograms(book, sums.mass),
+        heaviest=_kilograms(book, sums.heaviest),
         stock=f"{languages.digits(metres**3 * sums.stock)} m³",
         waste=f"{100.0 * max(0.0, sums.waste):.0f} %",
     )

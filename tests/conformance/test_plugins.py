@@ -304,6 +304,55 @@ FAULTY: dict[str, Faulty] = {
 """Group, code, command, what the scene has besides, and words of the line."""
 
 
+def stranger(folder: Path, group: str, name: str, code: str) -> Path:
+    """A place where a package stands whose only plug-in, of a group, is the name Plug of a module of this code."""
+    facts, module = folder / "site" / "stranger-1.dist-info", f"stranger_{name.replace(' ', '_')}"
+    facts.mkdir(parents=True)
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1\n")
+    (facts / "entry_points.txt").write_text(f"[jld.{group}]\nplug = {module}:Plug\n")
+    (facts.parent / f"{module}.py").write_text(
+        code.replace("        \n", "        pass\n").replace("    \n", "    pass\n")
+    )
+    return facts.parent
+
+
+LATER = """from jld_explore.drivers import BufferedRandom
+calls = []
+def late():
+    calls.append(0)
+    if len(calls) == 4: raise ValueError('late')
+"""
+DRAW = "return self.register.admit(self.moves.draw(4, BufferedRandom(np.random.default_rng(len(calls)))), limit)"
+OWN = "def Plug(evaluation, assembly, labels):\n    late()\n    return evaluation.load_factor"
+LATE = {
+    "objective": ("objectives", OWN, ("--objective", "plug", "--driver", "hillclimb")),
+    "driver": ("drivers", DRIVER.format(ask=DRAW, tell="late()"), ("--driver", "plug")),
+}
+
+
+@pytest.mark.usefixtures("without_pictures")
+@pytest.mark.parametrize("case", LATE)
+def test_what_was_found_before_a_plug_in_failed_is_kept(
+    case: str, tmp_path: Path, jld: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One line says so; the tables hold it, and a search goes on once the code is mended."""
+    group, code, options = LATE[case]
+    place = stranger(tmp_path, group, f"late {case}", "import numpy as np\n" + LATER + code)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.json").write_text(json.dumps(small()))
+    line = ("explore", "scene.json", "--out", "out", "--jobs", "1", "--check-fields", "0", *options)
+    with installed(place, monkeypatch):
+        done = jld(*line)
+        kept = len(je.read_folder("out").results)
+        again = jld(*line, "--resume", "--budget", "60")
+        then = len(je.read_folder("out").results)
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
+    assert "ValueError('late')" in done.err
+    assert "what was found until then is in out" in done.err
+    assert again.code == 0
+    assert then > kept > 0
+
+
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("case", FAULTY)
 def test_what_a_strangers_code_does_wrong_is_one_line(
@@ -311,13 +360,7 @@ def test_what_a_strangers_code_does_wrong_is_one_line(
 ) -> None:
     """And its package is named: it raises, ends the process, returns what nobody can use, or contradicts itself."""
     group, code, line, more, words = FAULTY[case]
-    facts, module = tmp_path / "site" / "stranger-1.dist-info", f"stranger_{case.replace(' ', '_')}"
-    facts.mkdir(parents=True)
-    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 1\n")
-    (facts / "entry_points.txt").write_text(f"[jld.{group}]\nplug = {module}:Plug\n")
-    (facts.parent / f"{module}.py").write_text(
-        code.replace("        \n", "        pass\n").replace("    \n", "    pass\n")
-    )
+    place = stranger(tmp_path, group, case, code)
     scene = small() if "criterion" in more else small(**more)
     scene["grid"] |= {"rows": ["aa", "##"]}
     if scene["search"].pop("symmetric", False):
@@ -327,10 +370,11 @@ def test_what_a_strangers_code_does_wrong_is_one_line(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.json").write_text(json.dumps(scene))
     (tmp_path / "file.plug").write_text("x")
-    with installed(facts.parent, monkeypatch):
+    with installed(place, monkeypatch):
         done = jld(*line)
-    assert (done.code, done.err.count("\n")) == (2, 1), done
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1), done
     assert words in done.err
+    assert (tmp_path / "out").exists() == ("what was found until then is in out" in done.err)
     assert (
         case in ("nothing asked", "numbers asked", "excluded", "bound", "no file", "no layout")
         or "stranger" in done.err

@@ -111,6 +111,28 @@ def test_a_density_in_kg_per_cubic_metre_is_a_warning_in_other_units(length: str
     assert build_assembly(parse_scene(in_units(length, force, remedy))).warnings == ()
 
 
+@pytest.mark.parametrize(("length", "force"), [("m", "kN"), ("mm", "N")])
+def test_strengths_of_surfaces_and_of_single_faces_are_judged(length: str, force: str) -> None:
+    """Pascals in a scene of other units, wherever a strength is stated."""
+    metres, newtons = UNITS[length, force]
+    pascals = newtons / metres**2
+    scene = in_units(length, force, "2000 kg/m³")
+    own = {key: value / pascals for key, value in (("tensile_strength", 2e5), ("shear_strength", 2e5))}
+    scene["materials"]["inner"] = own
+    scene["materials"]["faces"] = [{"between": ["c0r0", "c1r0"], "inner": {"tensile_strength": 2e9 / pascals}}]
+    (warning,) = build_assembly(parse_scene(scene)).warnings
+    assert warning.startswith("materials.faces[0].inner.tensile_strength is ")
+    friction = {"coefficients": 0.3, "cohesion": 2e5 / pascals}
+    bending = {"within": "kern", "tensile_strength": 2e5 / pascals}
+    for strength, number in ((2e5, 0), (2e10, 1), (2.0, 1)):
+        bending["tensile_strength"] = strength / pascals
+        scene["materials"] |= {"faces": [], "inner": {"surface": {"friction": friction, "bending": bending}}}
+        warnings = build_assembly(parse_scene(scene)).warnings
+        assert [one.partition(" is ")[0] for one in warnings] == [
+            "materials.inner.surface.bending.tensile_strength"
+        ] * number
+
+
 @pytest.mark.parametrize(("length", "force"), UNITS)
 def test_strengths_and_sizes_are_judged_in_every_system(length: str, force: str) -> None:
     warnings = build_assembly(parse_scene(in_units(length, force, "2000 kg/m³", 1e6))).warnings

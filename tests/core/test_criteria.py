@@ -266,6 +266,30 @@ def test_load_cases_and_faces_of_their_own() -> None:
         assert result.load_factor == pytest.approx(results[0].load_factor, rel=1e-9)
 
 
+@pytest.mark.parametrize("face", [False, True], ids=["material", "face"])
+def test_parameters_take_texts_with_units(face: bool) -> None:
+    """A stress of a criterion is one in any units of the scene, by the unit that its parameter names."""
+    document = grid_document(["ab", "#."], tension=2e4, shear=3e4)
+    document["units"] = {"length": "cm", "force": "kN"}
+    stated: dict[str, Any] = {"criterion": "hoek_brown", "parameters": {"uniaxial_strength": "4 MPa", "m": 8.0}}
+    document["materials"] |= {"faces": [{"between": ["c0r0", "c0r1"], "inner": stated}]} if face else {"inner": stated}
+    parsed = parse_scene(document).materials
+    found = parsed.faces[0].inner if face else parsed.inner
+    assert found is not None
+    assert found.parameters == {"uniaxial_strength": pytest.approx(0.4), "m": 8.0}
+    stated["parameters"]["uniaxial_strength"] = 4e6
+    warnings = [one for one in build_assembly(parse_scene(document)).warnings if "parameters" in one]
+    where = "materials.faces[0].inner" if face else "materials.inner"
+    told = f"{where}.parameters.uniaxial_strength is 4e+06, which is 4e+13 Pa in cm and kN; usual is"
+    assert [one.startswith(told) for one in warnings] == [True]
+    stated["parameters"]["m"] = "8 kN"
+    with pytest.raises(InputError, match=r"parameters.m: it is .*; expected a number from"):
+        build_assembly(parse_scene(document))
+    stated["parameters"] = {"uniaxial_strength": "4 kN", "m": 8.0}
+    with pytest.raises(InputError, match=r"uniaxial_strength: .*'kN' is no unit of this quantity"):
+        parse_scene(document)
+
+
 # --- refusals ------------------------------------------------------------------------------------------
 
 

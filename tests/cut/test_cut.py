@@ -20,6 +20,7 @@ import trimesh
 from manifold3d import CrossSection, Manifold, Mesh64, OpType
 from scipy.spatial import ConvexHull
 
+from command import Command
 from jld_core import InputError, ParameterError, build_assembly, checkpoint, parse_scene
 from jld_cut import Options, cut
 from jld_cut.cells import (
@@ -352,14 +353,54 @@ def test_options_are_read_in_the_unit_that_a_3mf_file_states(
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("3D/3dmodel.model", model)
     options = Options((side,) * 3, DOWN, unit=unit, families=("grid",), cells=2, seconds=3.0, keys=False)
-    found = cut(path, options, tmp_path / "out", said.append)
+    found = cut(path, options, tmp_path / "out", warn=said.append)
     assert found["volume"] == pytest.approx(2.0, rel=1e-6)
     assert found["unit"] == used
     assert found["parts"] == 2
     assert found["fits"]
     assert found["largest_box"] == pytest.approx([side / 1.2] * 3, rel=1e-4)
     assert found["warnings"] == [warned] * bool(warned)
-    assert [line for line in said if "warning" in line] == [f"warning: {warned}"] * bool(warned)
+    assert said == found["warnings"]
+
+
+def test_a_solid_whose_unit_is_doubtful_is_named_with_its_mass(tmp_path: Path, jld: Command) -> None:
+    """A pillar in mm read in m: parts are made of it all the same, a line on stderr and the summary doubt it."""
+    path = written(box(1000.0, 1000.0, 2000.0), tmp_path / "pillar.stl")
+    words = ["--load", "0,0,-1000", "--family", "grid", "--cells", "2", "--seconds", "3", "--no-keys"]
+    found = jld("cut", path, "--fit", "1200,1200,1200", *words, "-o", tmp_path / "out")
+    told = "the solid is 2000 m long and weighs 4.8e+12 kg, with lengths in m; in mm it is 2 m: --unit mm"
+    assert found.code == 0
+    assert found.err == f"jld: warning: {path}: {told}\n"
+    assert "warning" not in found.out
+    assert json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["warnings"] == [told]
+
+
+def test_files_of_a_solid_far_from_the_origin_are_whole(tmp_path: Path) -> None:
+    """A pillar at coordinates of a survey: parts are moved to the origin, and said to be; the table says where."""
+    mesh, far = mesh_of(box(1, 1, 2)), np.array([3456789.25, 5432100.5, 0.0])
+    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in (mesh.vertices + far).tolist()]
+    rows += [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
+    (tmp_path / "pillar.obj").write_text("\n".join(["o pillar", *rows, ""]))
+    options = Options((1.2,) * 3, DOWN, families=("grid",), cells=2, seconds=3.0, keys=False)
+    found = cut(tmp_path / "pillar.obj", options, tmp_path / "out")
+    assert found["watertight"]
+    assert found["file_error"] < 1e-6
+    (told,) = found["warnings"]
+    assert "files of parts are moved by (-3456789, -5432100, 0) m" in told
+    table = pd.read_csv(tmp_path / "out" / "parts.csv")
+    assert table["at_x"].tolist() == pytest.approx([far[0]] * 2, rel=1e-9)
+    parts = [trimesh.load(tmp_path / "out" / name) for name in table["file"]]
+    assert sum(part.volume for part in parts) == pytest.approx(2.0, rel=1e-6)
+    assert min(part.bounds[0, 0] for part in parts) == pytest.approx(0.25, abs=1e-6)
+
+
+def test_nothing_is_printed_beside_an_error_of_a_cut(tmp_path: Path, jld: Command) -> None:
+    """A slab whose only support leaves it to fall: one line on stderr, none of what was tried."""
+    path = written(box(2.0, 1.0, 0.2), tmp_path / "slab.stl")
+    words = ["--support", "0,0,0,0,1,0.2", "--load", "0,0,-1000", "--family", "grid", "--seconds", "3"]
+    found = jld("cut", path, "--fit", "0.6,0.6,0.6", *words, "-o", tmp_path / "out")
+    assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
+    assert not (tmp_path / "out").exists()
 
 
 def _open(mesh: Any) -> None:
@@ -378,9 +419,10 @@ def _crossed(mesh: Any) -> None:
 def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any, told: str) -> None:
     mesh = mesh_of(box(1, 1, 1))
     spoil(mesh)
+    mesh.apply_scale(1e3)  # the place is in the unit of the file
     mesh.export(tmp_path / "poor.stl")
-    with pytest.raises(InputError, match=told) as error:
-        cut(tmp_path / "poor.stl", Options((1.2,) * 3, DOWN), tmp_path / "out")
+    with pytest.raises(InputError, match=told + r".*\(.*\d{3}") as error:
+        cut(tmp_path / "poor.stl", Options((1.2e3,) * 3, DOWN, unit="mm"), tmp_path / "out")
     for words, there in (("(", True), ("expected", True), ("\n", False)):
         assert (words in str(error.value)) is there
 
@@ -397,12 +439,17 @@ def test_poor_meshes_are_named_with_place_and_remedy(tmp_path: Path, spoil: Any,
         ({"loads": ("body:1,0,0@0,0,0,1,1,1",)}, "load"),
         ({"support": ("5,5,5,6,6,6",)}, "support"),
         ({"support": ("1,1,1,0,0,0",)}, "support"),
-        ({"families": ("slabs",)}, "families"),
+        ({"families": ("slabs",)}, "^family: slabs is no way to cut"),
         ({"unit": "ell"}, "unit"),
         ({"clearance": 0.3}, "clearance"),
         ({"clearance": -1.0}, "clearance"),
         ({"require": float("nan")}, "require"),
         ({"keep_whole": ("0,0,0",)}, "keep_whole"),
+        ({"keep_whole": ("5,5,5,6,6,6",)}, "^keep_whole: nothing of the solid lies in 5,5,5,6,6,6 m"),
+        (
+            {"keep_whole": ("0,0,0,1,1,2",), "fit": (0.6,) * 3},
+            "^keep_whole: in .* lie 0.32 m³ of the solid, and a part",
+        ),
     ],
 )
 def test_bad_options_are_one_line(tmp_path: Path, change: dict[str, Any], told: str) -> None:
@@ -642,6 +689,11 @@ def _inwards(solid: Any) -> Any:
     return mesh
 
 
+def _inside_out(mesh: Any) -> Any:
+    mesh.invert()
+    return mesh
+
+
 def _hollow(inside: Any) -> Any:
     """A box with a cavity, and a body within that."""
     return trimesh.util.concatenate([_of(box(2, 2, 2)), _inwards(box(1, 1, 1, (0.5, 0.5, 0.5))), mesh_of(inside)])
@@ -657,6 +709,8 @@ def _hollow(inside: Any) -> Any:
         (lambda: trimesh.util.concatenate([_of(box(2, 2, 2)), _inwards(box(1, 1, 1, (0.5, 0.5, 0.5)))]), 7.0),
         (lambda: _of(bench()), 1.8 * 0.4 * 0.1 + 2 * 0.2 * 0.4 * 0.4),
         (lambda: _inwards(bench()), 1.8 * 0.4 * 0.1 + 2 * 0.2 * 0.4 * 0.4),  # turned inwards as a whole, the same
+        (lambda: _inside_out(_hollow(box(0.2, 0.2, 1, (0.9, 0.9, 0.5)))), 7.04),  # that of a cavity as well
+        (lambda: _inside_out(_of(box(1, 1, 1), box(1, 1, 1, (1, 0, 0)))), 2.0),
         (lambda: _of(box(2, 2, 2), box(1, 1, 1, (0.5, 0.5, 0.5))), 8.0),  # one within the other, both outwards
         (lambda: _of(box(1, 1, 1), box(1, 1, 1, (3, 0, 0))), None),
         (lambda: _hollow(box(0.2, 0.2, 1, (0.9, 0.9, 0.5))), 7.04),  # a pillar across the cavity
@@ -667,7 +721,7 @@ def test_meshes_of_other_makes(tmp_path: Path, kind: str, made: Any, volume: flo
     path = tmp_path / f"a.{kind}"
     made().export(path)
     if volume is None:
-        with pytest.raises(InputError, match="2 solids that do not touch"):
+        with pytest.raises(InputError, match="2 solids that share no face"):
             read_solid(path, 1.0)
         return
     assert read_solid(path, 1.0).volume() == pytest.approx(volume, rel=1e-4)

@@ -17,6 +17,7 @@ from command import Command
 from jld_core import Deadline, InputError, Layout, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.fields import governing_bounds
 from jld_core.refinement import refine
+from jld_core.scene import units
 from jld_explore import ExploreSettings, Interrupted, explore
 from jld_practice.design import (
     Design,
@@ -497,6 +498,37 @@ def test_a_scene_says_its_thickness_itself(tmp_path: Path) -> None:
     scene.write_text('{"elements": []}')
     with pytest.raises(InputError, match="the outline is a scene"):
         read_outline(scene, DesignOptions(thickness=0.2))
+
+
+@pytest.mark.parametrize(("force", "length"), [("kN", "m"), ("N", "mm"), ("kip", "in")])
+def test_options_are_kilograms_metres_and_pascals_in_scenes_of_all_units(
+    force: str, length: str, tmp_path: Path
+) -> None:
+    """Density, strengths, mass of blocks and width of a load as `--help` states them: one λ of one tessellation."""
+    found = []
+    for words in (("N", "m"), (force, length)):
+        n, m = units.NEWTONS[words[0]], units.METRES[words[1]]
+        outline = [[x / m, y / m] for x, y in ((0, 0), (1.2, 0), (1.2, 0.8), (0, 0.8))]
+        ground = [[x / m, y / m] for x, y in ((0, -0.1), (1.2, -0.1), (1.2, 0), (0, 0))]
+        scene = {
+            "units": {"force": words[0], "length": words[1]},
+            "elements": [{"id": "w", "polygon": outline}, {"id": "g", "polygon": ground, "support": True}],
+            "thickness": 0.3 / m,
+            "materials": {"dry": {"friction_coefficient": 0.6}},
+            "loads": {"live": [{"element": "w", "force": [1e3 / n, 0.0], "at": [0.0, 0.8 / m]}]},
+        }
+        path = tmp_path / "scene.json"
+        path.write_text(json.dumps(scene))
+        options = DesignOptions(load="5 kN", width=0.3, push=0.1, block_mass=90.0, density=1800.0, shear=2e6)
+        read = read_outline(path, options).scene
+        cut = {one.name: one for one in tessellations.tessellations(read, options, Deadline(0.0))}
+        assembly = build_assembly(cut["bond"].scene)
+        weight = float(assembly.elements.weight[assembly.elements.free, 1].sum()) * n
+        stone = read.materials.inner
+        strengths = [value * n / m**2 for value in (stone.tensile_strength, stone.shear_strength)]
+        found.append([solve(assembly).load_factor, len(assembly.elements), weight, *strengths])
+    assert found[0][3:] == [2e5, 2e6]
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
 
 
 def test_a_vault_spans_across_its_axis(tmp_path: Path) -> None:

@@ -301,19 +301,30 @@ def test_heads_of_columns_do_not_overlap(language: str) -> None:
     assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
-@pytest.mark.parametrize("units", [("m", "N", 1.0, 1.0), ("mm", "kN", 1e-3, 1e-3), ("m", "kN", 1.0, 1e-3)])
-def test_materials_are_printed_in_units_of_the_trade(units: tuple[str, str, float, float]) -> None:
-    """2 N/mm² and 1400 kg/m³ are the same on paper, whatever the units of the scene."""
-    length, force, metre, newton = units
+@pytest.mark.parametrize(
+    "units",
+    [
+        ("m", "N", 1.0, 1.0, 9.81),
+        ("mm", "kN", 1e-3, 1e-3, 9.81),
+        ("m", "kN", 1.0, 1e-3, 9.81),
+        ("mm", "N", 1e-3, 1.0, 9810.0),
+    ],
+)
+def test_materials_are_printed_in_units_of_the_trade(units: tuple[str, str, float, float, float]) -> None:
+    """2 N/mm², 1400 kg/m³ and masses in kg are the same on paper, whatever the units of the scene."""
+    length, force, metre, newton, gravity = units
     document = grid_document(["ab", "##"], tension=2e6 * newton * metre**2, shear=1e6 * newton * metre**2)
     document["units"] = {"length": length, "force": force}
-    document["materials"]["density"] = 1400.0 * newton * metre**3
+    document["materials"] |= {"density": 1400.0 * newton * metre**3 * 9.81 / gravity, "gravity": gravity}
     scene = parse_scene(document)
     assembly = build_assembly(scene)
     own = Layout(scene, assembly, assembly.labels)
     told = texts(pages_of(Printed(own, (1.0, 1.0), (1.0, 1.0), "collapse")))
     assert "2 and 1 N/mm²" in told or "2 N/mm² and 1 N/mm²" in told
     assert "1400 kg/m³" in told
+    stones = stones_table(own, "mm")
+    assert stones["mass"].sum() == pytest.approx(1400.0 * metre**3 * assembly.elements.volume[:2].sum())
+    assert " kg" in told
 
 
 # Stones in stock cuboids: places are valid, the number of cuboids is proven from below, bad input is one line.

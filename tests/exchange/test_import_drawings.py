@@ -462,6 +462,127 @@ def test_bad_options(options: dict[str, object], words: str, tmp_path: Path) -> 
         import_file(path, ImportOptions(**options))  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("unit", [4, 6])
+def test_joints_that_end_on_arcs_divide_them(unit: int, tmp_path: Path) -> None:
+    """Two half circles and eight radial lines: seven voussoirs, though chords lie up to the facet inside the arcs."""
+    scale = {6: 1.0, 4: 1000.0}[unit]
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = unit
+    space = document.modelspace()
+    for radius in (1.5, 1.9):
+        space.add_arc((0, 0), scale * radius, 0, 180, dxfattribs={"layer": "Arc"})
+    for angle in np.linspace(0.0, np.pi, 8):
+        ends = [(scale * r * math.cos(angle), scale * r * math.sin(angle)) for r in (1.5, 1.9)]
+        space.add_line(*ends, dxfattribs={"layer": "Joints"})
+    for side in (-1, 1):
+        feet = [(side * x * scale, y * scale) for x, y in ((1.4, -0.3), (2.0, -0.3), (2.0, 0.0), (1.4, 0.0))]
+        space.add_lwpolyline(feet, close=True, dxfattribs={"layer": "Appuis"})
+    document.saveas(tmp_path / "arch.dxf")
+    assembly = built(tmp_path / "arch.dxf")
+    assert len(assembly.elements.free) == 7
+    assert len(assembly.interfaces) == 8
+    volume = assembly.elements.volume[assembly.elements.free]
+    assert volume == pytest.approx([math.pi * (1.9**2 - 1.5**2) / 14] * 7, rel=5e-3)
+
+
+def test_a_pressure_names_all_elements_that_it_acts_on(tmp_path: Path) -> None:
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = 6
+    space = document.modelspace()
+    for k in range(3):
+        outline = [(k, 0), (k + 1, 0), (k + 1, 0.5), (k, 0.5)]
+        space.add_lwpolyline(outline, close=True, dxfattribs={"layer": "Ziegel"})
+    space.add_lwpolyline([(0, -1), (3, -1), (3, 0), (0, 0)], close=True, dxfattribs={"layer": "Boden"})
+    space.add_line((0, 0.5), (3, 0.5), dxfattribs={"layer": "Lasten"})
+    space.add_text("q = 20 kN/m", height=0.1, dxfattribs={"layer": "Lasten", "insert": (1.4, 0.6)})
+    document.saveas(tmp_path / "row.dxf")
+    found = import_file(tmp_path / "row.dxf", ImportOptions(thickness=0.5)).report.found
+    assert any("live pressure 40000 N/m² on elements e1, e2, e3 from (0, 0.5) to (3, 0.5)" in line for line in found)
+
+
+@pytest.mark.parametrize(("yes", "no"), [("ja", "nein"), ("Oui", "non"), ("x", ""), ("VERO", "falso")])
+def test_supports_of_a_table_are_named_in_five_languages(yes: str, no: str, tmp_path: Path) -> None:
+    rows = [(name, x, y, held) for name, low, held in (("s", 0, no), ("g", -1, yes)) for x, y in
+            ((0, low), (1, low), (1, low + 1), (0, low + 1))]  # fmt: skip
+    path = tmp_path / "pier.csv"
+    path.write_text("id,x,y,support\n" + "".join(f"{n},{x},{y},{held}\n" for n, x, y, held in rows))
+    assert built(path).elements.support.tolist() == [False, True]
+    path.write_text(path.read_text().replace(f"1,{yes}\n", "1,vielleicht\n"))
+    with pytest.raises(InputError, match=r"line \d+: support is 'vielleicht'; expected yes or no"):
+        import_file(path)
+
+
+def pier(path: Path, lines: list[tuple[str, float, float, float, float]], texts: list[tuple[str, str]]) -> None:
+    """A pier of 1 × 2 m on a footing, drawn in mm, with lines by layer and texts by layer beside them."""
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = 4
+    space = document.modelspace()
+    for layer, low, high in (("Pfeiler", 0, 2000), ("Gründung", -200, 0)):
+        outline = [(0, low), (1000, low), (1000, high), (0, high)]
+        space.add_lwpolyline(outline, close=True, dxfattribs={"layer": layer})
+    for (layer, *ends), (own, text) in zip(lines, texts, strict=True):
+        space.add_line(ends[:2], ends[2:], dxfattribs={"layer": layer})
+        middle = (0.5 * (ends[0] + ends[2]) + 20.0, 0.5 * (ends[1] + ends[3]))
+        space.add_text(text, height=50, dxfattribs={"layer": own, "insert": middle})
+    document.saveas(path)
+
+
+WIND, SNOW = (0.0, 2000.0, 0.0, 500.0), (500.0, 2500.0, 500.0, 2000.0)
+
+
+def test_load_cases_are_named_in_german(tmp_path: Path) -> None:
+    path = tmp_path / "pier.dxf"
+    named = [(layer, *line) for layer, line in (("Lastfall Wind", WIND), ("Lastfall Schnee", SNOW))]
+    pier(path, named, [("Lastfall Wind", "w = 0,8 kN/m²"), ("Lastfall Schnee", "1,5 kN")])
+    cases = import_file(path).document["loads"]["cases"]
+    assert [case["name"] for case in cases] == ["Lastfall Schnee", "Lastfall Wind"]
+    assert cases[0]["live"][0]["force"] == [0.0, -1500.0]
+    assert cases[1]["live"][0]["pressure"] == pytest.approx(800.0)
+
+
+def test_a_point_is_no_sign_of_thousands_beside_a_decimal_comma(tmp_path: Path) -> None:
+    path = tmp_path / "pier.dxf"
+    texts = [("Lasten", "w = 0,8 kN/m²"), ("Lasten", "1.500 N")]
+    pier(path, [("Lasten", *WIND), ("Lasten", *SNOW)], texts)
+    with pytest.raises(
+        InputError, match=r"the point in '1.500 N' may separate thousands, as 'w = 0,8 kN/m²' has a dec"
+    ):
+        import_file(path)
+
+
+def test_forces_on_layers_that_are_not_read_are_doubtful(tmp_path: Path) -> None:
+    path = tmp_path / "pier.dxf"
+    pier(path, [("Druck", *WIND), ("Druck", *SNOW)], [("Druck", "w = 0,8 kN/m²"), ("Notizen", "Höhe 2 m")])
+    doubts = import_file(path).report.doubtful
+    assert [one for one in doubts if "Druck" in one] == [
+        "the text 'w = 0,8 kN/m²' on layer Druck states a force: a load? --load 'Druck'"
+    ]
+    assert not any("Notizen" in one for one in doubts)
+
+
+@pytest.mark.parametrize(
+    ("support", "words"),
+    [
+        ([(0, 0), (1000, 0)], "no line on layer Auflager encloses an area; expected closed outlines there"),
+        ([(500, 0), (420, -140), (580, -140)], "'e2' and 'e1' touch at a point alone"),
+    ],
+)
+def test_supports_that_bear_nothing_are_explained(
+    support: list[tuple[float, float]], words: str, tmp_path: Path
+) -> None:
+    """A line of the ground, and the triangle by which drawings show a bearing."""
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = 4
+    space = document.modelspace()
+    outline = [(0, 0), (1000, 0), (1000, 400), (0, 400)]
+    space.add_lwpolyline(outline, close=True, dxfattribs={"layer": "Träger"})
+    space.add_lwpolyline(support, close=len(support) > 2, dxfattribs={"layer": "Auflager"})
+    document.saveas(tmp_path / "beam.dxf")
+    with pytest.raises(InputError) as error:
+        built(tmp_path / "beam.dxf")
+    assert words in str(error.value)
+
+
 def test_a_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 

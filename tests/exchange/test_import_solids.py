@@ -13,6 +13,7 @@ import pytest
 
 from command import call
 from jld_core import Assembly, InputError, build_assembly, parse_scene, solve
+from jld_core.scene import units
 from jld_formats import ImportOptions, import_file
 
 pytest.importorskip("meshio")
@@ -92,6 +93,71 @@ def test_inside_out_and_units(tmp_path: Path) -> None:
     found = import_file(path, ImportOptions(unit="mm"))
     assert any("inside out" in text for text in found.report.skipped)
     assert build_assembly(parse_scene(found.document)).elements.volume == pytest.approx([1e-9] * 3)
+
+
+LIKE = {
+    "elements": [
+        {"id": name, "vertices": points, "faces": CUBE, "support": name == "support"} for name, points in PILE.items()
+    ],
+    "materials": {
+        "density": 2000.0,
+        "dry": {"friction_coefficient": 0.6, "cohesion": 2e3},
+        "inner": {"tensile_strength": {"nominal": 2e4, "low": 1e4}, "shear_strength": 5e4},
+    },
+    "labels": {"inner": [["middle", "top"]]},
+    "loads": {"dead": [{"body": [0, 0, -1]}], "live": [{"element": "top", "force": [1e3, 0, 0], "at": [0.5, 0.75, 3]}]},
+    "search": {"block_mass": [None, 4000], "block_extent": [None, 2.5]},
+}
+
+
+@pytest.mark.parametrize(
+    ("force", "length", "gravity"),
+    [("kN", "m", 9.81), ("N", "mm", 9.81), ("kN", "mm", 9810.0), ("kip", "ft", 9.81 / 0.3048)],
+)
+def test_what_is_taken_over_is_turned_to_the_units_of_the_file(
+    force: str, length: str, gravity: float, tmp_path: Path
+) -> None:
+    """The numbers of a scene in other units mean the same in the scene of a file: λ, dead loads left out, is one."""
+    n, m = units.NEWTONS[force], units.METRES[length]
+    like = json.loads(json.dumps(LIKE)) | {"units": {"force": force, "length": length}}
+    for element in like["elements"]:
+        element["vertices"] = [[x / m for x in point] for point in element["vertices"]]
+    si = gravity * n / 9.81 / m**3  # kg/m³ of a density of 1
+    like["materials"] |= {"density": 2000.0 / si, "gravity": gravity}
+    like["materials"]["dry"]["cohesion"] *= m**2 / n
+    inner = like["materials"]["inner"]
+    inner["shear_strength"] *= m**2 / n
+    inner["tensile_strength"] = {key: value * m**2 / n for key, value in inner["tensile_strength"].items()}
+    load = like["loads"]["live"][0]
+    load |= {"force": [1e3 / n, 0, 0], "at": [x / m for x in load["at"]]}
+    like["search"] = {"block_mass": [None, 4000 / si / m**3], "block_extent": [None, 2.5 / m]}
+    obj(tmp_path / "pile.obj")
+    read = [import_file(tmp_path / "pile.obj", ImportOptions(unit="m", like=parse_scene(one))) for one in (LIKE, like)]
+    stated, found = (parse_scene(one.document) for one in read)
+    assert solve(found).load_factor == pytest.approx(solve(stated).load_factor, rel=1e-9)
+    assert found.materials.density == pytest.approx(2000.0)
+    assert found.search.block_mass[1] == pytest.approx(4000.0)  # type: ignore[index]
+    assert found.search.block_extent[1] == pytest.approx(2.5)  # type: ignore[index]
+    assert any("loads.dead is not taken over" in text for text in read[1].report.assumed)
+    assert any(f"turned from {force} and {length} to N and m" in text for text in read[1].report.found)
+
+
+def test_units_without_a_name_are_taken_over_with_a_file_that_names_none(tmp_path: Path) -> None:
+    like = parse_scene(LIKE | {"units": {"force": "blocks", "length": "cubits"}})
+    obj(tmp_path / "pile.obj")
+    found = import_file(tmp_path / "pile.obj", ImportOptions(like=like))
+    assert found.document["units"] == {"force": "blocks", "length": "cubits"}
+    assert found.report.assumed[0].startswith("lengths in cubits")
+    with pytest.raises(InputError, match="its numbers are in blocks and cubits, those of the file in N and m"):
+        import_file(tmp_path / "pile.obj", ImportOptions(like=like, unit="mm"))
+
+
+def test_loads_on_patches_are_not_asked_for_their_elements(tmp_path: Path) -> None:
+    patch = [[0.25, 0.0, 1.1], [0.25, 1.0, 1.1], [0.25, 1.0, 1.9], [0.25, 0.0, 1.9]]
+    live = [{"face": {"patch": patch}, "pressure": 500.0}]
+    like = parse_scene(LIKE | {"loads": {"live": live}})
+    obj(tmp_path / "pile.obj")
+    assert import_file(tmp_path / "pile.obj", ImportOptions(like=like)).document["loads"]["live"] == live
 
 
 def test_shapes_of_trimesh_are_read(tmp_path: Path) -> None:

@@ -205,6 +205,7 @@ def test_less_than_nine_tenths_is_doubtful(tmp_path: Path) -> None:
         ("Streifenfundamente", "support"), ("S-FNDN", "support"), ("A-G21---E-", "support"), ("appuis", "support"),
         ("A-GRID-IDEN", "skip"), ("GRID", None), ("Achse_12", "skip"), ("Bemaßung", "skip"), ("A-21----T-", "skip"),
         ("Arco di scarico", None), ("Structure", None), ("MAUERWERK", None), ("GESAMTLASTEN 2", None),
+        ("Windlast", "load"), ("Lastfall Schnee", "load"), ("Nutzlast 1", "load"), ("Plastik", None),
         ("LASTEN 2", "load"),
         ("Eigengewicht", "dead"), ("Stoßfugen", "dry"), ("RISSE", "inner"), ("ids", "id"), ("Assembly", None),
     ],

@@ -373,6 +373,20 @@ def test_densities_of_ifc_materials_come_back(tmp_path: Path) -> None:
         assert "density" not in str(found.report)
 
 
+def test_masses_are_kilograms_in_millimetres_and_tonnes(tmp_path: Path) -> None:
+    """A stone of 1 m³ and 2 t, gravity 9810 mm/s²: IFC and glTF hold 2000 kg, in the property, material and extras."""
+    pytest.importorskip("ifcopenshell")
+    document = pile([box("g", [0, 0, -1e3], [1e3, 1e3, 0], support=True), box("a", [0, 0, 0], [1e3, 1e3, 1e3])])
+    document |= {"units": {"length": "mm", "force": "N"}}
+    document["materials"] |= {"density": 2e-9, "gravity": 9810.0}
+    made = layout(parse_scene(document))
+    read = import_file(export(made, "ifc", tmp_path / "a.ifc")).document
+    assert [one["density"] for one in read["elements"] if not one.get("support")] == [pytest.approx(2000.0)]
+    assert "IFCMASSMEASURE(2000.)" in (tmp_path / "a.ifc").read_text().upper()
+    nodes = {node["name"]: node["extras"] for node in glb(export(made, "gltf", tmp_path / "a.glb"))[0]["nodes"]}
+    assert (nodes["a"]["mass"], nodes["a"]["volume"]) == pytest.approx((2000.0, 1.0))
+
+
 def test_ifc_densities_in_other_units(tmp_path: Path) -> None:
     """A density unit of the project in t/m³; several densities of one product are left out."""
     ifcopenshell = pytest.importorskip("ifcopenshell")

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Bools
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase
 from jld_core.build import materials
 from jld_core.build.elements import Geometry, faces_of_pairs, planar_geometry, spatial_geometry, with_self_weights
@@ -183,11 +184,26 @@ def _check_paths(geometry: Geometry) -> None:
     reached = np.isin(part, part[elements.support])
     if not reached.all():
         lost = elements.ids[int(np.flatnonzero(~reached)[0])]
+        near = [*_touching(elements, reached), *geometry.warnings]
         raise InputError(
             f"element {lost!r}",
-            "no path of interfaces leads from it to a support" + "".join(f" ({near})" for near in geometry.warnings),
+            "no path of interfaces leads from it to a support" + "".join(f" ({one})" for one in near),
             "every free element joined to a support through faces that touch",
         )
+
+
+def _touching(elements: Elements, reached: Bools) -> list[str]:
+    """Return which two planar elements touch at a point alone, of those with and without a path to a support."""
+    if elements.centroid.shape[1] != 2:
+        return []
+    size = float((elements.upper.max(axis=0) - elements.lower.min(axis=0)).max())
+    shapes = shapely.polygons([shapely.linearrings(shape) for shape in elements.shape])
+    one, other = np.flatnonzero(reached), np.flatnonzero(~reached)
+    for k in one.tolist():
+        touched = other[shapely.dwithin(shapes[k], shapes[other], 1e-9 * size)]
+        for j in touched[shapely.length(shapely.intersection(shapes[k], shapes[touched])) < 1e-6 * size].tolist():
+            return [f"{elements.ids[k]!r} and {elements.ids[j]!r} touch at a point alone"]
+    return []
 
 
 def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Assembly, Elements
 from jld_core.build.materials import friction, gravity_vector
 from jld_core.geometry import moment_about
-from jld_core.scene.materials import Dry, Inner
+from jld_core.scene.materials import Dry
 from jld_core.scene.schema import Contact, Scene
-from jld_core.scene.units import GRAVITY, METRES, NEWTONS, USUAL_GRAVITY, UnitSystem
+from jld_core.scene.units import GRAVITY, METRES, NEWTONS, STRESS, USUAL_GRAVITY, UnitSystem, powers_of
 from jld_core.strengths import Route
 
 _ROUTE: Final = Route("plausibility")
@@ -200,29 +200,39 @@ def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterat
     height = float(np.ptp(np.concatenate([elements.lower[free], elements.upper[free]])[:, along]))
     # an implausible density has a warning of its own
     own = min(pascals * float(weight) * height, _DENSITY[1] * GRAVITY * metres * height)
-    named = "tensile_strength", "shear_strength", "compressive_strength"
-    sources: list[tuple[str, Dry | Inner | Contact | None]] = [
-        ("materials.dry", scene.materials.dry),
-        ("materials.inner", scene.materials.inner),
-    ]
+    for where, number in _stated_strengths(scene):
+        value = pascals * number
+        told = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_named(scene)}"
+        if value > _STRENGTH:
+            readings = {"it was turned into Pa twice": value / 1e6, "Pa are meant": number}
+            meant = _meant(readings, (own, _STRENGTH), first=True)
+            yield f"{where} is {told}; usual is below {_STRENGTH:g} Pa (1 GPa){meant}"
+        elif value < own:
+            meant = _meant({"MPa are meant": 1e6 * number, "kPa are meant": 1e3 * number}, (own, _STRENGTH))
+            yield (
+                f"{where} is {told}, below the {own:.3g} Pa that the structure's own weight presses "
+                f"with; usual is above{meant}"
+            )
+
+
+def _stated_strengths(scene: Scene) -> Iterator[tuple[str, float]]:
+    """Yield key and number of each strength, those of yield surfaces and of criteria too."""
+    named, labels = ("tensile_strength", "shear_strength", "compressive_strength"), ("dry", "inner")
+    sources: list[tuple[str, Any]] = [(f"materials.{label}", getattr(scene.materials, label)) for label in labels]
+    faces = enumerate(scene.materials.faces)
+    sources += [(f"materials.faces[{k}].{label}", getattr(face, label)) for k, face in faces for label in labels]
     sources += [(f"interfaces[{k}]", contact) for k, contact in enumerate(scene.interfaces or [])]
     for where, source in sources:
-        for name in named:
-            number = getattr(source, name, None)
-            if not number:  # absent or zero: a model without this strength
-                continue
-            value = pascals * number
-            told = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_named(scene)}"
-            if value > _STRENGTH:
-                readings = {"it was turned into Pa twice": value / 1e6, "Pa are meant": number}
-                meant = _meant(readings, (own, _STRENGTH), first=True)
-                yield f"{where}.{name} is {told}; usual is below {_STRENGTH:g} Pa (1 GPa){meant}"
-            elif value < own:
-                meant = _meant({"MPa are meant": 1e6 * number, "kPa are meant": 1e3 * number}, (own, _STRENGTH))
-                yield (
-                    f"{where}.{name} is {told}, below the {own:.3g} Pa that the structure's own weight presses "
-                    f"with; usual is above{meant}"
-                )
+        stated = {f"{where}.{name}": getattr(source, name, None) for name in named}
+        for name, part in (getattr(source, "surface", None) or {}).items():
+            own = part if isinstance(part, dict) else {}
+            stated |= {f"{where}.surface.{name}.{key}": own.get(key) for key in named}
+        if getattr(source, "criterion", None) is not None:
+            stresses = [name for name, powers in powers_of(source.criterion).items() if powers == STRESS]
+            stated |= {f"{where}.parameters.{name}": source.parameters.get(name) for name in stresses}
+        for key, number in stated.items():
+            if number and isinstance(number, float | int):  # absent or zero: a model without this strength
+                yield key, number
 
 
 def _of_crushing(assembly: Assembly) -> Iterator[str]:

@@ -218,7 +218,8 @@ def _solve_many(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
     if batch is not None:
         found = batch.prove(labels)
         low, high = scale * found.low, scale * found.high
-        load_factor = 0.5 * (low + high)
+        with np.errstate(invalid="ignore"):  # of a bracket without ends
+            load_factor = 0.5 * (low + high)
         status = [found.status(k) for k in np.arange(count).tolist()]
     for k in (k for k, known in enumerate(status) if known is None):
         proof = solve_labelling(analysis, labels[k], model)

@@ -27,7 +27,7 @@ from jld_core.refinement.arrangement import MOST, convex, cut, join_small, split
 from jld_core.scene.loads import FaceLoad, FacePlace
 from jld_core.scene.reading import parse_scene
 from jld_core.scene.schema import Scene
-from jld_core.scene.uncertain import Uncertain, uncertain_values, with_means
+from jld_core.scene.uncertain import Uncertain, stated_values, uncertain_values, with_means
 
 _CAPACITIES: Final = ("tension", "compression", "prestress", "shear")
 """Forces of a member, of which each share has its part."""
@@ -689,10 +689,10 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
 
 def _at_means(scene: Scene) -> Scene:
     # of what cells may share: loads, capacities of members, weights
-    document = scene.model_dump(mode="json", exclude_defaults=True, include={"loads", "members", "elements"})
-    means = with_means(document)
-    if means == document:
+    shared = {"loads", "members", "elements"}
+    if not any(any(True for _ in stated_values(getattr(scene, name))) for name in shared):
         return scene
+    means = with_means(scene.model_dump(mode="json", exclude_defaults=True, include=shared))
     whole = parse_scene(scene.model_dump(mode="json", exclude_defaults=True) | means, scene.name)
     return scene.model_copy(update={"loads": whole.loads, "members": whole.members, "elements": whole.elements})
 

@@ -81,7 +81,7 @@ def load_scene(path: str | Path | Mapping[str, Any]) -> Scene:
 
 def _not_imported(path: Path, problem: str) -> NeedsImport:
     """Return the error for a file that has to be imported first."""
-    return NeedsImport(str(path), problem, f"a scene: jld import {path.name} -o {path.stem}_scene.json")
+    return NeedsImport(str(path), problem, f"a scene: jld import {path} -o {path.stem}_scene.json")
 
 
 def parse_scene(document: object, file: str = "scene") -> Scene:

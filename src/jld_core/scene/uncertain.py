@@ -165,18 +165,24 @@ def _written_vector(value: Any) -> Any:
 Path = tuple[str | int, ...]  # keys and positions that lead to a value of a scene
 
 
-def uncertain_values(part: Any, path: Path = ()) -> Iterator[tuple[Path, Uncertain | UncertainVector]]:
+def uncertain_values(part: Any) -> Iterator[tuple[Path, Uncertain | UncertainVector]]:
     """Yield path and value of every value of a scene with uncertainty, in its order."""
+    for path, value in stated_values(part):
+        if (value if isinstance(value, Uncertain) else value.size).cov > 0.0:
+            yield path, value
+
+
+def stated_values(part: Any, path: Path = ()) -> Iterator[tuple[Path, Uncertain | UncertainVector]]:
+    """Yield the same with those of distributions of no width."""
     if isinstance(part, Uncertain | UncertainVector):
-        if (part if isinstance(part, Uncertain) else part.size).cov > 0.0:
-            yield path, part
+        yield path, part
     elif isinstance(part, BaseModel):
         for name, field in type(part).model_fields.items():
-            yield from uncertain_values(getattr(part, name), (*path, field.alias or name))
+            yield from stated_values(getattr(part, name), (*path, field.alias or name))
     elif isinstance(part, list):
         for position, one in enumerate(part):
             if isinstance(one, BaseModel | Uncertain):  # lists of lists hold coordinates: most of a large scene
-                yield from uncertain_values(one, (*path, position))
+                yield from stated_values(one, (*path, position))
 
 
 def in_words(path: Path) -> str:

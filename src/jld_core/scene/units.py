@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
+from jld_core import plugins
 from jld_core.errors import InputError
 from jld_core.scene.complaints import shown
 from jld_core.scene.standard import STRESS_KEYS
@@ -46,7 +47,7 @@ _Powers = tuple[int, int]  # powers of force and length of a quantity
 _FORCE: Final[_Powers] = (1, 0)
 _LENGTH: Final[_Powers] = (0, 1)
 _MOMENT: Final[_Powers] = (1, 1)
-_STRESS: Final[_Powers] = (1, -2)
+STRESS: Final[_Powers] = (1, -2)
 _LINE: Final[_Powers] = (1, -1)
 _DENSITY: Final[_Powers] = (1, -3)
 
@@ -55,7 +56,7 @@ _EXAMPLES: Final = {
     _FORCE: "10 kN",
     _LENGTH: "1.2 m",
     _MOMENT: "3 kN·m",
-    _STRESS: "2 kN/m²",
+    STRESS: "2 kN/m²",
     _LINE: "2 kN/m",
     _DENSITY: '2000 kg/m³" or "20 kN/m³',
 }
@@ -71,11 +72,14 @@ QUANTITIES: Final[dict[str, _Powers]] = {
     "density": _DENSITY,
     **dict.fromkeys(
         ("pressure", "traction", "surcharge", "reference_strength", *STRESS_KEYS),
-        _STRESS,
+        STRESS,
     ),
 }
 
 _SPREAD: Final = ("nominal", "low", "mean")  # keys of an object that stands for one number
+
+# What a criterion may call the unit of a parameter
+_WORDS: Final = {"force": _FORCE, "length": _LENGTH, "moment": _MOMENT, "stress": STRESS, "density": _DENSITY}
 
 # Pattern of a number and its unit
 _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)?\s*")
@@ -122,13 +126,54 @@ class UnitSystem:
 
 def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     """Convert the texts with units in a scene to numbers in its units, without copying unchanged lists."""
-    units = document.get("units")
-    names = units if isinstance(units, dict) else {}
-    own = _Names(str(names.get("force", "N")), str(names.get("length", "m")), _gravity(document.get("materials")))
+    own = _names_of(document)
     return {
         key: value if key == "units" else _converted(value, own, key, QUANTITIES.get(key))
         for key, value in document.items()
     }
+
+
+# Keys of `search` and of `search.limits` that hold forces, lengths and masses
+_LIMITS: Final = {"block_weight": _FORCE, "block_extent": _LENGTH}
+_MASSES: Final = ("block_mass", "mass", "largest_block_mass")
+_SAWN: Final = ("sawn_length", "dry_length")  # in space areas
+
+
+def in_units(document: dict[str, Any], units: dict[str, str], dimension: int) -> dict[str, Any]:
+    """Return a scene's materials, loads and search in units of other names, gravity in m/s²; all units are known."""
+    own = system_of(document)
+    other = UnitSystem.named(units["force"], units["length"], own.acceleration)
+
+    def factor(powers: _Powers | None) -> float:
+        if powers == _DENSITY:
+            return own.density / other.density
+        return 1.0 if powers is None else own.si(powers) / other.si(powers)
+
+    def converted(value: Any, table: dict[str, float], times: float = 1.0) -> Any:
+        if isinstance(value, list):
+            return [converted(inner, table, times) for inner in value]
+        if isinstance(value, dict):
+            named = {name: factor(powers) for name, powers in powers_of(value.get("criterion")).items()}
+            return {
+                key: converted(
+                    inner, named if key == "parameters" else table, times if key in _SPREAD else table.get(key, 1.0)
+                )
+                for key, inner in value.items()
+            }
+        number = isinstance(value, float | int) and not isinstance(value, bool)
+        return value * times if number and times != 1.0 else value
+
+    known = {key: factor(powers) for key, powers in QUANTITIES.items()}
+    materials = {key: known[key] for key in ("density", "reference_strength", *STRESS_KEYS)}
+    limits = {key: factor(powers) for key, powers in _LIMITS.items()}
+    limits |= dict.fromkeys(_MASSES, factor(_DENSITY) * factor((0, 3)))
+    limits |= dict.fromkeys(_SAWN, factor((0, dimension - 1)))
+    tables = {
+        "materials": materials | {"gravity": own.acceleration / own.gravity if own.gravity else 1.0},
+        "loads": known,
+        "search": limits,
+    }
+    return document | {part: converted(document[part], tables[part]) for part in tables if part in document}
 
 
 class _Names(NamedTuple):
@@ -141,6 +186,16 @@ class _Names(NamedTuple):
     @property
     def system(self) -> UnitSystem:
         return UnitSystem.named(*self)
+
+
+def system_of(document: dict[str, Any]) -> UnitSystem:
+    return _names_of(document).system
+
+
+def _names_of(document: dict[str, Any]) -> _Names:
+    units = document.get("units")
+    names = units if isinstance(units, dict) else {}
+    return _Names(str(names.get("force", "N")), str(names.get("length", "m")), _gravity(document.get("materials")))
 
 
 def _gravity(materials: Any) -> float:
@@ -160,11 +215,31 @@ def _converted(value: Any, own: _Names, where: str, powers: _Powers | None) -> A
     if isinstance(value, list):
         return [_converted(inner, own, f"{where}[{index}]", powers) for index, inner in enumerate(value)]
     if isinstance(value, dict):
-        return {
+        found = {
             key: _converted(inner, own, f"{where}.{key}", powers if key in _SPREAD else QUANTITIES.get(key))
             for key, inner in value.items()
+            if key != "parameters"
         }
+        if "parameters" in value:
+            found["parameters"] = _of_criterion(value["parameters"], value.get("criterion"), own, f"{where}.parameters")
+        return found
     return value
+
+
+def _of_criterion(parameters: Any, name: Any, own: _Names, where: str) -> Any:
+    """Convert the texts in parameters of a criterion by the units that it names, or by their keys."""
+    texts = isinstance(parameters, dict) and any(isinstance(one, str) for one in parameters.values())
+    powers = powers_of(name) if texts else {}
+    if not powers:
+        return _converted(parameters, own, where, None)
+    return {key: _converted(inner, own, f"{where}.{key}", powers.get(key)) for key, inner in parameters.items()}
+
+
+def powers_of(name: Any) -> dict[str, _Powers | None]:
+    """Return what the parameters of a criterion are, by the words that it has for their units."""
+    known = isinstance(name, str) and name in plugins.entry_points("jld.criteria")
+    stated = getattr(plugins.load("jld.criteria", name), "parameters", ()) if known else ()
+    return {} if isinstance(stated, type) else {one.name: _WORDS.get(one.unit) for one in stated}
 
 
 def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
@@ -211,7 +286,7 @@ def _unit(name: str) -> tuple[float, _Powers] | None:
     if name in METRES:
         return METRES[name], _LENGTH
     if name in _PASCALS:
-        return _PASCALS[name], _STRESS
+        return _PASCALS[name], STRESS
     for force in NEWTONS:
         if name.startswith(force) and name[len(force) :] in METRES:
             return NEWTONS[force] * METRES[name[len(force) :]], _MOMENT

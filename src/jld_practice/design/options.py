@@ -6,7 +6,7 @@ import itertools
 import json
 import math
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path as File
 from typing import Any, Final, Literal
 
@@ -26,6 +26,7 @@ from jld_core import (
 )
 from jld_core.build import build_geometry
 from jld_core.geometry import unions
+from jld_core.scene import units
 from jld_formats import ImportOptions, Notes, cells, forces, import_file, libraries
 from jld_formats import options as exchange_options
 from jld_masonry import prism_of, voussoirs
@@ -226,20 +227,20 @@ _PLACES: Final = 50  # largest number of places of a load; each is a load case
 class DesignOptions:
     """Limits, loads, materials and resources of a design; None keeps the value of the outline's file."""
 
-    block_mass: float | None = None  # largest mass of a block, kg with m and N
+    block_mass: float | None = None  # largest mass of a block, kg
     shapes: int | None = None  # largest number of different blocks, that is, of moulds
     load: str | None = None  # force that acts downwards, as "10 kN"; each place is a load case
     # part of the outline on which the load acts: "top", "bottom", "left", "right", "extrados" (the largest arc that is
     # round upwards), or two points of an edge as "X,Y,X,Y"
     along: str = "top"
     places: str = "1"  # number of places of the load at equal distances, or their shares of the length, as "0.25,0.5"
-    # length over which the load is spread; None for a tenth of the length that it acts along
+    # length over which the load is spread, m; None for a tenth of the length that it acts along
     width: float | None = None
     push: float | None = None  # horizontal load to either side, as a share of the weight; each side is a load case
     # friction, friction_low: friction coefficient of joints, and the low value at which the winner is checked
     friction: float | None = None
     friction_low: float | None = None
-    # density, tension, shear: density, tensile and shear strength of the stone, in the units of the scene (kg/m³, Pa)
+    # density, tension, shear: density, tensile and shear strength of the stone, kg/m³ and Pa
     density: float | None = None
     tension: float | None = None
     shear: float | None = None
@@ -322,6 +323,18 @@ class DesignOptions:
         if written.components or not written.values[0] > 0.0:
             raise ParameterError("load", f"{self.load!r} is no force downwards", 'one number above 0, as "10 kN"')
         return written.values[0]
+
+    def of(self, scene: Scene) -> DesignOptions:
+        """Return the options with numbers in the units of a scene, as they are where it names units unknown here."""
+        own = units.system_of(scene.model_dump(exclude_defaults=True, include={"units", "materials"}))
+        if not own.known:
+            return self
+        density, stress, length = 1.0 / own.density, 1.0 / own.si((1, -2)), 1.0 / own.si((0, 1))
+        sizes = {"density": density, "tension": stress, "shear": stress}
+        sizes |= {"block_mass": density * length**3, "width": length}
+        return replace(
+            self, **{k: size * getattr(self, k) for k, size in sizes.items() if getattr(self, k) is not None}
+        )
 
     @property
     def reading(self) -> ImportOptions:
@@ -538,7 +551,8 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
     else:
         scene, notes = _imported(file, options)
     document = scene.model_dump(mode="json", exclude_defaults=True)
-    document["materials"] = _materials(document["materials"], options, notes)
+    options = options.of(scene)
+    document["materials"] = _materials(document, options, notes, scene.dimension)
     search = dict(document.get("search", {}))
     if options.block_mass is not None:
         search["block_mass"] = [None, options.block_mass]
@@ -684,13 +698,17 @@ def _defaults(options: DesignOptions) -> list[str]:
     ]
 
 
-def _materials(materials: dict[str, Any], options: DesignOptions, notes: Notes) -> dict[str, Any]:
+def _materials(document: dict[str, Any], options: DesignOptions, notes: Notes, dimension: int) -> dict[str, Any]:
     # Default strengths and friction replace missing ones, and a low friction is added.
-    completed = {**materials}
+    completed = {**document["materials"]}
     if options.density is not None:
         completed["density"] = options.density
     dry = dict(completed.get("dry") or exchange_options.DEFAULT_MATERIALS["dry"])
-    inner = dict(completed.get("inner") or exchange_options.DEFAULT_MATERIALS["inner"])
+    usual = {"materials": exchange_options.DEFAULT_MATERIALS}
+    own = {"force": "N", "length": "m"} | document.get("units", {})
+    if units.UnitSystem.named(**own).known:
+        usual = units.in_units(usual, own, dimension)
+    inner = dict(completed.get("inner") or usual["materials"]["inner"])
     if not completed.get("dry") and options.friction is None:
         notes.assumed.append(f"friction {exchange_options.DEFAULT_MATERIALS['dry']['friction_coefficient']:g}")
     if not completed.get("inner") and (options.tension is None or options.shear is None):

@@ -422,6 +422,7 @@ def tessellations(
     made: Callable[[Tessellation], None] = lambda _: None,
 ) -> list[Tessellation]:
     """Cut an outline in every known way; InputError if none fits or a load cannot act."""
+    options = options.of(outline)
     with_loads(outline, options)  # refuses loads that no tessellation can carry
     assembly = build_assembly(outline)
     planar = assembly.dimension == 2

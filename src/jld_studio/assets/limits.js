@@ -14,7 +14,7 @@ export function limitForm(host, desk, data) {
     const bounds = [
       ["blocks", "blocks", ""], ["block_cells", "elements in a block", ""], ["dry_faces", "dry faces", ""], ["shapes", "different shapes", ""],
       ["sawn_length", "sawn length", length], ["saw_cuts", "saw cuts", ""], ["saw_set_ups", "set-ups of the saw", ""],
-      ["block_mass", "mass of a block", "kg"], ["block_weight", "weight of a block", force], ["block_extent", "extent of a block", length], ["block_aspect", "longest by shortest side", ""],
+      ["block_mass", "mass of a block", length === "m" && force === "N" ? "kg" : "weight over gravity"], ["block_weight", "weight of a block", force], ["block_extent", "extent of a block", length], ["block_aspect", "longest by shortest side", ""],
     ];
     const row = (/** @type {string[]} */ [key, name, unit]) => el("tr", {}, el("th", { scope: "row" }, name, unit ? ` [${unit}]` : ""),
       ["least", "most"].map((side, i) => el("td", {}, form.text(`${side} ${name}`, [key, i], { bare: true, hint: i ? "no limit" : "no limit" }))));
