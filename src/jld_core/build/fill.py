@@ -7,6 +7,7 @@ After W. J. M. Rankine, "On the stability of loose earth", Philosophical Transac
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -136,42 +137,49 @@ class Backing:
         supports = np.flatnonzero(self.elements.support)
         across = self.elements.centroid[supports] @ self._right
         names: list[str] = []
-        held: list[Ints] = []
+        ends: list[Ints] = []
         points: list[Floats] = []
-        most: list[float] = []
-        seen: dict[str, int] = {}
+        capacities: list[float] = []
+        bars_of: Counter[str] = Counter()
         for edge in self._free:
-            shares = [0.0, 1.0]
-            kink = self.fill.level - self._free_depth  # the difference is linear on both sides of this height
-            if edge.height.min() < kink < edge.height.max():
-                shares.insert(1, float((kink - edge.height[0]) / (edge.height[1] - edge.height[0])))
-            parts = [edge.between(*pair) for pair in pairwise(shares)]
-            forces = [self.thickness * self._rise(part) * (self._passive(part) - self._active(part)) for part in parts]
-            total = sum(float(ends.sum()) / 2.0 for ends in forces)
-            if total <= 0.0:
+            resultant = self._mobilised(edge)
+            if resultant is None:
                 continue
-            middle = sum(self._centre(part, ends) * ends.sum() / 2.0 for part, ends in zip(parts, forces, strict=True))
-            point = middle / total
+            force, point = resultant
             name = f"fill on {self.elements.ids[edge.element]}"
-            seen[name] = seen.get(name, 0) + 1
-            names.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+            bars_of[name] += 1
+            names.append(name if bars_of[name] == 1 else f"{name} ({bars_of[name]})")
             ground = supports[np.argmax(edge.side * across)]
-            held.append(np.array([edge.element, ground]))
+            ends.append(np.array([edge.element, ground]))
             points.append(np.array([point, point + edge.side * _DRAWN * self.elements.size * self._right]))
-            most.append(total)
+            capacities.append(force)
         none = np.zeros(len(names))
-        axis = [(one[1] - one[0]) / np.linalg.norm(one[1] - one[0]) for one in points]
+        axis = [(end - start) / np.linalg.norm(end - start) for start, end in points]
         return Members(
             names=tuple(names),
             kinds=("fill",) * len(names),
-            elements=tuple(held),
+            elements=tuple(ends),
             points=tuple(points),
             axis=np.array(axis).reshape(-1, 2),
             tension=none,
-            compression=np.array(most),
+            compression=np.array(capacities),
             shear=none,
             prestress=none,
         )
+
+    def _mobilised(self, edge: CoveredEdge) -> tuple[float, Floats] | None:
+        """Return the resultant of passive less active pressure on an edge and its point (2,); None for no force."""
+        shares = [0.0, 1.0]
+        kink = self.fill.level - self._free_depth  # the difference is linear on both sides of this height
+        if edge.height.min() < kink < edge.height.max():
+            shares.insert(1, float((kink - edge.height[0]) / (edge.height[1] - edge.height[0])))
+        parts = [edge.between(*pair) for pair in pairwise(shares)]
+        forces = [self.thickness * self._rise(part) * (self._passive(part) - self._active(part)) for part in parts]
+        total = sum(float(ends.sum()) / 2.0 for ends in forces)
+        if total <= 0.0:
+            return None
+        moment = sum(self._centre(part, ends) * ends.sum() / 2.0 for part, ends in zip(parts, forces, strict=True))
+        return total, moment / total
 
     @property
     def _right(self) -> Floats:

@@ -192,37 +192,40 @@ def _named(scene: Scene) -> str:
 
 def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterator[str]:
     """Warn about strengths above 1 GPa, or below the pressure of the structure's own weight."""
-    elements = assembly.elements
-    free = elements.free
-    weight = np.linalg.norm(elements.weight[free], axis=1).sum() / elements.volume[free].sum()
-    along = np.argmax(abs(elements.weight[free].sum(axis=0)))
-    pascals, metres = units.si((1, -2)), units.si((0, 1))
-    height = float(np.ptp(np.concatenate([elements.lower[free], elements.upper[free]])[:, along]))
-    # an implausible density has a warning of its own
-    own = min(pascals * float(weight) * height, _DENSITY[1] * GRAVITY * metres * height)
-    named = "tensile_strength", "shear_strength", "compressive_strength"
+    pascals, pressure = units.si((1, -2)), _pressure_of_weight(assembly.elements, units)
+    names = "tensile_strength", "shear_strength", "compressive_strength"
     sources: list[tuple[str, Dry | Inner | Contact | None]] = [
         ("materials.dry", scene.materials.dry),
         ("materials.inner", scene.materials.inner),
     ]
     sources += [(f"interfaces[{k}]", contact) for k, contact in enumerate(scene.interfaces or [])]
     for where, source in sources:
-        for name in named:
+        for name in names:
             number = getattr(source, name, None)
             if not number:  # absent or zero: a model without this strength
                 continue
             value = pascals * number
-            told = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_named(scene)}"
+            stated = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_named(scene)}"
             if value > _STRENGTH:
                 readings = {"it was turned into Pa twice": value / 1e6, "Pa are meant": number}
-                meant = _meant(readings, (own, _STRENGTH), first=True)
-                yield f"{where}.{name} is {told}; usual is below {_STRENGTH:g} Pa (1 GPa){meant}"
-            elif value < own:
-                meant = _meant({"MPa are meant": 1e6 * number, "kPa are meant": 1e3 * number}, (own, _STRENGTH))
+                meant = _meant(readings, (pressure, _STRENGTH), first=True)
+                yield f"{where}.{name} is {stated}; usual is below {_STRENGTH:g} Pa (1 GPa){meant}"
+            elif value < pressure:
+                meant = _meant({"MPa are meant": 1e6 * number, "kPa are meant": 1e3 * number}, (pressure, _STRENGTH))
                 yield (
-                    f"{where}.{name} is {told}, below the {own:.3g} Pa that the structure's own weight presses "
+                    f"{where}.{name} is {stated}, below the {pressure:.3g} Pa that the structure's own weight presses "
                     f"with; usual is above{meant}"
                 )
+
+
+def _pressure_of_weight(elements: Elements, units: UnitSystem) -> float:
+    """Return the pressure, Pa, under a column as high as the free elements, of their mean unit weight."""
+    free = elements.free
+    unit_weight = float(np.linalg.norm(elements.weight[free], axis=1).sum() / elements.volume[free].sum())
+    vertical = np.argmax(abs(elements.weight[free].sum(axis=0)))
+    height = float(np.ptp(np.concatenate([elements.lower[free], elements.upper[free]])[:, vertical]))
+    # an implausible density has a warning of its own
+    return min(units.si((1, -2)) * unit_weight * height, _DENSITY[1] * GRAVITY * units.si((0, 1)) * height)
 
 
 def _of_crushing(assembly: Assembly) -> Iterator[str]:

@@ -205,35 +205,37 @@ class VelocityProgram:
     def _dry_corners(self, rows: Ints, corner: int) -> None:
         """Add p ≥ |δs| and δn + q ≥ μ |δs| for jumps on dry joints at one corner of sides (k,)."""
         # δn: opening. δs: slip. p ≥ 0 costs shear strength, q ≥ 0 crushing. In the plane |δs| is two inequalities.
-        p, s, count = self.problem, self.problem.sides, len(rows)
-        face, size = p.face[rows], s.area[rows] / p.mesh.dimension
-        mu, shear, crush = p.joints.friction[face], p.joints.shear[face], p.joints.crushing[face]
-        columns, jump = jump_entries(p, rows, corner)
-        normal = s.normal[rows]
+        problem, sides, count = self.problem, self.problem.sides, len(rows)
+        spatial = problem.mesh.dimension == 3
+        face, size = problem.face[rows], sides.area[rows] / problem.mesh.dimension  # share of the side at a corner
+        joints = problem.joints
+        mu, shear, crush = joints.friction[face], joints.shear[face], joints.crushing[face]
+        columns, jump = jump_entries(problem, rows, corner)
+        normal = sides.normal[rows]
         opening, *slips = (np.einsum("ki,kij->kj", way, jump) for way in (normal, *across(normal)))
-        finite = np.isfinite(crush)
-        extra: Entries = []
-        slid = self._new(size * shear) if len(slips) > 1 else None
-        if slid is not None or finite.any():
-            crushed = self._new(np.where(finite, size * crush, 0.0))
-            extra = [(crushed, np.where(finite, -1.0, 0.0))]
-            self._add(self._linear, [(crushed, -1.0)], 0.0, count)
-        margin = np.where(finite & (len(slips) > 1), 0.0, -self._margin)
-        if slid is not None:
-            self._add(self._linear, [(columns, -opening), (slid, mu), *extra], margin, count)
-            self._cone(self._threes, [(slid, 1.0)], columns, np.stack(slips, axis=1))
+        crushes = np.isfinite(crush)
+        plus_q: Entries = []
+        p = self._new(size * shear) if spatial else None
+        if spatial or crushes.any():
+            q = self._new(np.where(crushes, size * crush, 0.0))
+            plus_q = [(q, np.where(crushes, -1.0, 0.0))]
+            self._add(self._linear, [(q, -1.0)], 0.0, count)
+        margin = np.where(crushes & spatial, 0.0, -self._margin)
+        if p is not None:
+            self._add(self._linear, [(columns, -opening), (p, mu), *plus_q], margin, count)
+            self._cone(self._threes, [(p, 1.0)], columns, np.stack(slips, axis=1))
             return
-        scale = np.maximum(1.0, mu)
+        slip, scale = slips[0], np.maximum(1.0, mu)  # rows of a size of one, also for steep friction
         for sign in (1.0, -1.0):
-            slide = (columns, (sign * mu / scale)[:, None] * slips[0])
-            entries = [(columns, -opening / scale[:, None]), slide, *((c, v / scale) for c, v in extra)]
+            friction = (columns, (sign * mu / scale)[:, None] * slip)
+            entries = [(columns, -opening / scale[:, None]), friction, *((c, v / scale) for c, v in plus_q)]
             self._add(self._linear, entries, margin, count, rows, True)
         if shear.any():
-            stuck = self._new(size * shear)
-            self._add(self._linear, [(stuck, -1.0)], 0.0, count)
+            p = self._new(size * shear)
+            self._add(self._linear, [(p, -1.0)], 0.0, count)
             for sign in (1.0, -1.0):
                 self._cohesive.append(self._linear.count + np.arange(count))
-                self._add(self._linear, [(columns, sign * slips[0]), (stuck, -1.0)], 0.0, count, rows, True)
+                self._add(self._linear, [(columns, sign * slip), (p, -1.0)], 0.0, count, rows, True)
 
     def _cone(self, group: Rows, head: Entries, columns: Ints, tail: Floats, owner: Ints | None = None) -> None:
         """Append cones head ≥ |tail| (k, j, columns) to a group, rows together; owner: switching sides (k,)."""

@@ -112,6 +112,9 @@ _OPENED: Final = 1e-9  # share of its speed by which a mechanism is opened, so t
 class SharedHull:
     """Programs of partial labellings of a template whose joints may crush; ValueError for rows of extra columns."""
 
+    # Convex hull of both labels: forces are the sum of two copies, 1 − w and w times forces within the yield set of a
+    # label. An undecided face has copy 0 dry and copy 1 inner, any other face both with its label.
+
     def __init__(self, template: Template) -> None:
         pattern = template.yield_set.pattern
         if pattern.extra:
@@ -154,22 +157,28 @@ class SharedHull:
         self._pressure[0 : 2 * resultants : template.assembly.freedoms] = -1.0
 
     def _add_copy(self, entries: _HullEntries, template: Template, copy: int, places: Ints) -> None:
-        """Add equilibrium and yield rows of one of two copies; places: (rows,) rows of its yield set."""
+        """Add equilibrium and yield rows of copy 0 or 1; places: (rows,) rows of its yield set."""
         sets, pattern, matrix = template.yield_set, template.yield_set.pattern, template.matrix.tocoo()
         faces, resultants = len(template.assembly.interfaces), matrix.shape[1]
+        first_column, first_owner = resultants * copy, faces * copy
         row, column = (np.asarray(part, dtype=np.int64) for part in matrix.coords)
+        # equilibrium of the resultants that a label has at all
         every = np.ones(faces, dtype=bool)
         dry, inner = (
             np.asarray(matrix.data * sets.active(labels).ravel()[column], dtype=float) for labels in (every, ~every)
         )
-        first_column, first_owner = resultants * copy, faces * copy
-        owner = column // template.assembly.freedoms + first_owner
-        entries.add(row, column + first_column, owner, dry, inner)
-        owner = pattern.face + first_owner
-        entries.add(places[pattern.row], pattern.column + first_column, owner, pattern.dry, pattern.inner)
-        # right-hand sides are shared: h (1 − w) of the first copy, h w of the second
+        face = column // template.assembly.freedoms
+        entries.add(row, column + first_column, face + first_owner, dry, inner)
+        entries.add(
+            places[pattern.row],
+            pattern.column + first_column,
+            pattern.face + first_owner,
+            pattern.dry,
+            pattern.inner,
+        )
+        # right-hand sides are shared: h (1 − w) of copy 0, with its constant in the vector, h w of copy 1
         sign = -1.0 if copy else 1.0
-        share = 2 * resultants + pattern.row_face
+        share = 2 * resultants + pattern.row_face  # columns of w
         entries.add(places, share, pattern.row_face + first_owner, sign * pattern.h_dry, sign * pattern.h_inner)
 
     @staticmethod

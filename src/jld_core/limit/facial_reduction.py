@@ -97,7 +97,7 @@ class FacialReduction:
                 # A motion that needs a large share of the step inside is a poor bound: try all, and keep the best.
                 tried = [
                     given and self._blended(given, step, program, reduced, labels, normalise, idle, turned)
-                    for given in (motion, self._solved(program, reduced, labels, normalise))
+                    for given in (motion, self._motion_of_reduced(program, reduced, labels, normalise))
                     for turned in ((False, True) if reduced.rays else (False,))
                 ]
                 repaired = [one for one in tried if one is not None]
@@ -113,8 +113,10 @@ class FacialReduction:
         reduced = Reduced(rows[own > _POSITIVE * own.max(initial=0.0)], ())
         return self._blended(motion, None, program, reduced, labels, True, False, False)
 
-    def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
-        """Solve the program of the rows left by facial reduction, and return its mechanism."""
+    def _motion_of_reduced(
+        self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool
+    ) -> Motion | None:
+        """Solve the program of the rows left by facial reduction, and return its mechanism, or None."""
         # More accurate than the mechanism of `program`, the program of all rows.
         if not reduced.rays:
             return None
@@ -122,7 +124,9 @@ class FacialReduction:
         raw = ClarabelSolver(iterative_refinement_enable=True).solve(reduced_program)
         velocity = raw.dual[: self.template.matrix.shape[0]]
         size = float(abs(velocity).max())
-        if (raw.status is RawStatus.INFEASIBLE) is normalise or not (np.isfinite(size) and size > 0.0):
+        # The dual of an infeasible program is a fall under dead load, wanted only where live work is not normalised.
+        falls = raw.status is RawStatus.INFEASIBLE
+        if falls == normalise or not (np.isfinite(size) and size > 0.0):
             return None
         return self.prover.motion(velocity if normalise else velocity / size, labels, normalise)
 

@@ -523,19 +523,21 @@ class RowYield:
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
         """Return the largest ratio (m,) of a demand to its capacity, see `YieldSet.utilisation`."""
-        # The demand of a row are its shear and moments, and its capacity the rest. Along N, it is N over the end of N.
         core, c, d = forces[:, self._core], self._of(labels, "C"), self._of(labels, "d")
-        demands = self._demands(forces, labels)
-        least = 1e-6 * max(float(abs(forces[:, 0]).max(initial=0.0)), float(demands.max(initial=0.0)), 1e-300)
-        across = -np.einsum("mrj,mj->mr", c[:, :, 1:], core[:, 1:])
-        idle, along = self._of(labels, "idle"), c[:, :, 0] * core[:, :1]
-        shares = np.where(idle, 0.0, np.maximum(used(across, d + along, least), used(-along, d, least))).max(axis=1)
-        first, mu = (self._of(labels, name)[:, : demands.shape[1]] for name in ("c", "mu"))
-        shares = np.maximum(shares, used(demands, first + mu * forces[:, :1], least).max(axis=1))
+        shears = self._demands(forces, labels)
+        negligible = 1e-6 * max(float(abs(forces[:, 0]).max(initial=0.0)), float(shears.max(initial=0.0)), 1e-300)
+        # Rows C x + d ≥ 0: moments and shear use what N and d give; N < 0 or > 0 alone uses d.
+        from_normal = c[:, :, 0] * core[:, :1]
+        from_others = -np.einsum("mrj,mj->mr", c[:, :, 1:], core[:, 1:])
+        ratios = np.maximum(used(from_others, d + from_normal, negligible), used(-from_normal, d, negligible))
+        shares = np.where(self._of(labels, "idle"), 0.0, ratios).max(axis=1)
+        # Coulomb friction: shear and torsion use c + μ N.
+        cohesion, mu = (self._of(labels, name)[:, : shears.shape[1]] for name in ("c", "mu"))
+        shares = np.maximum(shares, used(shears, cohesion + mu * forces[:, :1], negligible).max(axis=1))
         if self.crushing is not None:
-            own = self.crushing.faces
-            crushed = np.maximum(shares[own], self.crushing.share(forces[own], least))
-            shares[own] = np.where(labels[own], crushed, shares[own])
+            faces = self.crushing.faces
+            crushed = np.maximum(shares[faces], self.crushing.share(forces[faces], negligible))
+            shares[faces] = np.where(labels[faces], crushed, shares[faces])
         return np.asarray(np.clip(shares, 0.0, 1.0))
 
     @cached_property

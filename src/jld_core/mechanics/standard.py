@@ -365,15 +365,15 @@ def _sides(numbers: Strengths, point: Bools) -> tuple[Side, Side]:
 
 
 def _crushing(dry: Side, inner: Side, *, plane: bool) -> Crushing | None:
+    """Return the curved sets of the dry faces that crush, in the plane with a wider one for undecided faces."""
     faces = np.flatnonzero(np.isfinite(dry.crush))
     if not faces.size:
         return None
     if not plane:
         return Rectangles(faces, dry.crush[faces])
-    # The parabola |m| ≤ N (1 − N/C) that encloses both labels stands about N = −σtA. Without a compressive strength of
-    # the inner face there is none. With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 −
-    # N/N_c) ≥ σtA (1 − N/C')² ≥ 0, so the dry set is inside. N'(C − N')/C ≥ min(N', C − N')/2 is more than the third
-    # that an inner face may take.
+    # |m| ≤ N'(1 − N'/C), N' = N + σtA, C = M + σtA, M = max(N_c dry, N_c inner), encloses both labels. M is
+    # inf, no bound, where the inner face never crushes. Dry: N'(1 − N'/C) − N (1 − N/M) = σtA (1 − N/M)² M/C ≥ 0.
+    # Inner: N'(C − N')/C ≥ min(N', C − N')/2, and an inner face takes |m| up to a third of that minimum.
     shift = inner.tension[faces]
     return Parabolas(faces, dry.crush[faces], np.maximum(dry.crush, inner.crush)[faces] + shift, shift)
 

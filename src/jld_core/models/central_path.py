@@ -186,18 +186,21 @@ class MovingRows:
         return self.rows + sp.csr_array((data, (row, column)), shape=self.rows.shape)
 
     def row_slopes(self, y: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return the derivative of G(y) v by y, at v = y held fixed, for Newton steps: sparse (rows, n)."""
-        work = self._coefficients * y[self._columns]
-        data = np.einsum("kr,kjr->jr", work, slopes)
-        return np.tile(self.torsion, 3), self.own.ravel(), data.ravel()
+        """Return the derivative of G(y) v by y, at v = y held fixed, for Newton steps: rows, columns, values."""
+        # y enters by the parameters alone: sum their slopes (3, 3, k) by N, m1, m2 over the entries of each row.
+        by_parameter = self._coefficients * y[self._columns]
+        values = np.einsum("pk,pjk->jk", by_parameter, slopes)
+        return np.tile(self.torsion, 3), self.own.ravel(), values.ravel()
 
     def column_slopes(self, z: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return the derivative of G(y)ᵀ z by y, at fixed multipliers z (rows,): sparse (n, n)."""
-        work = self._coefficients * z[self.torsion]
-        data = work[:, None] * slopes
-        row = np.broadcast_to(self._columns[:, None], data.shape)
-        column = np.broadcast_to(self.own[None], data.shape)
-        return row.ravel(), column.ravel(), data.ravel()
+        """Return the derivative of G(y)ᵀ z by y, at fixed multipliers z (rows,): rows, columns, values."""
+        # Entry [p, j, k]: row of mT, V1 or V2, whose coefficient has parameter p; column of N, m1 or m2, by which
+        # `slopes` are; face k.
+        by_parameter = self._coefficients * z[self.torsion]
+        values = by_parameter[:, None] * slopes
+        row = np.broadcast_to(self._columns[:, None], values.shape)
+        column = np.broadcast_to(self.own[None], values.shape)
+        return row.ravel(), column.ravel(), values.ravel()
 
 
 _BOUNDARY: Final = 0.9  # share of the way to the boundary of the cones that a step may go

@@ -219,43 +219,45 @@ def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[t
 def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tuple[Floats, Faces]:
     """Return a convex polyhedron above a plane; height: (k,) of vertices, exactly 0 on it, of both signs."""
     points: list[Floats] = []
-    place: dict[tuple[int, int], int] = {}
+    index_of: dict[tuple[int, int], int] = {}  # of the point on the edge (a, b); of vertex a at (a, a)
 
-    def number(key: tuple[int, int], point: Floats) -> int:
-        if key not in place:
-            place[key] = len(points)
+    def add(edge: tuple[int, int], point: Floats) -> int:
+        """Return the index of a point, added once though several faces share it."""
+        if edge not in index_of:
+            index_of[edge] = len(points)
             points.append(point)
-        return place[key]
+        return index_of[edge]
 
     loops = []
-    rim: set[int] = set()
+    on_plane: set[int] = set()
     for loop in faces:
-        kept = []
+        clipped = []
         for a, b in zip(loop, (*loop[1:], loop[0]), strict=True):
             if height[a] >= 0.0:
-                index = number((a, a), vertices[a])
-                kept.append(index)
+                index = add((a, a), vertices[a])
+                clipped.append(index)
                 if height[a] == 0.0:
-                    rim.add(index)
+                    on_plane.add(index)
             if height[a] * height[b] < 0.0:
                 # interpolate from the lower to the higher vertex number, so that both parts get the same point
                 i, j = min(a, b), max(a, b)
                 share = height[i] / (height[i] - height[j])
-                index = number((i, j), vertices[i] + share * (vertices[j] - vertices[i]))
-                kept.append(index)
-                rim.add(index)
-        if len(kept) > 2 and any(index not in rim for index in kept):
-            loops.append(tuple(kept))
-    table = np.array(points)
-    around = sorted(rim)
-    middle = table[around].mean(axis=0)
-    e1 = table[around[0]] - middle
-    e1 /= np.linalg.norm(e1)
-    e2 = np.cross(normal, e1)
-    angle = np.arctan2((table[around] - middle) @ e2, (table[around] - middle) @ e1)
-    # clockwise about the normal, so that the face is outward
-    loops.append(tuple(around[k] for k in np.argsort(-angle, kind="stable").tolist()))
-    return table, tuple(loops)
+                index = add((i, j), vertices[i] + share * (vertices[j] - vertices[i]))
+                clipped.append(index)
+                on_plane.add(index)
+        if len(clipped) > 2 and not on_plane.issuperset(clipped):
+            loops.append(tuple(clipped))
+    above = np.array(points)
+    loops.append(_face_on_plane(above, sorted(on_plane), normal))
+    return above, tuple(loops)
+
+
+def _face_on_plane(points: Floats, corners: list[int], normal: Floats) -> tuple[int, ...]:
+    """Order the corners of a convex face clockwise about a normal (3,) that points into the solid."""
+    arms = points[corners] - points[corners].mean(axis=0)
+    e1 = arms[0] / np.linalg.norm(arms[0])
+    angle = np.arctan2(arms @ np.cross(normal, e1), arms @ e1)
+    return tuple(corners[k] for k in np.argsort(-angle, kind="stable").tolist())
 
 
 def convex(vertices: Floats, faces: Faces) -> bool:
