@@ -175,8 +175,9 @@ class FieldExact(ProvingDriver):
         if (count := without_formula(space, self._blocks, self._aim.count)) is not None:
             raise ParameterError("driver", f"exact by fields has no formula for the count {count.name}", "enumeration")
         self._search = Anneal(space, seed) if self._aim.count is None else Genetic(space, seed, aim=aim)
-        self._left = search * int(space.candidates.sum())
-        self._before = Deadline()
+        # labellings that the search before the proof still gives, and its end
+        self._search_left = search * int(space.candidates.sum())
+        self._search_deadline = Deadline()
         self._folder: Path | None = None
         self._asked = False
         self.refuter = FieldRefuter(space, self._blocks)
@@ -269,7 +270,7 @@ class FieldExact(ProvingDriver):
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         super().start(deadline, heartbeat, records)
         self.pool.deadline = self._deadline
-        self._before = self._deadline.within(_ANNEALED * self._deadline.remaining())
+        self._search_deadline = self._deadline.within(_ANNEALED * self._deadline.remaining())
         if records is not None:
             self._folder = records.folder
             self._add(load_conflicts(self._folder, self))
@@ -287,21 +288,21 @@ class FieldExact(ProvingDriver):
             self._asked = True
             self._bound_at_root()
             if self._reached:
-                self._left = 1  # a study has one result
+                self._search_left = 1  # nothing is left to prove, but a study has one result
         elif self._reached:
-            self._left = 0
-        if self._left > 0 and not self._before.passed():
-            found = self._search.ask(self._left if limit is None else min(limit, self._left))
-            self._left = self._left - len(found) if len(found) else 0
-            if len(found):
-                return found
-        self._left = 0
+            self._search_left = 0
+        if self._search_left > 0 and not self._search_deadline.passed():
+            labellings = self._search.ask(self._search_left if limit is None else min(limit, self._search_left))
+            if len(labellings):
+                self._search_left -= len(labellings)
+                return labellings
+        self._search_left = 0  # the search is over: the time is up, or it has no more labellings
         while not self._waiting and self.working and not self._stopped and not self._time_is_up:
             self._work()
             self._heartbeat()
         count = len(self._waiting) if limit is None else limit
-        given, self._waiting = self._waiting[:count], self._waiting[count:]
-        return np.array(given, dtype=bool).reshape(len(given), len(self.space.fixed))
+        first, self._waiting = self._waiting[:count], self._waiting[count:]
+        return np.array(first, dtype=bool).reshape(len(first), len(self.space.fixed))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         self._search.tell(labellings, evaluations)

@@ -425,12 +425,14 @@ def _stands(
 ) -> Floats:
     """Return 1 for rows whose layouts stand under their dead load alone, 0 for others, NaN where undecided."""
     status = statuses(rows)
-    found = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
-    asked = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
+    stands = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
+    bounded = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
     if standing is not None:
-        labels, took = unpack(np.ascontiguousarray(rows["labelling"][asked]), faces), rows["seconds"][asked]
-        found[asked] = standing.of(labels, rows["low"][asked], deadline, float(np.nanmax(took, initial=0.0)))
-    return np.where(found == 1.0, np.nan, found) if by_fields else found
+        labels = unpack(np.ascontiguousarray(rows["labelling"][bounded]), faces)
+        longest = float(np.nanmax(rows["seconds"][bounded], initial=0.0))
+        stands[bounded] = standing.of(labels, rows["low"][bounded], deadline, longest)
+    # `standing` looks at rigid blocks: where these stand, blocks that crack anywhere may still fall.
+    return np.where(stands == 1.0, np.nan, stands) if by_fields else stands
 
 
 def that_stand(results: pd.DataFrame) -> pd.DataFrame:

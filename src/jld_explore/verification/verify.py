@@ -369,12 +369,7 @@ class Labellings:
         # literals: face + 1 states that a face is inner, −(face + 1) that it is dry; limits that clauses cannot express
         # are ignored, so that the proof covers more labellings
         self.assembly, self.search = assembly, scene.search
-        for name, field in type(scene.search).model_fields.items():
-            # A key that admits more labellings, or an unknown new key, would make rules wrong.
-            strange = name not in _STATED | _NARROWER | _IDLE
-            if strange and getattr(scene.search, name) != field.get_default(call_default_factory=True):
-                key = f"search.{field.alias or name}"
-                raise InputError(key, "certificates do not support this key", "a search without it")
+        self._refuse_other_keys()
         faces, elements = assembly.interfaces, assembly.elements
         self._ends = list(zip(faces.a.tolist(), faces.b.tolist(), strict=True))
         self.fixed = self._fixed()
@@ -390,19 +385,29 @@ class Labellings:
             self._touching[a].append(b)
             self._touching[b].append(a)
         self.beginning: list[Clause] = [[-(face + 1)] if dry else [face + 1] for face, dry in self.fixed.items()]
+        self.beginning += self._limit_dry_faces()
+
+    def _refuse_other_keys(self) -> None:
+        """Raise InputError for a key that admits more labellings, or is unknown: it would make rules wrong."""
+        for name, field in type(self.search).model_fields.items():
+            other = name not in _STATED | _NARROWER | _IDLE
+            if other and getattr(self.search, name) != field.get_default(call_default_factory=True):
+                key = f"search.{field.alias or name}"
+                raise InputError(key, "certificates do not support this key", "a search without it")
+
+    def _limit_dry_faces(self) -> list[Clause]:
+        """Return clauses that keep the number of dry faces between free elements within its limits."""
         low, high = self.search.dry_faces
-        members = assembly.of_members.tolist()
-        counted = [
-            face
-            for face, (a, b) in enumerate(self._ends)
-            if not (self._support[a] or self._support[b] or members[face])
-        ]
-        top = len(self._ends)
-        for bound, literals in ((low, [-(f + 1) for f in counted]), (high, [f + 1 for f in counted])):
-            least = bound if literals and literals[0] < 0 else None if bound is None else len(counted) - bound
-            if least is not None and least > 0:
-                clauses, top = at_least(literals, int(least), top)
-                self.beginning += clauses
+        members = self.assembly.of_members.tolist()
+        counted = [face for face in range(len(self._ends)) if face in self.between_free and not members[face]]
+        last_variable, clauses = len(self._ends), list[Clause]()
+        if low is not None and low > 0 and counted:
+            clauses, last_variable = at_least([-(face + 1) for face in counted], int(low), last_variable)
+        # at most `high` dry: at least the others are inner
+        if high is not None and len(counted) > high:
+            more, _ = at_least([face + 1 for face in counted], int(len(counted) - high), last_variable)
+            clauses += more
+        return clauses
 
     def _fixed(self) -> dict[int, bool]:
         """Return the labels that are fixed: of faces that are no candidates or are kept."""
@@ -643,7 +648,7 @@ class Checker:
         for number, reason in enumerate(reasons, len(self.clauses) + 1):
             clause = self.clause(reason)
             if clause is None and isinstance(reason, Mechanism) and self.lowers_ceiling(reason):
-                clause = [1, -1]  # for block mechanisms to come
+                clause = [1, -1]  # always true: it holds the number of a reason that serves later block mechanisms
             if clause is None:
                 raise InputError(f"reason {number}", _wrong(reason), "reasons that hold")
             self.clauses[number] = clause

@@ -249,18 +249,22 @@ def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int]
     """
     end = time.perf_counter() + seconds
     verdicts: dict[int, bool | None] = {}
-    for k in range(count):
-        if k and time.perf_counter() > end:
+    for case in range(count):
+        if case and time.perf_counter() > end:
             break
-        verdicts[k] = assess(k, COARSE, 0.0)
-    refuted = [k for k, verdict in verdicts.items() if verdict is False]
-    again = sorted(refuted or [k for k, verdict in verdicts.items() if verdict is None], key=least)
-    for k in again[: 1 if refuted else None]:
+        verdicts[case] = assess(case, COARSE, 0.0)
+    refuted = [case for case, verdict in verdicts.items() if verdict is False]
+    if refuted:
+        # The answer is known. Of the worst case, the utilisation is reported: its bounds are refined for a short time.
+        refined, share_of_time = [min(refuted, key=least)], _REFUTED
+    else:
+        refined, share_of_time = sorted((case for case in verdicts if verdicts[case] is None), key=least), 1.0
+    for case in refined:
         for gap in FINER:
             left = end - time.perf_counter()
             if left <= 0.0:
                 return
-            verdict = assess(k, gap, min(left, _REFUTED * seconds) if refuted else left)
+            verdict = assess(case, gap, min(left, share_of_time * seconds))
             if verdict is True or (verdict is False and not refuted):
                 break
         if verdict is False:

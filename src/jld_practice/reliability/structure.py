@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
@@ -344,26 +345,23 @@ class _Measurement:
         """Add the loads that grow with products of two values: body loads, by weights."""
         weights = [k for k, (path, _) in enumerate(self.found) if path[-1] in ("density", "weight")]
         bodies = [k for k, (path, _) in enumerate(self.found) if "body" in path]
-        for one in weights:
-            for two in bodies:
-                both, alone = (one, 1.0 + _STEP), (two, 1.0 + _STEP)
-                sizes = [float(self.sizes[variables_of[k][0]]) for k in (one, two)]
-                change = sizes[0] * sizes[1] * _STEP**2
-                parts = [
-                    found.by_case for found in (self.changed(both, alone), self.changed(both), self.changed(alone))
-                ]
-                for case, growths in enumerate(self.growths):
-                    base = self.base.by_case[case]
-                    dead, live = (
-                        _rate(
-                            getattr(parts[0][case], name) + getattr(base, name),
-                            getattr(parts[1][case], name) + getattr(parts[2][case], name),
-                            change,
-                            digits=1.0 / _STEP**2,
-                        )
-                        for name in ("dead", "live")
-                    )
-                    self._grow_pairs(growths, variables_of[one], variables_of[two][0], dead, live)
+        for weight, body in itertools.product(weights, bodies):
+            # second difference of the loads by both values: (both + none − weight − body) / (change of both)
+            more_weight, more_body = (weight, 1.0 + _STEP), (body, 1.0 + _STEP)
+            mean_weight, mean_body = (float(self.sizes[variables_of[k][0]]) for k in (weight, body))
+            rate = partial(_rate, change=mean_weight * mean_body * _STEP**2, digits=1.0 / _STEP**2)
+            cases = zip(
+                self.changed(more_weight, more_body).by_case,
+                self.base.by_case,
+                self.changed(more_weight).by_case,
+                self.changed(more_body).by_case,
+                self.growths,
+                strict=True,
+            )
+            for both, none, by_weight, by_body, growths in cases:
+                dead = rate(both.dead + none.dead, by_weight.dead + by_body.dead)
+                live = rate(both.live + none.live, by_weight.live + by_body.live)
+                self._grow_pairs(growths, variables_of[weight], variables_of[body][0], dead, live)
 
     @staticmethod
     def _grow_pairs(growths: list[Growth], weights: list[int], body: int, dead: Floats, live: Floats) -> None:
