@@ -180,41 +180,43 @@ def closed(bodies: list[Any], volume: float) -> Any | None:
 
 
 def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
-    group, volume = list(range(len(cells))), [cell.volume() for cell in cells]
+    """Join slivers, and the smallest cells while there are too many, to a neighbour: the owner of each cell."""
+    owner, volume = list(range(len(cells))), [cell.volume() for cell in cells]
     boxes = [np.array(cell.bounding_box()) for cell in cells]
     area: dict[tuple[int, int], float] = {}
     pieces: dict[tuple[int, int], int] = {}
     for joint in joints:
         pair = min(joint.a, joint.b), max(joint.a, joint.b)
         area[pair], pieces[pair] = area.get(pair, 0.0) + joint.area, pieces.get(pair, 0) + 1
-    mean, alive = sum(volume) / len(volume), set(group)
+    mean, alive = sum(volume) / len(volume), set(owner)
     stuck: set[int] = set()
     while alive - stuck:
-        small = min(alive - stuck, key=lambda k: volume[k])
-        many = len(alive) > limits.cells or sum(pieces.values()) > limits.faces
-        if volume[small] >= SLIVER * mean and not many:
+        smallest = min(alive - stuck, key=lambda k: volume[k])
+        too_many = len(alive) > limits.cells or sum(pieces.values()) > limits.faces
+        if volume[smallest] >= SLIVER * mean and not too_many:
             break
-        beside = sorted(((size, pair) for pair, size in area.items() if small in pair), reverse=True)
-        for _, pair in beside:
-            other = pair[0] if pair[1] == small else pair[1]
+        beside = sorted(((size, pair) for pair, size in area.items() if smallest in pair), reverse=True)
+        for _, pair in beside:  # largest common area first
+            other = pair[0] if pair[1] == smallest else pair[1]
             box = np.concatenate(
-                [np.minimum(boxes[small][:3], boxes[other][:3]), np.maximum(boxes[small][3:], boxes[other][3:])]
+                [np.minimum(boxes[smallest][:3], boxes[other][:3]), np.maximum(boxes[smallest][3:], boxes[other][3:])]
             )
-            if limits.hold(box, volume[small] + volume[other]):
+            if limits.hold(box, volume[smallest] + volume[other]):
                 break
         else:
-            stuck.add(small)
+            stuck.add(smallest)
             continue
-        boxes[other], volume[other] = box, volume[other] + volume[small]
-        alive.remove(small)
-        group = [other if name == small else name for name in group]
-        for old in [one for one in area if small in one]:
-            third = old[0] if old[1] == small else old[1]
+        # the joints of the joined cell become those of its owner
+        boxes[other], volume[other] = box, volume[other] + volume[smallest]
+        alive.remove(smallest)
+        owner = [other if name == smallest else name for name in owner]
+        for old in [one for one in area if smallest in one]:
+            third = old[0] if old[1] == smallest else old[1]
             size, number = area.pop(old), pieces.pop(old)
             if third != other:
                 new = min(third, other), max(third, other)
                 area[new], pieces[new] = area.get(new, 0.0) + size, pieces.get(new, 0) + number
-    return group
+    return owner
 
 
 def basis(normal: Floats) -> Floats:

@@ -483,6 +483,7 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
 
 
 def verdict(summary: dict[str, Any]) -> str:
+    """Say in one sentence what the parts carry, what that is compared with, and what is unproven or faulty."""
     many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
     carry, low = _carried(summary), summary["bracket"][0]
     keys = summary.get("keys") or []
@@ -492,35 +493,35 @@ def verdict(summary: dict[str, Any]) -> str:
         carry += f"; with keys where parts slid ({named}; {summary['load_factor_without_keys']:.3g} without)"
     start, end = summary["uncut"]
     whole = "any multiple" if start is not None and end is None else "unknown" if start is None else f"{start:.3g}"
-    told = f"{many} {carry}; uncut {whole}"
+    text = f"{many} {carry}; uncut {whole}"
     if summary.get("only_crushing"):
-        told += "; only crushing limits it"
-    most = (summary.get("by_fields") or (None, None))[1]
+        text += "; only crushing limits it"
+    fields_high = (summary.get("by_fields") or (None, None))[1]
     above = low is not None and start is not None and end is not None and low > start * (1 + 1e-3)
     # where fields refute λ by cells, nothing is above the uncut solid
-    if above and (most is None or most >= low):
-        told += " (a dry joint opens over its whole depth, an uncut section cracks at its elastic limit)"
+    if above and (fields_high is None or fields_high >= low):
+        text += " (a dry joint opens over its whole depth, an uncut section cracks at its elastic limit)"
     if summary.get("proven"):
         of_cells, bound = summary.get("load_factor_of_cells"), summary.get("bound")
         below = of_cells is not None and bound is not None and of_cells < bound * (1 - 1e-3)
         last = f"exceeds {bound:.3g} on them, whether it goes together or not" if below else "is stronger on them"
         joints = " with plane joints," if keys else ""
-        told += f";{joints} no fewer parts of these cells do, and no layout of as many {last}"
+        text += f";{joints} no fewer parts of these cells do, and no layout of as many {last}"
     else:
-        told += _bounded(summary)
+        text += _bounded(summary)
     if low is not None and not summary["meets"]:
-        told += f"; {summary['require']:g} was asked"
+        text += f"; {summary['require']:g} was asked"
     if summary["too_large"]:
-        told += "; parts that do not fit the box: " + ", ".join(str(k) for k in summary["too_large"])
+        text += "; parts that do not fit the box: " + ", ".join(str(k) for k in summary["too_large"])
     if summary["coarse_truth"]:
-        told += "; this is λ of the cells of the search, since no finer scene was valid: inner cracks are few"
+        text += "; this is λ of the cells of the search, since no finer scene was valid: inner cracks are few"
     if summary["faulty_files"]:
-        told += "; not watertight: " + ", ".join(summary["faulty_files"])
+        text += "; not watertight: " + ", ".join(summary["faulty_files"])
     if summary["can_be_laid"] is None:
-        told += "; time ended before an order of assembly was found"
+        text += "; time ended before an order of assembly was found"
     if summary["can_be_laid"] is False:
-        told += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
-    return told + "."
+        text += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
+    return text + "."
 
 
 def _bounded(summary: dict[str, Any]) -> str:

@@ -371,21 +371,22 @@ def _search(found: Found, ways: Ways, bounds: Bounds, asked: Asked) -> None:
 
 
 def _add_joined(found: Found, ways: Ways, chain: list[list[int]], bounds: Bounds, together: list[int]) -> None:
-    # to a search that time ended before it had one that stands
-    rows = [
-        tuple(groups)
-        for groups in chain
-        if ways.few(tuple(groups)) and all(any(one & whole == whole for one in groups) for whole in together)
-    ]
+    """Add the layouts of a chain that stand, for a search that time ended before it had one; sets are bits of cells."""
+
+    def joins(groups: list[int]) -> bool:
+        """Return whether cells that must stay together are in one group."""
+        return all(any(group & cells == cells for group in groups) for cells in together)
+
+    rows = [tuple(groups) for groups in chain if ways.few(tuple(groups)) and joins(groups)]
     if not rows:
         return
     blocks = ways.blocks(rows)
     low, _, locked = bounds(blocks)
-    for row, block, own in zip(rows, blocks, np.where(locked, np.inf, low), strict=True):
-        if own >= 0.0:
+    for row, block, load_factor in zip(rows, blocks, np.where(locked, np.inf, low), strict=True):
+        if load_factor >= 0.0:
             before = found.of.get(len(row))
             high = found.whole if before is None else before.high
-            found.of[len(row)] = Layouts(False, 1, 0, block[None], np.array([own]), high)
+            found.of[len(row)] = Layouts(False, 1, 0, block[None], np.array([load_factor]), high)
 
 
 class Solver(Protocol):

@@ -98,19 +98,21 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
         if len(products) > MOST:
             raise InputError("", f"it has {len(products)} products", f"at most {MOST}")
         scale = float(import_module("ifcopenshell.util.unit").calculate_unit_scale(model))
-        placed = import_module("ifcopenshell.util.placement").get_local_placement
+        placement_of = import_module("ifcopenshell.util.placement").get_local_placement
         densities = Densities(model)
         parts: list[Part] = []
         empty = unfolded = 0
         known: dict[int, int] = {}
         counted: Counter[str] = Counter()
-        for done, product in enumerate(products):
-            notes.reached("products", done, len(products))
+        for position, product in enumerate(products):
+            notes.reached("products", position, len(products))
             if product.is_a("IfcOpeningElement") or product.is_a("IfcSpatialElement"):
                 empty += 1
                 continue
             title = f"{product.is_a()} {product.Name or product.GlobalId!r}"
-            matrix = np.array(placed(product.ObjectPlacement)) if product.ObjectPlacement is not None else np.eye(4)
+            matrix = (
+                np.array(placement_of(product.ObjectPlacement)) if product.ObjectPlacement is not None else np.eye(4)
+            )
             items = [item for shape in _shapes(product) for item in shape.Items]
             if not items:
                 empty += 1
@@ -129,8 +131,8 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
             keys = {} if density is None else {"density": density}
             for number, (points, faces) in enumerate(solids, 1):
                 name = str(product.Name or product.GlobalId)
-                own = name if len(solids) == 1 else f"{name}.{number}"
-                parts.append(Part(own, group, points, faces, keys=keys))
+                part_title = name if len(solids) == 1 else f"{name}.{number}"
+                parts.append(Part(part_title, group, points, faces, keys=keys))
     notes.found.append(f"{several(len(parts), 'solid')} of {several(len(products) - empty, 'product')}")
     notes.found += [f"{several(count, 'product')} {how}" for how, count in counted.items() if count]
     notes.skip("products", empty, "spaces, openings, or no body")

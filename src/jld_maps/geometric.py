@@ -113,13 +113,13 @@ def _middle_line(points: Floats, joints: list[Floats], near: float, where: str) 
         problem = f"it has {len(joints)} joints, {len(edges)} of which are whole sides of it: no middle line"
         raise InputError(where, problem, "blocks one after the other, each between two joints across the thickness")
     first, second = edges
-    one = [(first + 1 + j) % count for j in range((second - first - 1) % count + 1)]
-    two = [(first - j) % count for j in range((first - second - 1) % count + 1)]
+    side_a = [(first + 1 + j) % count for j in range((second - first - 1) % count + 1)]
+    side_b = [(first - j) % count for j in range((first - second - 1) % count + 1)]
     middle = points.copy()
-    for side, other in itertools.permutations((one, two)):
-        own, far = (_along(points[indices]) for indices in (side, other))
-        across = np.column_stack([np.interp(own, far, points[other][:, axis]) for axis in (0, 1)])
-        middle[side] = 0.5 * (points[side] + across)
+    for side, other in itertools.permutations((side_a, side_b)):
+        shares, other_shares = (_along(points[indices]) for indices in (side, other))
+        opposite = np.column_stack([np.interp(shares, other_shares, points[other][:, axis]) for axis in (0, 1)])
+        middle[side] = 0.5 * (points[side] + opposite)
     return middle
 
 

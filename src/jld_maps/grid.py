@@ -304,7 +304,6 @@ def _name(flags: list[bool]) -> str:
 _SWEEP_ROUTE: Final = Route("maps", frozenset(FACTS))
 _OPTIONS: Final = Model(cracks="faces")
 _PORTION: Final = 4096  # points that are solved together
-_BOUNDS: Final = ("status", "bracket_lo", "bracket_hi")
 _STARTS: Final = 4  # starting points of the batch solver
 _FEW: Final = 16  # points that are solved one by one rather than from another starting point
 _DECIDED: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNSTABLE)
@@ -365,6 +364,12 @@ def _solved(structure: Any, labels: Any, fields: bool, seconds: float | None) ->
     if (whole != own).any():
         row["uncut"] = solve(assembly, whole).bracket[1]
     return row | (_by_fields(assembly, own, seconds) if fields else {})
+
+
+def _bounds_of(columns: dict[str, Any]) -> list[CaseBounds]:
+    """Return the bounds of one load case at each point."""
+    rows = zip(columns["status"], columns["bracket_lo"], columns["bracket_hi"], strict=True)
+    return [CaseBounds(Status(name or "uncertified"), low, high, 0.5 * (low + high)) for name, low, high in rows]
 
 
 def _row(found: Any) -> dict[str, Any]:
@@ -481,23 +486,20 @@ class Swept:
         return columns
 
     def _governing(self, cases: list[dict[str, Any]]) -> dict[str, Any]:
-        found = cases[0]
+        """Combine the columns of all load cases to those of the governing factor; status "" where it is open."""
+        columns = cases[0]
         if self.assembly.cases:
             required = self.assembly.required.tolist()
-            known = [
-                [CaseBounds(Status(s or "uncertified"), lo, hi, 0.5 * (lo + hi)) for s, lo, hi in row]
-                for row in zip(*(zip(*(one[name] for name in _BOUNDS), strict=True) for one in cases), strict=True)
-            ]
-            decided = [governing(row, required) for row in known]
-            found = {
+            decided = [governing(bounds, required) for bounds in zip(*map(_bounds_of, cases), strict=True)]
+            columns = {
                 "status": np.array([str(one.status).replace("uncertified", "") for one in decided], dtype=object),
                 "bracket_lo": np.array([one.low for one in decided]),
                 "bracket_hi": np.array([one.high for one in decided]),
                 "mechanism": np.array([cases[one.case]["mechanism"][k] for k, one in enumerate(decided)], dtype=object),
             }
-        value = 0.5 * (found["bracket_lo"] + found["bracket_hi"])
-        proven = np.isin(found["status"].astype(str), [str(one) for one in _DECIDED])
-        return {"load_factor": value, **found, "proven": proven}
+        value = 0.5 * (columns["bracket_lo"] + columns["bracket_hi"])
+        proven = np.isin(columns["status"].astype(str), [str(status) for status in _DECIDED])
+        return {"load_factor": value, **columns, "proven": proven}
 
 
 _HALVINGS: Final = 6  # halvings of the distance of two points of a grid before λ is extrapolated
@@ -557,22 +559,22 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
     every = np.unique([*values, 0.5 * (values[0] + values[-1])])
     points = Grid(scene, axes | {key: every.tolist()})
     states = points.states()
-    whole = None if states is None else Swept(points, states, labels, uncut=False)
-    if states is None or whole is None or not whole.batched:
+    swept_map = None if states is None else Swept(points, states, labels, uncut=False)
+    if states is None or swept_map is None or not swept_map.batched:
         return None
     linear = states.linear(axis, every)
 
     def at(x: Any) -> dict[str, Any]:
         """Return the columns of `sweep` at values (e,) of the key, or several for each edge."""
-        own, swept = np.tile(places.astype(float), (len(x) // len(places), 1)), whole
+        positions, swept = np.tile(places.astype(float), (len(x) // len(places), 1)), swept_map
         if linear:
-            own[:, axis] = np.interp(x, every, np.arange(len(every)))
+            positions[:, axis] = np.interp(x, every, np.arange(len(every)))
         else:
             all_x, where = np.unique(np.concatenate([x, values[:2]]), return_inverse=True)
             further = Grid(scene, axes | {key: all_x.tolist()})
             swept = Swept(further, further.states(), labels, uncut=False)  # type: ignore[arg-type]
-            own[:, axis] = where[: len(x)]
-        return swept.all(own, 1)
+            positions[:, axis] = where[: len(x)]
+        return swept.all(positions, 1)
 
     low, high = values[places[:, axis]], values[places[:, axis] + 1]
     name = at(low)["mechanism"]
@@ -580,21 +582,22 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
         middle = 0.5 * (low + high)
         same = at(middle)["mechanism"] == name
         low, high = np.where(same, middle, low), np.where(same, high, middle)
+    # λ of either mechanism is continued by a secant through two points of its side; the border is where they meet
     step = high - low
     # the second point of each side stays within the map, where values are known to make sense
     before = np.where(low - step < values.min(), low + _NEAR * step, low - step)
     after = np.where(high + step > values.max(), high - _NEAR * step, high + step)
-    each = at(np.concatenate([before, low, high, after]))
-    ends = [{key: one[k * len(low) : (k + 1) * len(low)] for key, one in each.items()} for k in range(4)]
-    far, near, other, beyond = (one["load_factor"].copy() for one in ends)
-    far[(before > low) & (ends[0]["mechanism"] != name)] = np.nan
-    beyond[(after < high) & (ends[3]["mechanism"] != ends[2]["mechanism"])] = np.nan
-    slopes = (near - far) / (low - before), (beyond - other) / (after - high)
+    swept_points = at(np.concatenate([before, low, high, after]))
+    mechanisms = np.split(swept_points["mechanism"], 4)
+    of_before, of_low, of_high, of_after = np.split(swept_points["load_factor"].copy(), 4)
+    of_before[(before > low) & (mechanisms[0] != name)] = np.nan
+    of_after[(after < high) & (mechanisms[3] != mechanisms[2])] = np.nan
+    slope_low, slope_high = (of_low - of_before) / (low - before), (of_after - of_high) / (after - high)
     with np.errstate(divide="ignore", invalid="ignore"):
-        x = low + (other - near - slopes[1] * step) / (slopes[0] - slopes[1])
-    fits = np.isfinite(x) & (x >= low - step) & (x <= high + step)
-    x = np.where(fits, x, 0.5 * (low + high))
-    table = {one: np.array(axes[one], dtype=object)[places[:, k]] for k, one in enumerate(axes)}
-    table |= {key: x, "along": key, "one": ends[1]["mechanism"], "other": ends[2]["mechanism"]}
-    between = 0.5 * (ends[1]["load_factor"] + ends[2]["load_factor"])
-    return pd.DataFrame(table | {"load_factor": np.where(fits, near + slopes[0] * (x - low), between)})
+        border = low + (of_high - of_low - slope_high * step) / (slope_low - slope_high)
+    meets = np.isfinite(border) & (border >= low - step) & (border <= high + step)
+    border = np.where(meets, border, 0.5 * (low + high))
+    table = {column: np.array(axes[column], dtype=object)[places[:, k]] for k, column in enumerate(axes)}
+    table |= {key: border, "along": key, "one": mechanisms[1], "other": mechanisms[2]}
+    load_factor = np.where(meets, of_low + slope_low * (border - low), 0.5 * (of_low + of_high))
+    return pd.DataFrame(table | {"load_factor": load_factor})

@@ -72,11 +72,11 @@ class VelocityProgram:
         self._cohesive: list[Ints] = [np.empty(0, dtype=np.int64)]
         self._columns = live.size
         self._costs: list[Floats] = [-dead.ravel().astype(float)]
-        self._side_costs: list[tuple[Ints, Ints, Floats]] = []
-        every = np.arange(live.size)[None]
-        work.add([(every, live.reshape(1, -1))], 1.0, 1)
+        self._side_costs: list[tuple[Ints, Ints, Floats]] = []  # side, columns, cost where it is not dry
+        velocities = np.arange(live.size)[None]
+        work.add([(velocities, live.reshape(1, -1))], 1.0, 1)
         if driving is not None:
-            self._add(self._linear, [(every, -driving.reshape(1, -1))], -margin, 1)
+            self._add(self._linear, [(velocities, -driving.reshape(1, -1))], -margin, 1)
         self._simplices()
         # sides with jumps in the material, and those on dry joints: without labels a side can be both
         dry = None if labels is None else problem.is_dry(labels)
@@ -87,20 +87,21 @@ class VelocityProgram:
                 self._cut_corners(cut, corner)
             if joints.size:
                 self._dry_corners(joints, corner)
-        parts = [part for part in (work, self._linear, self._threes, self._fours, self._psd) if part.count]
-        matrix = sp.csr_array(sp.vstack([part.matrix(self._columns) for part in parts]))
-        rhs = np.concatenate([part.right for part in parts])
+        groups = [rows for rows in (work, self._linear, self._threes, self._fours, self._psd) if rows.count]
+        matrix = sp.csr_array(sp.vstack([rows.matrix(self._columns) for rows in groups]))
+        rhs = np.concatenate([rows.right for rows in groups])
         self._fixed = np.concatenate(self._costs)
-        three = self._threes.count // 3
-        self._whole = matrix, rhs, ConeSizes(1, self._linear.count, three, self._fours.count // 4, self._psd.count // 6)
+        threes = self._threes.count // 3
+        sizes = ConeSizes(1, self._linear.count, threes, self._fours.count // 4, self._psd.count // 6)
+        self._whole = matrix, rhs, sizes
         if self._switched:
             # only linear rows and cones of three are switched, and the one row of live work stands before them
-            groups = id(self._linear), id(self._threes)
-            self._off_owner = np.concatenate([np.array([-1]), *(part for key in groups for part in self._owner[key])])
-            self._off_dry = np.concatenate([[False], *(part for key in groups for part in self._when_dry[key])])
+            linear, cones = id(self._linear), id(self._threes)
+            self._off_owner = np.concatenate([np.array([-1]), *self._owner[linear], *self._owner[cones]])
+            self._off_dry = np.concatenate([[False], *self._when_dry[linear], *self._when_dry[cones]])
             self._off_cohesion = np.zeros(len(self._off_dry), dtype=bool)
             self._off_cohesion[1 + np.concatenate(self._cohesive)] = True
-            self._program = ConeProgram(self._fixed, matrix, rhs, ConeSizes(1, self._linear.count, three), many)
+            self._program = ConeProgram(self._fixed, matrix, rhs, ConeSizes(1, self._linear.count, threes), many)
 
     def solve(self, dry: Bools | None = None, undecided: Bools | None = None) -> Answer:
         """Solve the program for dry and undecided sides (f,); the answer is not certified."""

@@ -310,9 +310,9 @@ class BlockRelaxation:
             return Choice(min(most, threshold), True, share, mechanism.inside, useless, proof)
         start = float(mechanism.price.sum())
         for step in _STEPS:
-            tried = start + step * max(1.0, abs(start))
-            if 0.0 <= tried < most and self._excess(mechanism, tried, allowed)[0] > 0.0:
-                return Choice(tried, False, share, mechanism.inside, useless, proof)
+            load_factor = start + step * max(1.0, abs(start))
+            if 0.0 <= load_factor < most and self._excess(mechanism, load_factor, allowed)[0] > 0.0:
+                return Choice(load_factor, False, share, mechanism.inside, useless, proof)
         return Choice(most, False, share, mechanism.inside, useless, proof)
 
     # --- proof ------------------------------------------------------------------------------------------

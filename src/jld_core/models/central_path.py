@@ -358,37 +358,37 @@ class CentralPath:
         slopes: Floats,
     ) -> PathPoint | None:
         """Return the Newton step of a point towards path parameter `target`; None if singular."""
-        rows, n, e = self.rows, self.rows.size, len(self.rows.load)
+        rows, n, count = self.rows, self.rows.size, len(self.rows.rhs)
         dual, balance, primal = residuals
-        values, _ = rows.parameters(point.y)
-        moved, across, down = (
-            rows.entries(values),
-            rows.row_slopes(point.y, slopes),
-            rows.column_slopes(point.z, slopes),
-        )
-        scaling = self._scaling(point)
-        below = n + e
-        row = [self._fixed[0], moved[1], moved[0] + below, across[0] + below, down[0], scaling[0] + below]
-        column = [self._fixed[1], moved[0] + below, moved[1], across[1], down[1], scaling[1] + below]
-        data = [self._fixed[2], moved[2], moved[2], across[2], down[2], -scaling[2]]
-        order = (np.concatenate(row), np.concatenate(column))
-        whole = sp.csc_array((np.concatenate(data), order), shape=(below + len(rows.rhs),) * 2)
+        parameters, _ = rows.parameters(point.y)
+        g_row, g_column, g_value = rows.entries(parameters)
+        row_at, row_by, row_slope = rows.row_slopes(point.y, slopes)
+        column_at, column_by, column_slope = rows.column_slopes(point.z, slopes)
+        w_row, w_column, w_value = self._scaling(point)
+        # Unknowns: y, multipliers u of E y = e, multipliers z of the rows. G and Gᵀ stand below and beside y, their
+        # slopes by y with them, and the scaling W² of the cones at z; `_fixed` has what never changes.
+        first = n + len(self.rows.load)
+        row = [self._fixed[0], g_column, g_row + first, row_at + first, column_at, w_row + first]
+        column = [self._fixed[1], g_row + first, g_column, row_by, column_by, w_column + first]
+        data = [self._fixed[2], g_value, g_value, row_slope, column_slope, -w_value]
+        entries = np.concatenate(data), (np.concatenate(row), np.concatenate(column))
+        newton = sp.csc_array(entries, shape=(first + count,) * 2)
         try:
-            factor = splu(whole)
+            factor = splu(newton)
         except RuntimeError:
             return None
         self.steps += 1
         towards = target * self.weights * self._inverse(point.s) - point.z
-        square = sp.csr_array((scaling[2], (scaling[0], scaling[1])), shape=(len(rows.rhs),) * 2)
-        right = np.concatenate([-dual, -balance, -primal - square @ towards])
-        found = factor.solve(right)
-        found = found + factor.solve(right - whole @ found)
-        if not np.isfinite(found).all():
+        scaling = sp.csr_array((w_value, (w_row, w_column)), shape=(count,) * 2)
+        right = np.concatenate([-dual, -balance, -primal - scaling @ towards])
+        step = factor.solve(right)
+        step = step + factor.solve(right - newton @ step)  # one refinement
+        if not np.isfinite(step).all():
             return None
-        y, u, z = found[:n], found[n:below], found[below:]
-        leaning = np.zeros(len(rows.rhs))
-        np.add.at(leaning, across[0], across[2] * y[across[1]])
-        return PathPoint(y, u, -primal - matrix @ y - leaning, z)
+        y, u, z = step[:n], step[n:first], step[first:]
+        by_slopes = np.zeros(count)
+        np.add.at(by_slopes, row_at, row_slope * y[row_by])
+        return PathPoint(y, u, -primal - matrix @ y - by_slopes, z)
 
     def _scaling(self, point: PathPoint) -> tuple[Ints, Ints, Floats]:
         """Return rows, columns and values of the squared scaling W², for which W² z = s."""

@@ -59,24 +59,30 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
         if len(cut_up[k]) == 1:
             return [entry]
         at = entry.get("at") or assembly.elements.centroid[k].tolist()
-        held = _holding(cut_up[k], np.array(at), tolerances.ON_OUTLINE * assembly.size)
-        more: dict[str, Any] = {}
+        holding = _holding(cut_up[k], np.array(at), tolerances.ON_OUTLINE * assembly.size)
+        shared: dict[str, Any] = {}
         for key in ("force", "moment"):
             if key in entry:
-                more[key] = _share(entry[key], len(held), f"{where}.{key}")
-        if "force" in more:
-            more["at"] = at
-        return [{**entry, "element": f"{entry['element']}.{number}", **more} for number in held]
+                shared[key] = _share(entry[key], len(holding), f"{where}.{key}")
+        if "force" in shared:
+            shared["at"] = at
+        return [{**entry, "element": f"{entry['element']}.{number}", **shared} for number in holding]
 
     def moved_all(part: dict[str, Any], where: str) -> dict[str, Any]:
-        entries = {key: list(enumerate(part[key])) for key in ("live", "dead") if key in part}
-        return {key: [one for k, e in of for one in moved(e, f"{where}.{key}[{k}]")] for key, of in entries.items()}
+        moved_by_key: dict[str, Any] = {}
+        for key in ("live", "dead"):
+            if key in part:
+                entries = (moved(entry, f"{where}.{key}[{k}]") for k, entry in enumerate(part[key]))
+                moved_by_key[key] = list(itertools.chain(*entries))
+        return moved_by_key
 
-    found = moved_all(loads, "loads")
-    found |= {key: loads[key] for key in ("moving", "pushes") if key in loads}
+    transferred = moved_all(loads, "loads")
+    transferred |= {key: loads[key] for key in ("moving", "pushes") if key in loads}
     if "cases" in loads:
-        found["cases"] = [{**case, **moved_all(case, f"loads.cases[{k}]")} for k, case in enumerate(loads["cases"])]
-    return found
+        transferred["cases"] = [
+            {**case, **moved_all(case, f"loads.cases[{k}]")} for k, case in enumerate(loads["cases"])
+        ]
+    return transferred
 
 
 def _free_parts(assembly: Assembly, between: list[str]) -> list[dict[str, Any]]:
@@ -148,27 +154,29 @@ def _beside_face(
 ) -> set[tuple[str, str]]:
     """Return the pairs of pieces of two elements that touch around the common point of two anchors."""
     elements, faces, at = assembly.elements, assembly.interfaces, np.array(anchors[0]["at"])
-    one, two = (elements.index[anchor["element"]] for anchor in anchors)
+    first, second = (elements.index[anchor["element"]] for anchor in anchors)
     between = np.flatnonzero(
-        (np.minimum(faces.a, faces.b) == min(one, two)) & (np.maximum(faces.a, faces.b) == max(one, two))
+        (np.minimum(faces.a, faces.b) == min(first, second)) & (np.maximum(faces.a, faces.b) == max(first, second))
     )
-    found: set[tuple[str, str]] = set()
+    pairs: set[tuple[str, str]] = set()
     for face in between.tolist():
         if assembly.dimension == 2:
-            around = np.array([faces.e1[face], -faces.e1[face]])
+            directions = np.array([faces.e1[face], -faces.e1[face]])
         else:
             angle = 0.13 + np.arange(12) * np.pi / 6.0
-            around = np.cos(angle)[:, None] * faces.e1[face] + np.sin(angle)[:, None] * faces.e2[face]
-        for point in at + 50.0 * reach * around:
+            directions = np.cos(angle)[:, None] * faces.e1[face] + np.sin(angle)[:, None] * faces.e2[face]
+        for point in at + 50.0 * reach * directions:
             if distance_from_face(faces, face, point) > reach:
                 continue
             pair = []
-            for k in (one, two):
-                held = _holding(cut_up[k], point, reach)
-                pair += [elements.ids[k] + (f".{held[0]}" if len(cut_up[k]) > 1 else "")] if len(held) == 1 else []
+            for k in (first, second):
+                holding = _holding(cut_up[k], point, reach)
+                pair += (
+                    [elements.ids[k] + (f".{holding[0]}" if len(cut_up[k]) > 1 else "")] if len(holding) == 1 else []
+                )
             if len(pair) == 2:
-                found.add((pair[0], pair[1]))
-    return found
+                pairs.add((pair[0], pair[1]))
+    return pairs
 
 
 def _holding(parts: list[Piece], at: Floats, reach: float) -> list[int]:

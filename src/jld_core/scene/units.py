@@ -173,34 +173,37 @@ def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
     found = _TEXT.fullmatch(text)
     if found is None or not math.isfinite(float(found[1])):
         raise InputError(where, f"{shown(text)} is no number with a unit", expected)
-    if found[2] is None:
-        return float(found[1])
+    number, unit = float(found[1]), found[2]
+    if unit is None:
+        return number
     for name, known in zip(own[:2], (NEWTONS, METRES), strict=True):
         if name not in known:
             raise InputError(where, f"no unit is named {name!r}, one of the scene", "a number alone")
-    size, have, place, mass = 1.0, [0, 0], 0, False
-    while place < len(found[2]):
-        factor = _FACTOR.match(found[2], place)
-        known_size = None if factor is None else _unit(factor[2])
-        if factor is None or known_size is None or (factor[1] == "/" and place == 0):
-            raise InputError(where, f"no unit is named {found[2]!r}", expected)
+    # the unit is a product of factors "/name²": its size in SI units, and its powers of force and length
+    size, force, length, has_mass = 1.0, 0, 0, False
+    position = 0
+    while position < len(unit):
+        factor = _FACTOR.match(unit, position)
+        of_name = None if factor is None else _unit(factor[2])
+        if factor is None or of_name is None or (factor[1] == "/" and position == 0):
+            raise InputError(where, f"no unit is named {unit!r}", expected)
         power = {"²": 2, "³": 3, None: 1}.get(factor[3]) or int(factor[3])
         power = -power if factor[1] == "/" else power
-        value, (force, length) = known_size
-        size *= value**power
-        mass = mass or factor[2] in MASSES
-        have = [have[0] + power * force, have[1] + power * length]
-        place = factor.end()
-    if tuple(have) != powers:
-        raise InputError(where, f"{found[2]!r} is no unit of this quantity", expected)
-    number = float(found[1]) * size
+        size_of_name, (force_power, length_power) = of_name
+        size *= size_of_name**power
+        has_mass = has_mass or factor[2] in MASSES
+        force, length = force + power * force_power, length + power * length_power
+        position = factor.end()
+    if (force, length) != powers:
+        raise InputError(where, f"{unit!r} is no unit of this quantity", expected)
     if powers != _DENSITY:
-        return number / own.system.si(powers)
-    if mass:
-        return number / GRAVITY / own.system.density
+        return number * size / own.system.si(powers)
+    # a mass per volume is a weight under standard gravity here; a weight per volume is divided by the scene's gravity
+    if has_mass:
+        return number * size / GRAVITY / own.system.density
     if own.gravity == 0.0:
         raise InputError(where, f"without gravity {text.strip()!r} is no density", "a mass per volume")
-    return number / (own.gravity * own.system.si(_DENSITY))
+    return number * size / (own.gravity * own.system.si(_DENSITY))
 
 
 def _unit(name: str) -> tuple[float, _Powers] | None:

@@ -448,25 +448,25 @@ class Labellings:
 
     def _listed(self) -> list[Block]:
         joined = {f for f in self.between_free if not self.fixed.get(f, False)}
-        level = {frozenset([e]) for e, support in enumerate(self._support) if not support}
-        found: list[Block] = []
-        while level and self.search.segmentation:
-            grown: set[frozenset[int]] = set()
-            for members in level:
+        same_size = {frozenset([e]) for e, support in enumerate(self._support) if not support}
+        blocks: list[Block] = []
+        while same_size and self.search.segmentation:
+            larger: set[frozenset[int]] = set()
+            for members in same_size:
                 sizes = self._sizes(members)
                 if any(high is not None and size > high * (1.0 + slack) for size, (_, high), slack in sizes):
                     continue
                 touched = {f for e in members for f in self._around[e]}
                 inside = [f for f in touched if members.issuperset(self._ends[f])]
                 border = sorted(touched.difference(inside))
-                grown |= {members.union(self._ends[f]) for f in joined.intersection(border)}
+                larger |= {members.union(self._ends[f]) for f in joined.intersection(border)}
                 small = any(low is not None and size < low * (1.0 - slack) for size, (low, _), slack in sizes)
                 if not small and joined.issuperset(inside):
-                    found.append(Block(tuple(sorted(members)), tuple(sorted(inside)), tuple(border)))
-                if len(found) > _MOST_BLOCKS:
+                    blocks.append(Block(tuple(sorted(members)), tuple(sorted(inside)), tuple(border)))
+                if len(blocks) > _MOST_BLOCKS:
                     raise InputError("search", "too many blocks are possible", f"at most {_MOST_BLOCKS}")
-            level = grown
-        return found
+            same_size = larger
+        return blocks
 
     # --- clauses that a certificate gives ---------------------------------------------------------------
 
@@ -723,23 +723,26 @@ class Checker:
         lengths_match = all(len(velocity) == q * len(members) for members, velocity in reason.blocks.items())
         if not self.labellings.search.segmentation or not lengths_match:
             return None
-        scale, none = 1 << reason.digits, (0,) * q
+        scale, still = 1 << reason.digits, (0,) * q
+        # of each element the multipliers v and σ of (6.6)
         price = {e: [Fraction(part, scale) for part in values] for e, values in reason.prices.items()}
-        loads = bound, max(bound, ceiling)
-        left = [sum((load * own[1] - own[0] for own in price.values()), Fraction(0)) for load in loads]
+        load_factors = bound, max(bound, ceiling)
+        excess = [sum((factor * sigma - v for v, sigma in price.values()), Fraction(0)) for factor in load_factors]
         for block in self.labellings.blocks:
             if any(decided.get(f) for f in block.inside) or any(decided.get(f) is False for f in block.around):
-                continue
-            velocity = reason.blocks.get(block.members, none * len(block.members))
+                continue  # labels that the reason decides forbid this block
+            velocity = reason.blocks.get(block.members, still * len(block.members))
             moves = {e: velocity[q * k : q * k + q] for k, e in enumerate(block.members)}
-            sides = {f: walls.get(f, none) for f in block.around}
-            found = self._balances[reason.case].weigh_block(moves, reason.digits, block.inside, sides)
-            if found.spent is None:
+            sides = {f: walls.get(f, still) for f in block.around}
+            balance = self._balances[reason.case].weigh_block(moves, reason.digits, block.inside, sides)
+            if balance.spent is None:
                 return None
-            own = [price[e] for e in block.members if e in price]
-            for k, load in enumerate(loads):
-                left[k] += min(Fraction(0), load * found.work - found.spent - sum(load * s - v for v, s in own))
-        return _labels(reason) if left[0] >= 0 and (left[1] > 0 or ceiling <= bound) else None
+            members = [price[e] for e in block.members if e in price]
+            for k, factor in enumerate(load_factors):
+                gain = factor * balance.work - balance.spent
+                excess[k] += min(Fraction(0), gain - sum(factor * sigma - v for v, sigma in members))
+        at_bound, at_ceiling = excess
+        return _labels(reason) if at_bound >= 0 and (at_ceiling > 0 or ceiling <= bound) else None
 
 
 def _labels(reason: Mechanism | BlockMechanism) -> list[int]:

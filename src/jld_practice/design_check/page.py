@@ -416,21 +416,20 @@ def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    by_place: dict[str, dict[str, str]] = {}
-    largest = max(abs(end) for one in check.reactions for end in (*one.interval, 0.0) if end is not None)
-    for one in check.reactions:
-        ends = [_end(end, largest) for end in one.interval]
-        place = one.resultant.place.removeprefix("support ")
-        told = ends[0] if ends[0] == ends[1] != "–" else " … ".join(ends)
-        by_place.setdefault(place, {})[one.resultant.component] = told
-    components = list(next(iter(by_place.values())))
-    rows = [[textwrap.shorten(place, 14, placeholder=" …"), *found.values()] for place, found in by_place.items()]
+    """Return the table of reactions: a row for each support, a column for each component, ranges as texts."""
+    ranges: dict[str, dict[str, str]] = {}  # by support, then component
+    largest = max(abs(end) for reaction in check.reactions for end in (*reaction.interval, 0.0) if end is not None)
+    for reaction in check.reactions:
+        low, high = (_end(end, largest) for end in reaction.interval)
+        support = reaction.resultant.place.removeprefix("support ")
+        ranges.setdefault(support, {})[reaction.resultant.component] = low if low == high != "–" else f"{low} … {high}"
+    components = list(next(iter(ranges.values())))
+    rows = [[textwrap.shorten(support, 14, placeholder=" …"), *row.values()] for support, row in ranges.items()]
     length, force = check.assembly.units
     title = words["reactions"].format(force=force, length=length)
-    width = 0.86 / len(components)
-    kept = rows[:LISTED]
-    head = [words["support"], *components]
-    return Table(title, head, kept, [0.14, *[width] * len(components)], len(rows) - len(kept))
+    widths = [0.14, *[0.86 / len(components)] * len(components)]
+    listed = rows[:LISTED]
+    return Table(title, [words["support"], *components], listed, widths, len(rows) - len(listed))
 
 
 def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:

@@ -455,10 +455,13 @@ class SampleBounds:
         if not self.batched:
             return self.proven(values)
         size, cases = batch_solver.SAMPLES_OF_A_CALL, range(len(self.analyses))
-        parts = [values[k : k + size] for k in range(0, len(values), size)]
-        each = [[self._of_case(case, part, required) for case in cases] for part in parts]
-        least, most = (np.concatenate([np.min([one[end] for one in part], axis=0) for part in each]) for end in (0, 1))
-        return GoverningBounds(least, most)
+        lows, highs = [], []
+        for k in range(0, len(values), size):
+            low, high = zip(*(self._of_case(case, values[k : k + size], required) for case in cases), strict=True)
+            # the governing case has the least bounds
+            lows.append(np.min(low, axis=0))
+            highs.append(np.min(high, axis=0))
+        return GoverningBounds(np.concatenate(lows), np.concatenate(highs))
 
     def _of_case(self, case: int, values: Floats, required: float | None) -> tuple[Floats, Floats]:
         """Return bounds (k,) on λ over the required one under a load case."""
