@@ -121,9 +121,9 @@ class Layout:
         parts = [part for part in shapely.get_parts(empty) if part.area > 1e-8 * size**2]
         outlines = [hole for hole in holes if any(hole.covers(part.representative_point()) for part in parts)]
         # a hole that is empty as a whole keeps its exact corners
-        whole = [hole for hole in outlines if hole.area - empty.intersection(hole).area <= 1e-6 * hole.area]
-        rest = [part for part in parts if not any(hole.covers(part.representative_point()) for hole in whole)]
-        return tuple(shapely.get_coordinates(part.exterior)[:-1] for part in [*whole, *rest])
+        empty_holes = [hole for hole in outlines if hole.area - empty.intersection(hole).area <= 1e-6 * hole.area]
+        partial = [part for part in parts if not any(hole.covers(part.representative_point()) for hole in empty_holes)]
+        return tuple(shapely.get_coordinates(part.exterior)[:-1] for part in [*empty_holes, *partial])
 
     @cached_property
     def surfaces(self) -> tuple[tuple[Surface, ...], ...]:

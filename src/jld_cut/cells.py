@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -304,27 +305,28 @@ def convex_pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
 def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
     pieces = [region]
     if not _is_convex(region, bent):
-        pieces = [one for one in triangles_of(region) if one.area > 0.0]
+        pieces = [piece for piece in triangles_of(region) if piece.area > 0.0]
     merging = True
     while merging and len(pieces) > 1:
         merging = False
         shared = sorted(
             (
-                (shapely.intersection(p, q).length, a, b)
-                for a, p in enumerate(pieces)
-                for b, q in enumerate(pieces[:a])
-                if shapely.intersects(p, q)
+                (shapely.intersection(first, second).length, a, b)
+                for a, first in enumerate(pieces)
+                for b, second in enumerate(pieces[:a])
+                if shapely.intersects(first, second)
             ),
             reverse=True,
         )
         for length, a, b in shared:
-            both = shapely.union(pieces[a], pieces[b])
-            if length > 0.0 and both.geom_type == "Polygon" and _is_convex(both, bent):
-                pieces = [one for k, one in enumerate(pieces) if k not in (a, b)] + [shapely.simplify(both, tolerance)]
+            union = shapely.union(pieces[a], pieces[b])
+            if length > 0.0 and union.geom_type == "Polygon" and _is_convex(union, bent):
+                others = [piece for k, piece in enumerate(pieces) if k not in (a, b)]
+                pieces = [*others, shapely.simplify(union, tolerance)]
                 merging = True
                 break
-    least = 1e-4 * region.area
-    return [_inscribed(one) for one in pieces if one.area > least]
+    smallest = 1e-4 * region.area
+    return [_inscribed(piece) for piece in pieces if piece.area > smallest]
 
 
 def _is_convex(polygon: Any, bent: float) -> bool:
@@ -377,23 +379,23 @@ def convex_parts(
     edges = [concave_edges(cell) for cell in cells]
     while len(pieces) < most:
         checkpoint()
-        turn, at = max((one[0][0], k) if one else (0.0, k) for k, one in enumerate(edges))
+        turn, at = max((concave[0][0], k) if concave else (0.0, k) for k, concave in enumerate(edges))
         if turn < least:
             break
         _, middle, first, second = edges[at].pop(0)
-        found: list[tuple[tuple[int, int, int], Cutting, list[Any]]] = []
+        cuts: list[tuple[tuple[int, int, int], Cutting, list[Any]]] = []  # rank, cut, concave edges of its pieces
         for across in (first - second, first, second):  # a bisector may graze a thin piece
             cutting = Cutting(pieces[at])
             across = across / np.linalg.norm(across)
             cutting.through(across, float(across @ middle))
-            if len(cutting.cells) > 1 and (few or not found):
+            if len(cutting.cells) > 1 and (few or not cuts):
                 left = [concave_edges(cell) for cell in cutting.cells]
-                # bodies that touch along an edge have no concave one
+                # bodies that touch along an edge are not convex and have no concave edge to split at
                 stuck = sum(not own and not _convex(cell) for own, cell in zip(left, cutting.cells, strict=True))
-                edgy = sum(one[0] >= least for own in left for one in own)
-                found.append(((stuck, edgy, len(left)), cutting, left))
-        if found:
-            _, cutting, left = min(found, key=lambda one: one[0])
+                sharp = sum(edge_turn >= least for edge_turn, *_ in itertools.chain(*left))
+                cuts.append(((stuck, sharp, len(left)), cutting, left))
+        if cuts:
+            _, cutting, left = min(cuts, key=lambda entry: entry[0])
             planes += cutting.planes
             pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * len(left)
             edges[at : at + 1] = left

@@ -282,7 +282,7 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
         nx, ny = c * frame[f, 0] - s * frame[f, 1], s * frame[f, 0] + c * frame[f, 1]
         ax, ay = plane.centre[a, 0] + moved[a, 0], plane.centre[a, 1] + moved[a, 1]
         bx, by = plane.centre[b, 0] + moved[b, 0], plane.centre[b, 1] + moved[b, 1]
-        ks, own = law[f, 1], numbers_of(law, f)
+        ks, numbers = law[f, 1], numbers_of(law, f)
         for k in range(first[f], first[f + 1]):
             px = ax + ca * plane.near[k, 0] - sa * plane.near[k, 1]
             py = ay + sa * plane.near[k, 0] + ca * plane.near[k, 1]
@@ -292,9 +292,9 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
             e = overlap[k] - (gap - plane.gap[k])
             q = shear[k, 0] - ks * (slid - plane.slid[k])
             plane.gap[k], plane.slid[k] = gap, slid
-            trial, was = (own[0] * e, abs(q)), broken[k]
+            trial, was = (numbers[0] * e, abs(q)), broken[k]
             start = (pressure[k], shear[k, 0] if q > 0.0 else -shear[k, 0])
-            e, p, size, broken[k] = sub_contact(e, abs(q), own, brittle[f], gaps[f], was)
+            e, p, size, broken[k] = sub_contact(e, abs(q), numbers, brittle[f], gaps[f], was)
             q = size if q > 0.0 else -size
             overlap[k], pressure[k], shear[k, 0] = e, p, q
             deepest = max(deepest, e)
@@ -307,7 +307,7 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
             if area == 0.0:
                 continue
             if size < trial[1] or p != trial[0]:
-                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
+                record_loss(motion.work, numbers, area, (dry[f], was, broken[k]), start, trial, (p, size))
             at = kept_b / (kept_a + kept_b)
             x, y = px + at * (qx - px), py + at * (qy - py)
             force[b, 0] += fx

@@ -95,7 +95,7 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
             twist += jump[i, 1] * frame[f, i]
             turn1 += jump[i, 1] * frame[f, 3 + i]
             turn2 += jump[i, 1] * frame[f, 6 + i]
-        ks, own = law[f, 1], numbers_of(law, f)
+        ks, numbers = law[f, 1], numbers_of(law, f)
         normal, along1, along2, moment1, moment2, torsion = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(first[f], first[f + 1]):
             x1, x2, area = place[k, 0], place[k, 1], place[k, 2]
@@ -103,11 +103,11 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
             q1 = shear[k, 0] - ks * (slip1 - twist * x2)
             q2 = shear[k, 1] - ks * (slip2 + twist * x1)
             sheared, was = np.sqrt(q1 * q1 + q2 * q2), broken[k]
-            trial = (own[0] * e, sheared)
-            e, p, size, broken[k] = sub_contact(e, sheared, own, brittle[f], gaps[f], was)
+            trial = (numbers[0] * e, sheared)
+            e, p, size, broken[k] = sub_contact(e, sheared, numbers, brittle[f], gaps[f], was)
             if size < sheared or p != trial[0]:
                 start = (pressure[k], (shear[k, 0] * q1 + shear[k, 1] * q2) / max(sheared, 1e-300))
-                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
+                record_loss(motion.work, numbers, area, (dry[f], was, broken[k]), start, trial, (p, size))
             if size < sheared:
                 q1 *= size / sheared
                 q2 *= size / sheared

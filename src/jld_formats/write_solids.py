@@ -585,7 +585,7 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
     views: list[dict[str, Any]] = []
     buffer = bytearray()
 
-    def stored(values: np.ndarray, bounds: bool) -> int:
+    def stored(values: np.ndarray, *, bounds: bool) -> int:
         """Add an array (k, 3) to the buffer and return the number of its accessor."""
         data = values.astype("<f4")
         views.append({"buffer": 0, "byteOffset": len(buffer), "byteLength": data.nbytes, "target": _VERTICES})
@@ -604,9 +604,10 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
         triangles = corners[np.array(surface.triangles)]
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         length = np.linalg.norm(normals, axis=1)
-        kept = length > 0.0
-        normals = np.repeat(normals[kept] / length[kept, None], 3, axis=0)
-        attributes = {"POSITION": stored(triangles[kept].reshape(-1, 3), True), "NORMAL": stored(normals, False)}
+        proper = length > 0.0
+        normals = np.repeat(normals[proper] / length[proper, None], 3, axis=0)
+        points = triangles[proper].reshape(-1, 3)
+        attributes = {"POSITION": stored(points, bounds=True), "NORMAL": stored(normals, bounds=False)}
         material = 0 if support else 1 + fact.shape % len(_COLOURS)
         meshes.append({"name": name, "primitives": [{"attributes": attributes, "material": material, "mode": 4}]})
         place = (scale * middle)[[0, 2, 1]] * [1.0, 1.0, -1.0]
@@ -625,14 +626,16 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
         "bufferViews": views,
         "buffers": [{"byteLength": len(buffer)}],
     }
-    text = json.dumps(document, separators=(",", ":")).encode()
+    return _glb(json.dumps(document, separators=(",", ":")).encode(), bytes(buffer))
+
+
+def _glb(text: bytes, binary: bytes) -> bytes:
+    """Return a .glb file: head, then JSON and binary chunk, each padded to words of 4 bytes and after its own head."""
     text += b" " * (-len(text) % 4)
-    buffer.extend(b"\0" * (-len(buffer) % 4))
-    total = 12 + 8 + len(text) + 8 + len(buffer)
-    head = struct.pack("<4sII", b"glTF", 2, total)
-    return b"".join(
-        [head, struct.pack("<I4s", len(text), b"JSON"), text, struct.pack("<I4s", len(buffer), b"BIN\0"), bytes(buffer)]
-    )
+    binary += b"\0" * (-len(binary) % 4)
+    head, total = struct.Struct("<I4s"), 12 + 8 + len(text) + 8 + len(binary)
+    parts = [struct.pack("<4sII", b"glTF", 2, total), head.pack(len(text), b"JSON"), text]
+    return b"".join([*parts, head.pack(len(binary), b"BIN\0"), binary])
 
 
 def _material(name: str, colour: tuple[float, float, float]) -> dict[str, Any]:

@@ -442,38 +442,43 @@ def geometric_safety(scene: Scene, labels: Bits, model: Model) -> GeometricSafet
     document = _document(scene, assembly)
 
     def stands(scale: float) -> bool | None:
+        """Return whether the structure stands at a scale of its thickness; None where undecided or no structure."""
         try:
-            other = build_assembly(parse_scene(_scaled(document, middles, assembly, scale)))
+            scaled = build_assembly(parse_scene(_scaled(document, middles, assembly, scale)))
         except InputError:
             if scale == 1.0:
                 raise
             return None  # what is too thick overlaps, what is too thin has no joints left
-        orders = [np.lexsort(_pairs(one)) for one in (assembly, other)]
-        if not np.array_equal(*(_pairs(one)[:, order] for one, order in zip((assembly, other), orders, strict=True))):
+        # faces may come in another order
+        pairs, pairs_scaled = _pairs(assembly), _pairs(scaled)
+        order, order_scaled = np.lexsort(pairs), np.lexsort(pairs_scaled)
+        if not np.array_equal(pairs[:, order], pairs_scaled[:, order_scaled]):
             raise InputError("elements", "other faces touch where the thickness is scaled", "blocks with whole joints")
-        own = np.empty_like(labels)
-        own[orders[1]] = labels[orders[0]]
-        require_materials(other, own, ~own)
-        found = [limit_analysis(case, model, single_labelling=True).stands(own) for case in other.by_case]
-        return False if False in found else None if None in found else True
+        labels_scaled = np.empty_like(labels)
+        labels_scaled[order_scaled] = labels[order]
+        require_materials(scaled, labels_scaled, ~labels_scaled)
+        verdicts = [limit_analysis(case, model, single_labelling=True).stands(labels_scaled) for case in scaled.by_case]
+        return False if False in verdicts else None if None in verdicts else True
 
+    # largest scale at which it falls, and least at which it stands: first by steps from 1, then by halving
     fall, stand = math.nan, math.nan
     first = stands(1.0)
     for scale in _FIRST[bool(first)]:
-        found = first if scale == 1.0 else stands(scale)
-        if found is None:
+        verdict = first if scale == 1.0 else stands(scale)
+        if verdict is None:
             break
-        fall, stand = (fall, scale) if found else (scale, stand)
-        if found != first:
+        fall, stand = (fall, scale) if verdict else (scale, stand)
+        if verdict != first:
             break
     while stand - fall > _TOLERANCE * stand:
-        for part in _PARTS:
-            middle = fall + part * (stand - fall)
-            if (found := stands(middle)) is not None:
+        for share in _PARTS:  # other places where the middle is undecided
+            middle = fall + share * (stand - fall)
+            verdict = stands(middle)
+            if verdict is not None:
                 break
-        if found is None:
+        if verdict is None:
             break
-        fall, stand = (fall, middle) if found else (middle, stand)
+        fall, stand = (fall, middle) if verdict else (middle, stand)
     return GeometricSafety((1.0 / stand, 1.0 / fall), (fall, stand), middles.thickness, middles.across)
 
 

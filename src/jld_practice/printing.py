@@ -276,41 +276,47 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
 
 
 def content_of(source: Path, rank: int | None) -> Printed:
-    design = cli_layout.best_of_design(source)
-    if design != source:
+    """Return what is printed of a design, of a row of a finished search, or of a scene."""
+    best = cli_layout.best_of_design(source)
+    if best != source:
         if rank is not None:
             raise ParameterError("rank", f"{source} is a design, which has one best layout", "no rank")
-        facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
-        scene = load_scene(design)
-        assembly = build_assembly(scene)
-        fields = tuple(facts.get("fields") or (None, None))
-        assumed = tuple(str(one) for one in facts.get("assumed", []))
-        layout, uncut = Layout(scene, assembly, assembly.labels), facts.get("uncut_at_most")
-        start = start_of_design(source)
-        return _printed(layout, solve_rigid(assembly), _bounds(fields), assumed=assumed, uncut=uncut, start=start)
+        return _of_design(source, best)
     if source.is_dir():
-        done = read_folder(source)
-        row = done.row(rank)
-        fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
-        strongest = (
-            bool(done.summary.proven) and done.summary.stands_at_zero is not False and (rank is None or int(rank) == 1)
-        )
-        with error_context(source):
-            printed = _printed(done.layout(rank), done.result(rank), _bounds(fields), strongest=strongest)
-        facts = done.summary.facts
-        whole = (facts.get("fields") or {}).get("uncut") or (None,)
-        return replace(
-            printed,
-            uncut=facts.get("uncut_at_most") if rank is None or int(rank) == 1 else None,
-            uncut_by_fields=whole[0],
-        )
+        return _of_search(source, rank)
     if rank is not None:
         raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
     scene = load_scene(source)
     with error_context(source):
         assembly = build_assembly(scene)
-        found = solve_by_elements(assembly, assembly.labels, what="a printed report")
-        return _printed(Layout(scene, assembly, assembly.labels), found, _NOTHING)
+        result = solve_by_elements(assembly, assembly.labels, what="a printed report")
+        return _printed(Layout(scene, assembly, assembly.labels), result, _NOTHING)
+
+
+def _of_design(source: Path, best: Path) -> Printed:
+    facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
+    scene = load_scene(best)
+    assembly = build_assembly(scene)
+    return _printed(
+        Layout(scene, assembly, assembly.labels),
+        solve_rigid(assembly),
+        _bounds(tuple(facts.get("fields") or (None, None))),
+        assumed=tuple(str(assumption) for assumption in facts.get("assumed", [])),
+        uncut=facts.get("uncut_at_most"),
+        start=start_of_design(source),
+    )
+
+
+def _of_search(source: Path, rank: int | None) -> Printed:
+    search = read_folder(source)
+    row, first = search.row(rank), rank is None or int(rank) == 1
+    fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
+    strongest = bool(search.summary.proven) and search.summary.stands_at_zero is not False and first
+    with error_context(source):
+        printed = _printed(search.layout(rank), search.result(rank), _bounds(fields), strongest=strongest)
+    facts = search.summary.facts
+    uncut_low, *_ = (facts.get("fields") or {}).get("uncut") or (None,)
+    return replace(printed, uncut=facts.get("uncut_at_most") if first else None, uncut_by_fields=uncut_low)
 
 
 def _printed(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 import copy
+import itertools
 import re
 import shlex
 import tempfile
@@ -378,16 +379,18 @@ def _spatial(drawn: Solids, options: ImportOptions, found: Imported | None) -> d
         if entry is not None:  # turned outward and merged
             corners, faces = np.array(entry["vertices"]) / scale, entry["faces"]
         if boxes:
-            ends = np.stack([corners.min(axis=0), corners.max(axis=0)])
-            corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-            faces = _BOX
+            x, y, z = np.stack([corners.min(axis=0), corners.max(axis=0)], axis=1)
+            corners, faces = np.array(list(itertools.product(x, y, z))), _BOX
         shapes.append(_solid(part.name, part.group, role, corners, faces, outward=boxes or entry is not None))
+    # entries without a part are supports that reading added
     feet = [
-        _solid(one["id"], None, "support", np.array(one["vertices"]) / scale, one["faces"], outward=True)
-        for one in entries
+        _solid(entry["id"], None, "support", np.array(entry["vertices"]) / scale, entry["faces"], outward=True)
+        for entry in entries
     ]
-    arrows = [(mark, mark.at, None) if mark.tail is None else (mark, mark.tail, mark.at) for mark in drawn.marks]
-    marks = [_mark(mark, at @ turn, None if end is None else end @ turn, options) for mark, at, end in arrows]
+    marks = []
+    for mark in drawn.marks:
+        start, tip = (mark.at, None) if mark.tail is None else (mark.tail, mark.at @ turn)
+        marks.append(_mark(mark, start @ turn, tip, options))
     return {"shapes": shapes + feet, "elements": [], "marks": marks}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import lru_cache
 from heapq import heapify, heappop, heappush
@@ -197,27 +198,29 @@ def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
 
 
 def _laid_out(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> FactorPattern:
+    """List the blocks of a Cholesky factor with these rows below each diagonal, and the products that form them."""
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
-    place = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
-    entered = np.zeros(len(place), dtype=np.uint8)
+    number = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
+    entered = np.zeros(len(number), dtype=np.uint8)  # blocks of the matrix itself; others are fill
     step = np.argsort(order)
     for one, other in zip(step[a].tolist(), step[b].tolist(), strict=True):
-        entered[place[max(one, other), min(one, other)]] = 1
-    lefts: list[list[tuple[int, int]]] = [[] for _ in columns]
+        entered[number[max(one, other), min(one, other)]] = 1
+    lefts: list[list[tuple[int, int]]] = [[] for _ in columns]  # of each row: block and its column
     products: list[list[tuple[int, int]]] = [[] for _ in range(int(start[-1]))]
     for j, rows in enumerate(columns):
         for k, row in enumerate(rows):
             block = int(start[j]) + k
             lefts[row].append((block, j))
+            # L[other, j] L[row, j]ᵀ enters block (other, row)
             for other in rows[k + 1 :]:
-                products[place[other, row]].append((place[other, j], block))
+                products[number[other, row]].append((number[other, j], block))
     return FactorPattern(
         order=order,
         column_start=start.astype(np.int32),
         row=_flat(columns),
         entered=entered,
         pair_start=_starts(products),
-        pair=_flat([[end for pair in pairs for end in pair] for pairs in products]).reshape(-1, 2),
+        pair=_flat([list(itertools.chain(*pairs)) for pairs in products]).reshape(-1, 2),
         left_start=_starts(lefts),
         left=_flat([[block for block, _ in row] for row in lefts]),
         left_column=_flat([[column for _, column in row] for row in lefts]),
@@ -448,42 +451,45 @@ def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | None:
+    """Return the rows of spatial faces as the compiled solver stores them; None for rows it does not know."""
     # Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h, 0 of
     # torsion.
-    found = np.zeros((faces, EDGES + 1, 4))
-    found[:, :, 3] = 1.0
+    laid_out = np.zeros((faces, EDGES + 1, 4))
+    laid_out[:, :, 3] = 1.0  # an idle row is 0 ≤ 1
     owners = pattern.row_face
     twists = np.zeros(len(owners), dtype=bool)
     twists[: pattern.linear] = table[: pattern.linear, 5] != 0.0
     bends = ~twists
     bends[pattern.linear :] = False
-    parts = [np.flatnonzero(mask) for mask in (bends, twists)] + [np.arange(pattern.linear, len(owners))]
-    bending, torsion, last = (_by_face(part, owners, faces) for part in parts)
-    if bending is None or torsion is None or last is None or torsion.shape[1] != 2 or last.shape[1] != 3:
+    kinds = np.flatnonzero(bends), np.flatnonzero(twists), np.arange(pattern.linear, len(owners))
+    bending, torsion, shear = (_by_face(rows, owners, faces) for rows in kinds)
+    if bending is None or torsion is None or shear is None or torsion.shape[1] != 2 or shear.shape[1] != 3:
         return None
     if torsion.min() < 0 or bending[:, :3].min() < 0 or not 3 <= bending.shape[1] <= EDGES:
         return None
     # Where a face resists no shear, V is dropped and its cone has right-hand side one.
-    cone = table[last]
+    cone = table[shear]
     if np.any(cone[:, :, :7] != _CONE) or cone[:, 1:, 7].any() or not np.isin(cone[:, 0, 7], (0.0, 1.0)).all():
         return None
-    one, other = table[torsion].transpose(1, 0, 2)
-    size, none = abs(one[:, 5]), np.zeros(faces)
-    for row, sign in ((one, 1.0), (other, -1.0)):
-        expected = np.column_stack([one[:, 0], none, none, none, none, sign * one[:, 5], size, one[:, 7]])
+    torsion_plus, torsion_minus = table[torsion].transpose(1, 0, 2)
+    size, zero = abs(torsion_plus[:, 5]), np.zeros(faces)
+    for row, sign in ((torsion_plus, 1.0), (torsion_minus, -1.0)):
+        expected = np.column_stack(
+            [torsion_plus[:, 0], zero, zero, zero, zero, sign * torsion_plus[:, 5], size, torsion_plus[:, 7]]
+        )
         if not np.array_equal(row, expected):
             return None
-    face, place = np.nonzero(bending >= 0)
-    edges = table[bending[face, place]]
+    face, position = np.nonzero(bending >= 0)
+    edges = table[bending[face, position]]
     first = table[bending[face, 0]]
     # The compiled solver relies on equal a and equal h of all edges of a face.
-    if np.any(one[:, 0] > 0.0) or np.any(edges[:, [1, 2, 6]]) or np.any(edges[:, 0] >= 0.0):
+    if np.any(torsion_plus[:, 0] > 0.0) or np.any(edges[:, [1, 2, 6]]) or np.any(edges[:, 0] >= 0.0):
         return None
     if np.any(edges[:, [0, 7]] != first[:, [0, 7]]):
         return None
-    found[face, place] = np.column_stack([-edges[:, 0], edges[:, 3:5], edges[:, 7]])
-    found[:, EDGES] = np.column_stack([-one[:, 0], size, one[:, 7], none])
-    return found
+    laid_out[face, position] = np.column_stack([-edges[:, 0], edges[:, 3:5], edges[:, 7]])
+    laid_out[:, EDGES] = np.column_stack([-torsion_plus[:, 0], size, torsion_plus[:, 7], zero])
+    return laid_out
 
 
 def _in_pairs(found: Floats) -> Floats | None:

@@ -298,22 +298,23 @@ class BlockRelaxation:
         share = np.clip(np.nan_to_num(answer.share), 0.0, 1.0)
         mechanism = self._repair(answer, allowed, most)
         if mechanism is None:
-            return Choice(most, False, share, np.zeros(len(allowed)), np.zeros(len(allowed), dtype=bool))
-        proof = (BlockMechanism(0, answer),)
+            nothing = np.zeros(len(allowed))
+            return Choice(most, refuted=False, share=share, inside=nothing, useless=nothing.astype(bool))
         # The lower bound of Σ e_p is concave in θ: if it is positive at two load factors, it is positive between them.
         at_most, spare_at_most = self._excess(mechanism, most, allowed)
         at_threshold, spare_at_threshold = self._excess(mechanism, threshold, allowed)
         useless = allowed & (at_threshold + spare_at_threshold > 0.0) & (at_most + spare_at_most > 0.0)
-        if not at_most > 0.0:
-            return Choice(most, False, share, mechanism.inside, useless, proof)
-        if at_threshold > 0.0:
-            return Choice(min(most, threshold), True, share, mechanism.inside, useless, proof)
-        start = float(mechanism.price.sum())
-        for step in _STEPS:
-            load_factor = start + step * max(1.0, abs(start))
-            if 0.0 <= load_factor < most and self._excess(mechanism, load_factor, allowed)[0] > 0.0:
-                return Choice(load_factor, False, share, mechanism.inside, useless, proof)
-        return Choice(most, False, share, mechanism.inside, useless, proof)
+        refuted = at_most > 0.0 and at_threshold > 0.0
+        bound = min(most, threshold) if refuted else most
+        if at_most > 0.0 and not refuted:
+            # the least λ near that of the mechanism from which on the bound holds
+            start = float(mechanism.price.sum())
+            for step in _STEPS:
+                load_factor = start + step * max(1.0, abs(start))
+                if 0.0 <= load_factor < most and self._excess(mechanism, load_factor, allowed)[0] > 0.0:
+                    bound = load_factor
+                    break
+        return Choice(bound, refuted, share, mechanism.inside, useless, (BlockMechanism(0, answer),))
 
     # --- proof ------------------------------------------------------------------------------------------
 

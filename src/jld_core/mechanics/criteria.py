@@ -197,20 +197,27 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
         raise InputError(key, problem, "d of at least 0: zero inside the yield set")
     constants[idle] = 0.0
     if dimension == 3:
-        own = np.any(rows != 0.0, axis=(0, 1))
-        held = [own[1] or own[2], own[5]] if len(own) == 6 else [False, False]
-        limits = [sum(gauge.shear is not None for gauge in gauges), sum(np.any(gauge.torsion) for gauge in gauges)]
-        odd = any(count + by_rows != 1 for count, by_rows in zip(limits, held, strict=True))
-        if odd or any(np.any(gauge.torsion) != np.all(gauge.torsion) for gauge in gauges):
-            problem = f'{limits[0]} gauges of "{one.name}" limit shear and {limits[1]} limit torsion'
-            raise InputError(key, problem, "one for both, or one for each, or rows of six columns")
-        if any(gauge.shear is not None and np.min(abs(np.linalg.det(gauge.shear))) <= 0.0 for gauge in gauges):
-            raise InputError(key, f'a matrix B of "{one.name}" is singular', "a limit on both directions of shear")
-        if any(np.min(part) < 0.0 for gauge in gauges for part in (gauge.torsion, gauge.capacity, gauge.friction)):
-            raise InputError(key, f'a number of a gauge of "{one.name}" is negative', "k, c and μ of at least 0")
+        _refuse_gauges(one, rows, gauges)
     elif gauges:
         raise InputError(key, f'"{one.name}" states gauges in the plane', "rows of (n, v, m) alone")
     return FaceRows(rows, constants, gauges)
+
+
+def _refuse_gauges(criterion: StatedCriterion, rows: Floats, gauges: tuple[Gauge, ...]) -> None:
+    """Raise InputError unless rows (k, r, q) or one gauge limit shear, and likewise torsion, with valid numbers."""
+    key, name = criterion.key, criterion.name
+    limits = np.any(rows != 0.0, axis=(0, 1))  # (q,) resultants that rows limit
+    shear_by_rows, torsion_by_rows = (limits[1] or limits[2], limits[5]) if len(limits) == 6 else (False, False)
+    of_shear = sum(gauge.shear is not None for gauge in gauges)
+    of_torsion = sum(np.any(gauge.torsion) for gauge in gauges)
+    limited_once = of_shear + shear_by_rows == 1 and of_torsion + torsion_by_rows == 1
+    if not limited_once or any(np.any(gauge.torsion) != np.all(gauge.torsion) for gauge in gauges):
+        problem = f'{of_shear} gauges of "{name}" limit shear and {of_torsion} limit torsion'
+        raise InputError(key, problem, "one for both, or one for each, or rows of six columns")
+    if any(gauge.shear is not None and np.min(abs(np.linalg.det(gauge.shear))) <= 0.0 for gauge in gauges):
+        raise InputError(key, f'a matrix B of "{name}" is singular', "a limit on both directions of shear")
+    if any(np.min(part) < 0.0 for gauge in gauges for part in (gauge.torsion, gauge.capacity, gauge.friction)):
+        raise InputError(key, f'a number of a gauge of "{name}" is negative', "k, c and μ of at least 0")
 
 
 def _arrays(gauge: Gauge, k: int) -> Gauge:
@@ -497,29 +504,33 @@ def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: in
 
     width: resultants of the core. InputError for unusable rows.
     """
-    count, most = len(assembly.interfaces), max(rows.C.shape[1] for _, rows in groups)
-    table = np.zeros((count, most, width + 1))
-    for which, rows in groups:
+    count, most_rows = len(assembly.interfaces), max(rows.C.shape[1] for _, rows in groups)
+    table = np.zeros((count, most_rows, width + 1))
+    for faces_of_group, rows in groups:
         size = abs(rows.C).max(axis=2, initial=0.0)
         size = np.where(size > 0.0, size, 1.0)[..., None]
         columns = np.arange(width) if rows.C.shape[2] == width else np.array([0, 3, 4])
-        places = which[:, None, None], np.arange(rows.C.shape[1])[:, None]
-        table[(*places, columns)], table[(*places, [width])] = rows.C / size, rows.d[..., None] / size
-    kinds, first, kind = np.unique(table.reshape(count, -1), axis=0, return_index=True, return_inverse=True)
-    kind, own = kind.ravel(), [one for one in assembly.face_strengths.criteria if (one.label == "dry") == dry]
-    names = [next(((one.key, one.name) for one in own if one.faces[face]), ("materials", "standard")) for face in first]
-    parts = [_core(one, *name) for one, name in zip(kinds.reshape(-1, most, width + 1), names, strict=True)]
-    limits, vertices, rays = (_padded([part[k] for part in parts], repeat=k == 1)[kind] for k in range(3))
+        entries = faces_of_group[:, None, None], np.arange(rows.C.shape[1])[:, None]
+        table[(*entries, columns)], table[(*entries, [width])] = rows.C / size, rows.d[..., None] / size
+    tables, first, table_of_face = np.unique(table.reshape(count, -1), axis=0, return_index=True, return_inverse=True)
+    table_of_face = table_of_face.ravel()
+    criteria = [criterion for criterion in assembly.face_strengths.criteria if (criterion.label == "dry") == dry]
+    cores = []
+    for distinct, face in zip(tables.reshape(-1, most_rows, width + 1), first, strict=True):
+        # what an error names: the criterion of a face that has these rows
+        names = ((criterion.key, criterion.name) for criterion in criteria if criterion.faces[face])
+        cores.append(_core(distinct, *next(names, ("materials", "standard"))))
+    limits, vertices, rays = (_padded([core[k] for core in cores], repeat=k == 1)[table_of_face] for k in range(3))
     shear, numbers, coupled = _gauges(groups, count)
     k, c, mu = numbers
-    found = LabelRows(limits[..., :-1], limits[..., -1], shear, k, c, mu, coupled, vertices, rays, kind)
-    for one in own:
-        low = vertices[one.faces, :, 0].min(axis=1, initial=np.inf)[:, None]
-        spare = c[one.faces] + mu[one.faces] * low
-        if spare.min(initial=0.0) < -_ROUNDED * max(1e-300, float(c[one.faces].max(initial=0.0))):
-            problem = f'N of "{one.name}" reaches {float(low.min()):g}, where c + μN is negative'
-            raise InputError(one.key, problem, "N of at least −c/μ")
-    return found
+    compiled = LabelRows(limits[..., :-1], limits[..., -1], shear, k, c, mu, coupled, vertices, rays, table_of_face)
+    for criterion in criteria:
+        low = vertices[criterion.faces, :, 0].min(axis=1, initial=np.inf)[:, None]
+        spare = c[criterion.faces] + mu[criterion.faces] * low
+        if spare.min(initial=0.0) < -_ROUNDED * max(1e-300, float(c[criterion.faces].max(initial=0.0))):
+            problem = f'N of "{criterion.name}" reaches {float(low.min()):g}, where c + μN is negative'
+            raise InputError(criterion.key, problem, "N of at least −c/μ")
+    return compiled
 
 
 def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Floats, Bools]:
@@ -624,18 +635,24 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
 def _hull_of(dimension: int, dry: LabelRows, inner: LabelRows, face: int) -> Floats:
     """Return the rows (r, q + 1) of the hulls of both labels of a face, in each part of their core."""
     both, width = (dry, inner), dry.C.shape[2]
-    parts = [[0, 2], [0, 1]] if dimension == 2 else [[0, 1, 2] if width == 3 else [0, 3, 4]]
-    if width > 3:
-        parts += [[0, 1, 2]] * any(not one.B[face].any() for one in both)
-        parts += [[0, 5]] * any(not one.k[face, 1] for one in both)
+    # Columns that rows of a hull couple: N with bending, with shear where no gauge limits it, with torsion likewise.
+    if dimension == 2:
+        parts = [[0, 2], [0, 1]]
+    else:
+        parts = [[0, 1, 2] if width == 3 else [0, 3, 4]]
+        if width > 3 and any(not rows.B[face].any() for rows in both):
+            parts.append([0, 1, 2])
+        if width > 3 and any(not rows.k[face, 1] for rows in both):
+            parts.append([0, 5])
     table = list[Floats]()
-    for part in parts:
-        vertices, rays = (np.vstack([_ends(one, face, part, ends) for one in both]) for ends in ("vertices", "rays"))
-        rows, constants = enclosing_rows(vertices, rays[np.any(rays != 0.0, axis=1)])
-        found = np.zeros((len(rows), width + 1))
-        found[:, part], found[:, -1] = rows, constants
-        # All parts have the same range of N.
-        table.append(found if not table else found[np.any(found[:, part[1:]] != 0.0, axis=1)])
+    for columns in parts:
+        vertices = np.vstack([_ends(rows, face, columns, "vertices") for rows in both])
+        rays = np.vstack([_ends(rows, face, columns, "rays") for rows in both])
+        enclosing, constants = enclosing_rows(vertices, rays[np.any(rays != 0.0, axis=1)])
+        hull = np.zeros((len(enclosing), width + 1))
+        hull[:, columns], hull[:, -1] = enclosing, constants
+        # All parts have the same range of N, stated by the first.
+        table.append(hull if not table else hull[np.any(hull[:, columns[1:]] != 0.0, axis=1)])
     return np.vstack(table)
 
 

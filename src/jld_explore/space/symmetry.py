@@ -428,35 +428,44 @@ def _same_axes(faces: Interfaces, to: Ints, matrix: Floats) -> bool:
 def _image_of_members(
     assembly: Assembly, signature: Signature | None, to: Ints, matrix: Floats, centre: Floats, reach: float
 ) -> Ints | None:
+    """Return the image of each face of members under a motion with images `to` of elements; None if there is none."""
     members = assembly.members
     tags = () if signature is None else signature.members
     strengths = assembly.face_strengths.table()
     table = np.column_stack([members.axial, members.prestress])
+
+    def alike(k: int, j: int) -> bool:
+        """Return whether two members have the same kind, numbers and strengths."""
+        face, other = int(members.face[k]), int(members.face[j])
+        return bool(
+            members.kinds[j] == members.kinds[k]
+            and np.array_equal(table[j], table[k])
+            and (face < 0) == (other < 0)
+            and len(members.elements[j]) == len(members.elements[k])
+            and tags[k : k + 1] == tags[j : j + 1]
+            and (face < 0 or not np.any(strengths[face] != strengths[other]))
+        )
+
+    def maps_to(k: int, j: int) -> bool:
+        """Return whether the motion takes member k to member j, or to j from end to end."""
+        images, axis = to[members.elements[k]], matrix @ members.axis[k]
+        points = (members.points[k] - centre) @ matrix.T + centre
+        for step in (1, -1):
+            turned = float(abs(axis - step * members.axis[j]).max()) if members.kinds[k] == "pin" else 0.0
+            same_elements = np.array_equal(members.elements[j][::step], images)
+            if same_elements and abs(members.points[j][::step] - points).max() <= reach and turned <= _ANGLE:
+                return True
+        return False
+
     image = np.arange(assembly.faces, len(assembly.interfaces))
-    left = set(range(len(members)))
-    for k, (held, points) in enumerate(zip(members.elements, members.points, strict=True)):
-        moved, aim, axis = (points - centre) @ matrix.T + centre, to[held], matrix @ members.axis[k]
-
-        def same(j: int, k: int = k, moved: Floats = moved, aim: Ints = aim, axis: Floats = axis) -> bool:
-            one, other = int(members.face[k]), int(members.face[j])
-            alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
-            alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)
-            alike = alike and tags[k : k + 1] == tags[j : j + 1]
-            if not alike or (one >= 0 and np.any(strengths[one] != strengths[other])):
-                return False
-            for step in (1, -1):
-                there, at = members.elements[j][::step], members.points[j][::step]
-                turned = float(abs(axis - step * members.axis[j]).max()) if members.kinds[k] == "pin" else 0.0
-                if np.array_equal(there, aim) and abs(at - moved).max() <= reach and turned <= _ANGLE:
-                    return True
-            return False
-
-        found = next((j for j in sorted(left) if same(j)), None)
-        if found is None:
+    free = list(range(len(members)))
+    for k in range(len(members)):
+        target = next((j for j in free if alike(k, j) and maps_to(k, j)), None)
+        if target is None:
             return None
-        left.remove(found)
+        free.remove(target)
         if members.face[k] >= 0:
-            image[members.face[k] - assembly.faces] = members.face[found]
+            image[members.face[k] - assembly.faces] = members.face[target]
     return image
 
 

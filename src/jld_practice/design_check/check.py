@@ -677,42 +677,41 @@ def _with_cracks_anywhere(
         return replace(check, not_anywhere=reason)
     drawn = scene.model_copy(update={"cracks": "faces"})
     structures = _structures(drawn, labels, factors, combinations)
-    loaded = [
-        one
-        for combination, (structure, own) in zip(combinations, structures, strict=True)
-        for one in [
-            Loaded(number, alone.with_strengths(alone.strengths(ROUTE)), own, float(required), combination)
-            for number, (alone, required) in enumerate(zip(structure.by_case, structure.required, strict=True))
-        ]
-    ]
+    loaded: list[Loaded] = []
+    for combination, (structure, own_labels) in zip(combinations, structures, strict=True):
+        for position, (case, required) in enumerate(zip(structure.by_case, structure.required, strict=True)):
+            alone = case.with_strengths(case.strengths(ROUTE))
+            loaded.append(Loaded(position, alone, own_labels, float(required), combination))
     refuted = check.as_drawn
     if refuted.verified is False:  # how much less the blocks carry is of interest for the governing load alone
         name, combination = refuted.name, refuted.combination
         loaded = [k for k in loaded if (check.cases[k.number].name, k.combination) == (name, combination)]
 
     nothing = CaseBounds(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
-    every: list[CaseCheck] = []
+    checks: list[CaseCheck] = []
     for one in loaded:
-        plain = check.cases[one.number]
-        start = CaseCheck(plain.name, one.required, one.combination, one.structure, nothing, None, plain.place)
-        every.append(start)
+        drawn_check = check.cases[one.number]
+        start = CaseCheck(
+            drawn_check.name, one.required, one.combination, one.structure, nothing, None, drawn_check.place
+        )
+        checks.append(start)
 
     def assess(k: int, gap: float, patience: float) -> bool | None:
         """Bound one case by fields and keep its check."""
-        one, before = loaded[k], every[k]
+        one, before = loaded[k], checks[k]
         result = solve_by_fields(one.structure, one.labels, gap=gap, seconds=patience)
         (found,) = _cases(one.structure, one.labels, one.combination, result, patience)
-        every[k] = replace(before, bounds=found.bounds, stands=found.stands)
-        return every[k].verified
+        checks[k] = replace(before, bounds=found.bounds, stands=found.stands)
+        return checks[k].verified
 
     def least(k: int) -> float:
         """Return the upper bound over the required factor; what has none comes first."""
-        high = every[k].bounds.high
-        return high / every[k].required if math.isfinite(high) else -1.0
+        high = checks[k].bounds.high
+        return high / checks[k].required if math.isfinite(high) else -1.0
 
     assess_all(len(loaded), seconds, assess, least)
     by_case: dict[int, list[CaseCheck]] = {one.number: [] for one in loaded}
-    for one, case in zip(loaded, every, strict=True):
+    for one, case in zip(loaded, checks, strict=True):
         by_case[one.number].append(case)
     return replace(check, anywhere=tuple(_worst(tuple(group)) for group in by_case.values()))
 

@@ -643,42 +643,46 @@ class Following:
         found: list[int] = np.flatnonzero(labels & self.space.candidates & (moving > _LEAST_MOTION)).tolist()
         return found
 
-    def _join(self, segmentations: Segmentations, part: Parts, a: int, b: int, rng: BufferedRandom) -> Parts | None:
+    def _join(self, segmentations: Segmentations, owner: Parts, a: int, b: int, rng: BufferedRandom) -> Parts | None:
         """Form a new block around atoms a and b, out of their two blocks; None if that fails."""
         # The pieces left of the two blocks join neighbours or become blocks of their own.
         cutter, links = segmentations.cutter, segmentations.graph.links
         members: dict[int, list[int]] = {}
-        for c, name in enumerate(part):
-            members.setdefault(name, []).append(c)
-        old = (part[a], part[b])
+        for atom, name in enumerate(owner):
+            members.setdefault(name, []).append(atom)
+        old = (owner[a], owner[b])
         block = [a, b]
         if not cutter.fits(block):
             return None
-        left = {*members[old[0]], *members[old[1]]} - {a, b}
+        remaining = {*members[old[0]], *members[old[1]]} - {a, b}
         while rng.real() < _GROWTH_PROBABILITY:
-            near = sorted({d for c in block for d, _ in links[c] if d in left})
-            fitting = [c for c in near if cutter.fits([*block, c])]
+            neighbours = sorted({other for atom in block for other, _ in links[atom] if other in remaining})
+            fitting = [atom for atom in neighbours if cutter.fits([*block, atom])]
             if not fitting:
                 break
-            taken = rng.pick(fitting)
-            block.append(taken)
-            left.discard(taken)
-        child, fresh = list(part), max(part) + 1
-        for c in block:
-            child[c] = fresh
+            added = rng.pick(fitting)
+            block.append(added)
+            remaining.discard(added)
+        child, fresh = list(owner), max(owner) + 1
+        for atom in block:
+            child[atom] = fresh
         members[fresh] = sorted(block)
         unchecked = [fresh]
         # pieces of the two blocks stay separate, because together they may be too large
-        rest = [piece for name in old for piece in cutter.components([c for c in sorted(left) if part[c] == name])]
-        for number, piece in enumerate(rest):
+        pieces = [
+            piece
+            for name in old
+            for piece in cutter.components([atom for atom in sorted(remaining) if owner[atom] == name])
+        ]
+        for number, piece in enumerate(pieces):
             name = fresh + 1 + number
             if rng.real() < _JOIN_PROBABILITY:
-                around = sorted({child[d] for c in piece for d, _ in links[c]} - {*old, fresh})
-                fitting = [n for n in around if cutter.fits([*piece, *members[n]])]
+                around = sorted({child[other] for atom in piece for other, _ in links[atom]} - {*old, fresh})
+                fitting = [block_name for block_name in around if cutter.fits([*piece, *members[block_name]])]
                 if fitting:
                     name = rng.pick(fitting)
-            for c in piece:
-                child[c] = name
+            for atom in piece:
+                child[atom] = name
             members[name] = sorted([*members.get(name, []), *piece])
             unchecked.append(name)
         if segmentations.sound and all(cutter.large_enough(members[name]) for name in unchecked):
