@@ -535,6 +535,7 @@ def _bounded(summary: dict[str, Any]) -> str:
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
+    """Add steps, tenons and numbers to the parts, and write their files, table and scene; facts go to `summary`."""
     scale = options.scale
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}

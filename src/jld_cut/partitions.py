@@ -354,16 +354,17 @@ def search(
 
 
 def _search(found: Found, ways: Ways, bounds: Bounds, asked: Asked) -> None:
+    """Search the strongest layouts of 1, 2, … parts until some more than the fewest that meet the target."""
     fewest = ways.count + 1
     for parts in range(1, min(asked.most, ways.count) + 1):
         if parts > fewest + _MORE:
             break
         last = asked.last if parts < fewest else asked.until
-        one = strongest(
+        layouts = strongest(
             ways, parts, bounds, found.whole, replace(asked, last=last), LAYOUTS if parts < fewest else _FURTHER
         )
-        found.of[parts] = one
-        if len(one.low) and one.low[0] >= found.require:
+        found.of[parts] = layouts
+        if len(layouts.low) and layouts.low[0] >= found.require:
             fewest = min(fewest, parts)
         if time.time() > (asked.until if fewest <= ways.count else asked.last):
             found.problem = "" if fewest <= ways.count else "time ended"

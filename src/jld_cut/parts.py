@@ -314,6 +314,7 @@ def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float
 
 
 def _tenon(comes: Part, stays: Part, joint: Joint, into: Floats, clearance: float, fit: Floats, unit: float) -> bool:
+    """Add a square tenon to one part and its hole to the other, if both stay sound and fit; True if done."""
     plane = np.array([*into, float(joint.polygon[0] @ into)])
     spot = _spot(shapely.Polygon(joint.polygon @ basis(into).T), plane)
     side = _TENON * np.sqrt(joint.area)
@@ -337,15 +338,15 @@ def _tenon(comes: Part, stays: Part, joint: Joint, into: Floats, clearance: floa
         return False
     longer, holed = comes.solid + pin, stays.solid - hole
     grown, cut = longer.volume() - comes.solid.volume(), stays.solid.volume() - holed.volume()
-    far = 1 + 1e-9
-    if not (0.0 < grown <= far * pin.volume() and 0.0 < cut <= far * hole.volume()):
+    slack = 1 + 1e-9
+    if not (0.0 < grown <= slack * pin.volume() and 0.0 < cut <= slack * hole.volume()):
         return False
     if (longer ^ holed).volume() > 1e-9 * cut:
         return False
     if not all(_sound(body, body.volume(), cut, unit) for body in (longer, holed)):
         return False
-    tried = Part(comes.number, comes.cells, longer, longer, comes.mass)
-    if not lay(tried, fit, comes.bed[None]):
+    lengthened = Part(comes.number, comes.cells, longer, longer, comes.mass)
+    if not lay(lengthened, fit, comes.bed[None]):
         return False
-    comes.solid, stays.solid, comes.box, comes.bed = longer, holed, tried.box, tried.bed
+    comes.solid, stays.solid, comes.box, comes.bed = longer, holed, lengthened.box, lengthened.bed
     return True

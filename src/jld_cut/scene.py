@@ -68,20 +68,21 @@ def numbers(name: str, text: str, count: int) -> Floats:
 
 
 def _clip(polygon: Floats, box: Floats) -> Floats:
+    """Return the part of a convex polygon (k, 3) inside a box (6,), lower then upper corner; (0, 3) if none."""
     for axis in range(3):
         for sign, bound in ((1.0, box[axis]), (-1.0, -box[axis + 3])):
-            away = sign * polygon[:, axis] - bound
-            kept = []
+            inside = sign * polygon[:, axis] - bound
+            clipped = []
             for k in range(len(polygon)):
                 j = (k + 1) % len(polygon)
-                if away[k] >= 0.0:
-                    kept.append(polygon[k])
-                if (away[k] >= 0.0) != (away[j] >= 0.0):
-                    share = away[k] / (away[k] - away[j])
-                    kept.append(polygon[k] + share * (polygon[j] - polygon[k]))
-            if len(kept) < 3:
+                if inside[k] >= 0.0:
+                    clipped.append(polygon[k])
+                if (inside[k] >= 0.0) != (inside[j] >= 0.0):
+                    share = inside[k] / (inside[k] - inside[j])
+                    clipped.append(polygon[k] + share * (polygon[j] - polygon[k]))
+            if len(clipped) < 3:
                 return np.zeros((0, 3))
-            polygon = np.array(kept)
+            polygon = np.array(clipped)
     return polygon
 
 
@@ -252,6 +253,7 @@ def _prism(ground: Ground, depth: float) -> dict[str, Any]:
 def scene_of(
     name: str, cutting: Cutting, joints: list[Joint], setting: Setting, bent: float, cut_planes: list[Floats]
 ) -> dict[str, Any]:
+    """Return the scene document of the cells of a cut: joints, supports on the ground, loads on their faces."""
     size, cells = cutting.size, cutting.cells
     names = [f"c{k + 1}" for k in range(len(cells))]
     elements: list[dict[str, Any]] = []

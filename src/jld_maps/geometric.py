@@ -509,6 +509,7 @@ def _document(scene: Scene, assembly: Assembly) -> dict[str, Any]:
 
 
 def _scaled(document: dict[str, Any], middles: Middles, assembly: Assembly, scale: float) -> dict[str, Any]:
+    """Return the scene with cells, stated volumes and interfaces scaled across their middle lines."""
     changed, elements = deepcopy(document), assembly.elements
     for k, (entry, points) in enumerate(zip(changed["elements"], elements.shape, strict=True)):
         key = "polygon" if assembly.dimension == 2 else "vertices"

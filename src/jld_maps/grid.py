@@ -442,27 +442,30 @@ class Swept:
         return found | {"uncut": np.where(np.isfinite(whole["bracket_hi"]), whole["bracket_hi"], np.nan)}
 
     def _bounds(self, places: Floats, labels: Bits, *, named: bool = True) -> dict[str, Any]:
-        analyses, left = self._usual[labels.tobytes()], np.arange(len(places))
-        found: dict[str, Any] = {}
+        """Return the columns of points by one labelling: batches from other starts, then one by one."""
+        analyses, open_rows = self._usual[labels.tobytes()], np.arange(len(places))
+        columns: dict[str, Any] = {}
         for _ in range(_STARTS):
-            strengths, loads = self.states.at(places[left])
+            strengths, loads = self.states.at(places[open_rows])
             each = zip(analyses, loads, strict=True)
-            again = self._governing([self._case(one, strengths, own, labels, named=named) for one, own in each])
+            solved = self._governing(
+                [self._case(analysis, strengths, load, labels, named=named) for analysis, load in each]
+            )
             # strengths that only a scene can refuse
             refused = strengths.tension * strengths.inner_friction > strengths.shear * (1 + 1e-12)
-            again["status"][refused.reshape(len(left), -1).any(axis=1)] = ""
-            for name, values in again.items():
-                found.setdefault(name, values)[left] = values
-            left = left[again["status"] == ""]
-            if len(left) < _FEW:
+            solved["status"][refused.reshape(len(open_rows), -1).any(axis=1)] = ""
+            for name, values in solved.items():
+                columns.setdefault(name, values)[open_rows] = values
+            open_rows = open_rows[solved["status"] == ""]
+            if len(open_rows) < _FEW:
                 break
             # a starting point among those that are left
-            analyses = self._analyses(self.points.assembly(places[left[len(left) // 2]]), labels)
-        for k in left.tolist():
+            analyses = self._analyses(self.points.assembly(places[open_rows[len(open_rows) // 2]]), labels)
+        for k in open_rows.tolist():
             alone = CaseAnalysis(self.points.assembly(places[k]), _OPTIONS, single_labelling=True).solve(labels)
             for name, value in _row(alone).items():
-                found[name][k] = value
-        return found
+                columns[name][k] = value
+        return columns
 
     def _case(
         self, one: SampleAnalysis, strengths: Strengths, loads: Floats, labels: Bits, *, named: bool

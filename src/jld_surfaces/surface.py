@@ -236,6 +236,7 @@ class _Parts:
         self.names, self.gauges = _NAMES[faces.dimension], list[Gauge]()
 
     def limits(self) -> Iterator[Limits]:
+        """Yield rows (k, r, q) and sides (k, r) of each part that is stated by rows; others add gauges or cones."""
         keys, strength = self.keys, self.keys.reference_strength
         yield self._same(np.zeros((1, len(self.names))), np.zeros(1))
         if keys.rows:
@@ -330,32 +331,52 @@ class _Parts:
         self.gauges.append(Gauge(shear, cone.torsion, capacity, cone.friction))
 
     def _friction(self, stated: Friction) -> Iterator[Limits]:
+        """Yield friction in the plane or as a product of cones in space as rows; an elliptic cone adds a gauge."""
         pairs = [value if isinstance(value, list) else [value] * 2 for value in (stated.coefficients, stated.cohesion)]
-        (first, second), (c, d) = pairs
-        isotropic = first == second and c == d
+        (first, second), (cohesion_along, cohesion_across) = pairs
+        isotropic = first == second and cohesion_along == cohesion_across
         if self.faces.dimension == 2:
             if not isotropic or stated.direction is not None or stated.torsion is not None:
                 raise InputError(".friction", "a planar joint slides one way", "one coefficient, and one cohesion")
-            yield self._same(np.array([[first, 1.0, 0.0], [first, -1.0, 0.0]]), np.array([c, c]))
+            yield self._same(
+                np.array([[first, 1.0, 0.0], [first, -1.0, 0.0]]), np.array([cohesion_along, cohesion_along])
+            )
             return
         along = self._along(stated.direction, "friction")
         turning = min(first, second) if stated.torsion is None else stated.torsion
         if stated.cone == "product":
             across = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
             table = np.zeros((len(along), 6, 6))
-            for place, (way, mu) in enumerate(((along, first), (across, second))):
-                table[:, 2 * place : 2 * place + 2, 0] = mu
-                table[:, 2 * place, 1:3], table[:, 2 * place + 1, 1:3] = way, -way
+            for position, (direction, mu) in enumerate(((along, first), (across, second))):
+                table[:, 2 * position : 2 * position + 2, 0] = mu
+                table[:, 2 * position, 1:3], table[:, 2 * position + 1, 1:3] = direction, -direction
             table[:, 4:, 0], table[:, 4, 5], table[:, 5, 5] = turning, 1.0, -1.0
-            yield table, np.broadcast_to([c, c, d, d, min(c, d), min(c, d)], (len(along), 6))
+            yield (
+                table,
+                np.broadcast_to(
+                    [
+                        cohesion_along,
+                        cohesion_along,
+                        cohesion_across,
+                        cohesion_across,
+                        min(cohesion_along, cohesion_across),
+                        min(cohesion_along, cohesion_across),
+                    ],
+                    (len(along), 6),
+                ),
+            )
             return
-        if not isotropic and (first == 0.0 or second == 0.0 or not np.isclose(c * second, d * first, rtol=1e-9)):
+        if not isotropic and (
+            first == 0.0 or second == 0.0 or not np.isclose(cohesion_along * second, cohesion_across * first, rtol=1e-9)
+        ):
             problem = "an elliptic cone has one apex, the same c/μ along and across"
             raise InputError(".friction", problem, 'such cohesion, or "cone": "product"')
         if turning == 0.0 and first > 0.0:
             raise InputError(".friction.torsion", "nothing resists torsion", "a coefficient above 0")
         ratio = first / second if second else 1.0
-        self.gauges.append(Gauge(_turned(along, np.array([1.0, ratio])), first / turning if turning else 1.0, c, first))
+        self.gauges.append(
+            Gauge(_turned(along, np.array([1.0, ratio])), first / turning if turning else 1.0, cohesion_along, first)
+        )
 
     def _bending(self, within: str, tension: float, compression: float | None) -> Iterator[Limits]:
         """Yield the rows of N and moments at edges or in the kern."""

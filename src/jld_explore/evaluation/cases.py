@@ -112,33 +112,34 @@ class CasesEvaluator(SharedEvaluator):
         return found
 
     def _combined(self, cases: list[Evaluation]) -> Evaluation:
-        known = [CaseBounds(one.status, one.low, one.high, one.load_factor) for one in cases]
-        decided = governing(known, self._required)
+        """Combine the evaluations of all load cases of one labelling to that of its governing factor."""
+        bounds = [CaseBounds(one.status, one.low, one.high, one.load_factor) for one in cases]
+        decided = governing(bounds, self._required)
         seconds = sum(one.seconds for one in cases)
         values = tuple(one.load_factor for one in cases)
         associative = [one.associative / factor for one, factor in zip(cases, self._required, strict=True)]
-        outbid = [one.high / f for one, f in zip(cases, self._required, strict=True) if one.settled == BOUND]
-        if outbid and decided.status not in (Status.UNSTABLE, Status.FAILED):
+        pruned_at = [one.high / f for one, f in zip(cases, self._required, strict=True) if one.settled == BOUND]
+        if pruned_at and decided.status not in (Status.UNSTABLE, Status.FAILED):
             # The upper bound of a single case suffices to prune the labelling.
             position = next(k for k, one in enumerate(cases) if one.settled == BOUND)
             return Evaluation(
                 Status.UNCERTIFIED,
                 math.nan,
-                min(outbid),
+                min(pruned_at),
                 min(associative, key=lambda value: math.inf if math.isnan(value) else value),
                 settled=BOUND,
                 seconds=seconds,
                 cases=values,
                 governing=position,
             )
-        free = all(math.isnan(one.zero_dilation) for one in cases)
+        only_associative = all(math.isnan(one.zero_dilation) for one in cases)
         least = min((value for value in associative if not math.isnan(value)), default=math.nan)
         return Evaluation(
             status=decided.status,
             low=decided.low,
             high=decided.high,
-            associative=decided.load_factor if free else least,
-            zero_dilation=math.nan if free else decided.load_factor,
+            associative=decided.load_factor if only_associative else least,
+            zero_dilation=math.nan if only_associative else decided.load_factor,
             settled=SOLVE,
             seconds=seconds,
             cases=values,
@@ -526,6 +527,7 @@ class _Case:
             return BatchResults.joined(list(pool.map(solved, np.array_split(labellings, threads))))
 
     def _add(self, proof: State | Motion) -> None:
+        """Store a proof for all labellings: faces where a state fails, or costs of faces in a motion."""
         if len(self._bad) + len(self._cost) >= _KEPT:
             return
         sets = self._analysis.template.yield_set

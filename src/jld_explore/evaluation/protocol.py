@@ -235,20 +235,23 @@ class Evaluator(SharedEvaluator):
         return None
 
     def _by_batch_solver(self, labellings: Bits) -> list[Evaluation | None]:
+        """Evaluate labellings by the batch solver; None where it proves nothing."""
         if self._batch is None:
             return [None] * len(labellings)
         start = time.perf_counter()
         batch_results = self._batch.prove(labellings)
         scale = self._batch.load
         low, high = (scale * batch_results.low).tolist(), (scale * batch_results.high).tolist()
-        each = self._batch_share = (time.perf_counter() - start) / max(len(labellings), 1)
-        found: list[Evaluation | None] = []
-        for k, (least, most) in enumerate(zip(low, high, strict=True)):
+        share = self._batch_share = (time.perf_counter() - start) / max(len(labellings), 1)
+        evaluations: list[Evaluation | None] = []
+        for k, (low_end, high_end) in enumerate(zip(low, high, strict=True)):
             status = batch_results.status(k)
-            found.append(
-                None if status is None else Evaluation(status, least, most, 0.5 * (least + most), seconds=each)
+            evaluations.append(
+                None
+                if status is None
+                else Evaluation(status, low_end, high_end, 0.5 * (low_end + high_end), seconds=share)
             )
-        return found
+        return evaluations
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         start = time.perf_counter()

@@ -597,13 +597,14 @@ class Freedom:
         return False
 
     def _separable(self, group: Ints) -> bool:
+        """Return whether the blocks of a group can be moved apart, group by group; answers are stored."""
         if len(group) < 2:
             return True
         key = group.tobytes()
         if key not in self._apart:
-            there = np.zeros(len(self.blocks), dtype=bool)
-            there[group] = True
-            parts = [part for part, _ in self._groups(there, len(group) - 1)]
+            in_group = np.zeros(len(self.blocks), dtype=bool)
+            in_group[group] = True
+            parts = [part for part, _ in self._groups(in_group, len(group) - 1)]
             # the order of removal is irrelevant: fewer obstacles remain later
             rest = None if not parts else np.setdiff1d(group, parts[0])
             self._apart[key] = rest is not None and self._separable(parts[0]) and self._separable(rest)

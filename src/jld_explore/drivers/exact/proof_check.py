@@ -130,6 +130,7 @@ class _ConflictCheck:
         self.corrected: dict[tuple[bytes, bytes], Conflict] = {}
 
     def weigh(self, conflicts: Sequence[Conflict]) -> None:
+        """Evaluate the mechanisms of conflicts again, and correct bounds that they do not prove."""
         cases = sorted({one.mechanism.case for one in conflicts if one.mechanism is not None})
         for case in cases:
             of_case = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]
@@ -313,6 +314,7 @@ class _Propagation:
         self._conflict: int | None = None
 
     def add(self, literals: Sequence[int]) -> None:
+        """Add a clause, and propagate the literal that it forces or the conflict that it shows."""
         clause = list(dict.fromkeys(literals))
         name = len(self._clauses)
         self._clauses.append(clause)

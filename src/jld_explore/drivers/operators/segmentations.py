@@ -310,22 +310,25 @@ class Segmentations:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
-        found, of = self.labels([]), np.empty(0, dtype=np.int64)
+        """Return labellings of keys (k, pairs), repaired where needed, and the row of keys each comes from."""
+        labellings, source = self.labels([]), np.empty(0, dtype=np.int64)
         if self._batches is not None:
-            found, of = self._batches.read_some(keys)
-            exact = ((self.write(found) > THRESHOLD) == (keys[of] > THRESHOLD)).all(axis=1)
-            found, of = found[exact], of[exact]
+            labellings, source = self._batches.read_some(keys)
+            exact = ((self.write(labellings) > THRESHOLD) == (keys[source] > THRESHOLD)).all(axis=1)
+            labellings, source = labellings[exact], source[exact]
             if not repair:
-                return found, of
-        parts, rest = [], []
-        for k in np.setdiff1d(np.arange(len(keys)), of).tolist():
+                return labellings, source
+        partitions, repaired = [], []
+        for k in np.setdiff1d(np.arange(len(keys)), source).tolist():
             # the seed derives from the keys, so that the same keys give the same repair
             seed = np.random.default_rng(np.frombuffer(keys[k].tobytes(), dtype=np.uint32))
-            part = self._assemble(keys[k].tolist(), THRESHOLD, BufferedRandom(seed))
-            if part is not None:
-                parts.append(part)
-                rest.append(k)
-        return np.concatenate([found, self.labels(parts)]), np.append(of, np.array(rest, dtype=np.int64))
+            partition = self._assemble(keys[k].tolist(), THRESHOLD, BufferedRandom(seed))
+            if partition is not None:
+                partitions.append(partition)
+                repaired.append(k)
+        return np.concatenate([labellings, self.labels(partitions)]), np.append(
+            source, np.array(repaired, dtype=np.int64)
+        )
 
     def write(self, labellings: Bits) -> Floats:
         part = blocks_of(self.space.graph, labellings)[:, self.graph.first]
@@ -333,6 +336,7 @@ class Segmentations:
         return np.where(part[:, a] != part[:, b], 0.75, 0.25)
 
     def random(self, rng: BufferedRandom) -> Parts | None:
+        """Draw a partition by random keys; limits on the number of parts set the threshold."""
         low, high = self.limits.parts
         threshold = rng.real()
         if (low, high) != (-inf, inf):
