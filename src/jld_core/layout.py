@@ -107,7 +107,7 @@ class Layout:
     def regions(self) -> tuple[tuple[Region, ...], ...]:
         """Plane regions of each block, one per connected part, with holes; planar scenes only."""
         shapes = self.assembly.elements.shape
-        return tuple(tuple(union_outlines([shapes[k] for k in one.tolist()])) for one in self.members)
+        return tuple(tuple(union_outlines([shapes[k] for k in block.tolist()])) for block in self.members)
 
     @cached_property
     def openings(self) -> tuple[Floats, ...]:
@@ -133,8 +133,8 @@ class Layout:
             depth = self.thickness
             return tuple(tuple(extrude(region, depth) for region in regions) for regions in self.regions)
         return tuple(
-            (union_solids([elements.shape[k] for k in one.tolist()], [elements.faces[k] for k in one.tolist()]),)
-            for one in self.members
+            (union_solids([elements.shape[k] for k in block.tolist()], [elements.faces[k] for k in block.tolist()]),)
+            for block in self.members
         )
 
     @property

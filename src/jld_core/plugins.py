@@ -119,7 +119,7 @@ def guarded(group: str, which: Any) -> Iterator[None]:
             raise
         calls = traceback.extract_tb(error.__traceback__)
         module = point.module.partition(".")[0]
-        own = [one for one in calls if module in (Path(one.filename).stem, *Path(one.filename).parts)] or calls
+        own = [call for call in calls if module in (Path(call.filename).stem, *Path(call.filename).parts)] or calls
         at = f"{Path(own[-1].filename).name}, line {own[-1].lineno}"
         problem = f"it raises {repr(error)[:_LONGEST]} ({at})"
         raise refuse_type(group, point.name, f"{GROUPS[group]} that ends without an error", problem) from error

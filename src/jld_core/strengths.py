@@ -240,7 +240,7 @@ class FaceStrengths:
     def table(self) -> Floats:
         """Return one row (m, k) for each interface, equal for equal strengths and criteria; NaN: no material."""
         parts = [self._stated_numbers, *([] if self._nominal_numbers is None else [self._nominal_numbers])]
-        columns = [column for one in parts for column in vars(one).values()]
+        columns = [column for part in parts for column in vars(part).values()]
         columns += [one.faces.astype(float) for one in self.criteria]
         return np.column_stack(columns).reshape(len(self._stated_numbers.friction), -1)
 
@@ -282,7 +282,7 @@ def stated(label: str, name: str, parameters: Mapping[str, Any], key: str) -> An
         except ValidationError as error:
             found = first_complaint(error, model)
         raise InputError(f"{where}.{found.where}".rstrip("."), found.problem, found.expected)
-    known = {one.name: one for one in criterion.parameters}
+    known = {parameter.name: parameter for parameter in criterion.parameters}
     for given in parameters:
         if given not in known:
             near = difflib.get_close_matches(given, known, n=1) or known

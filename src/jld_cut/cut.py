@@ -430,7 +430,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "can_be_laid": chosen.can_be_laid,
         "locked_parts": [one.number for one in chosen.parts if set(one.cells) & set(chosen.locking)],
         "family": chosen.family.name,
-        "families": [_facts(one, parts, options.require) for one in families],
+        "families": [_facts(family, parts, options.require) for family in families],
         "front": _front(families),
         "volume": solid.volume(),
         "volume_error": abs(sum(volumes) - solid.volume()) / solid.volume(),
@@ -471,13 +471,13 @@ def _true(family: Family, parts: int) -> list[float]:
 def _front(families: list[Family]) -> list[dict[str, Any]]:
     """Return the strongest layout of each number of parts on the cells of all families."""
     rows = []
-    for parts in sorted({n for one in families for n in one.found.of}):
+    for parts in sorted({n for family in families for n in family.found.of}):
         best = max(families, key=lambda one: _top(one, parts))
         if _top(best, parts) >= 0.0:
             row = {"parts": parts, "load_factor_of_cells": finite(_top(best, parts)), "family": best.name}
             true = _true(best, parts)
-            proven = all(one.found.proven(parts) for one in families)
-            bound = finite(max(one.found.bound(parts) for one in families))
+            proven = all(family.found.proven(parts) for family in families)
+            bound = finite(max(family.found.bound(parts) for family in families))
             rows.append(row | {"load_factor": finite(max(true)) if true else None, "proven": proven, "bound": bound})
     return rows
 

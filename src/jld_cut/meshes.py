@@ -123,7 +123,7 @@ def _split_at(points: Floats, triangles: Ints, tolerance: float) -> Ints:
         inside &= ~np.isin(used[found], edges[k])
         if inside.any():
             on[int(edges[k, 0]), int(edges[k, 1])] = used[found][inside][np.argsort(along[inside])].tolist()
-    done, todo = [], [tuple(one) for one in triangles.tolist()]
+    done, todo = [], [tuple(triangle) for triangle in triangles.tolist()]
     left = _SPLITS * (len(triangles) + 10)  # two points just apart may each lie on an edge to the other
     while todo:
         left -= 1
@@ -314,7 +314,9 @@ def _read_3mf(path: Path) -> list[tuple[Floats, Ints]]:
         objects = {one.get("id", ""): one for one in root.iter(f"{{{_NAMESPACE}}}object")}
         items = root.findall(f"{{{_NAMESPACE}}}build/{{{_NAMESPACE}}}item")
         # what is not built is not part of the model; a file that builds nothing holds it all
-        named = [(one.get("objectid", ""), _placing(one)) for one in items] or [(name, np.eye(4)) for name in objects]
+        named = [(item.get("objectid", ""), _placing(item)) for item in items] or [
+            (name, np.eye(4)) for name in objects
+        ]
         found = [one for name, placing in named for one in _placed(objects, name, placing, _DEEP)]
         found = [(scale * points, faces) for points, faces in found]
     if not found or not all(len(faces) and faces.max() < len(points) for points, faces in found):

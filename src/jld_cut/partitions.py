@@ -85,7 +85,7 @@ class Boxes:
         return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), moments)
 
     def grouped(self, groups: list[int]) -> Boxes:
-        cells = [[e for e in range(len(self.low)) if one >> e & 1] for one in groups]
+        cells = [[e for e in range(len(self.low)) if group >> e & 1] for group in groups]
         low = np.array([self.low[own].min(axis=0) for own in cells])
         high = np.array([self.high[own].max(axis=0) for own in cells])
         return Boxes(low, high, np.array([self.moments[own].sum(axis=0) for own in cells]))
@@ -145,7 +145,7 @@ def _joined(boxes: Boxes, around: list[int], limits: Limits, least: int) -> Iter
 
 
 def _around(groups: list[int], around: list[int]) -> list[int]:
-    cells = [[e for e in range(len(around)) if one >> e & 1] for one in groups]
+    cells = [[e for e in range(len(around)) if group >> e & 1] for group in groups]
     reach = [int(np.bitwise_or.reduce(np.array([around[e] for e in own], dtype=object))) for own in cells]
     return [sum(1 << k for k, two in enumerate(groups) if k != j and one & two) for j, one in enumerate(reach)]
 

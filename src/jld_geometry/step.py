@@ -465,4 +465,4 @@ def _with_friction_factor(assembly: Assembly, factor: float) -> Assembly:
 
 def stands(result: LimitAnalysisResult) -> bool:
     """Return whether the dead load alone is proven to stand under every case."""
-    return all(one.stands_at_zero is True for one in (result.cases.values() or [result]))
+    return all(case.stands_at_zero is True for case in (result.cases.values() or [result]))

@@ -250,7 +250,7 @@ def _axis(text: str) -> tuple[str, list[Any]]:
         except ValueError:
             raise problem from None
         names.append(part.strip()[len(number) :].strip())
-    named = [one for one in names if one]
+    named = [name for name in names if name]
     if not all(map(math.isfinite, ends)) or len(set(named)) > 1 or (len(named) == 1 and ends[names.index("")] != 0.0):
         raise problem
     count = int(parts[2])

@@ -147,7 +147,7 @@ def _whole(assembly: Assembly, near: float) -> Middles:
 def _exact(middle_of: Map, outlines: Sequence[Floats], near: float) -> Map:
     """Let corners of a block that lie on sides of others stay there."""
     starts = np.concatenate(outlines)
-    ends = np.concatenate([np.roll(one, -1, axis=0) for one in outlines])
+    ends = np.concatenate([np.roll(outline, -1, axis=0) for outline in outlines])
     edges, size = ends - starts, np.linalg.norm(ends - starts, axis=1)
 
     def middles(points: Floats, depth: int = 8) -> Floats:
@@ -168,7 +168,9 @@ def _exact(middle_of: Map, outlines: Sequence[Floats], near: float) -> Map:
 def _of_body(outlines: Sequence[Floats], contacts: Sequence[Floats], near: float) -> tuple[Map, Sizes, str]:
     """Return the middle line of a body on supports, its least and largest thickness, and what it is."""
     body = shapely.union_all([shapely.Polygon(one) for one in outlines], grid_size=1e-3 * near)
-    lines = shapely.line_merge(shapely.union_all([shapely.LineString(one) for one in contacts], grid_size=1e-3 * near))
+    lines = shapely.line_merge(
+        shapely.union_all([shapely.LineString(contact) for contact in contacts], grid_size=1e-3 * near)
+    )
     parts = [np.array(part.coords) for part in getattr(lines, "geoms", [lines])]
     if body.geom_type != "Polygon":
         raise InputError("elements", "free elements are in several parts: no middle line", "one body on its supports")
@@ -330,7 +332,7 @@ def _extruded(assembly: Assembly, near: float) -> Middles:
         contacts.append(faces.polygon[face][[along.argmin(), along.argmax()]] @ frame.T)
     outlines = [elements.shape[k][list(_end(assembly, k, way, near))] @ frame.T for k in free]
     middle_of, thickness, across = _of_body(outlines, contacts, near)
-    length = shapely.union_all([shapely.LineString(one) for one in contacts], grid_size=1e-3 * near).length
+    length = shapely.union_all([shapely.LineString(contact) for contact in contacts], grid_size=1e-3 * near).length
     if abs(faces.area[own].sum() - reach * length) > 1e-3 * reach * length:
         raise InputError("elements", "it does not rest on supports all along: no middle line", "a straight wall")
     exact = _exact(middle_of, outlines, near)

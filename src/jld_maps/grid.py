@@ -145,7 +145,7 @@ class States:
 
     def linear(self, axis: int, values: Floats) -> bool:
         """Return True if strengths and loads grow in proportion to the values (k,) of an axis."""
-        axes, shape, changes = next(one for one in self.groups if axis in one[0])
+        axes, shape, changes = next(group for group in self.groups if axis in group[0])
         share = (values - values[0]) / (values[-1] - values[0])
         for table, where in changes:
             each = np.moveaxis(table[:, where].reshape(*shape, -1), axes.index(axis), 0)
@@ -175,7 +175,7 @@ class Grid:
 
     def __init__(self, scene: Scene, axes: dict[str, list[Any]]) -> None:
         self.document = scene.model_dump(mode="json", exclude_unset=True)
-        self.axes = {key: [self._number(key, one) for one in values] for key, values in axes.items()}
+        self.axes = {key: [self._number(key, value) for value in values] for key, values in axes.items()}
         self.shape = tuple(map(len, axes.values()))
         self.middle = np.array([(count - 1) // 2 for count in self.shape])
 
@@ -225,8 +225,8 @@ class Grid:
                 raise InputError(key, "no load factor depends on it", "a key of strengths, weights, loads or geometry")
         groups: list[list[int]] = []
         for axis in range(len(self.shape)):
-            near = [one for one in groups if any(self._acts_together(changed, axis, other) for other in one)]
-            groups = [one for one in groups if one not in near] + [sorted([axis, *itertools.chain(*near)])]
+            near = [group for group in groups if any(self._acts_together(changed, axis, other) for other in group)]
+            groups = [group for group in groups if group not in near] + [sorted([axis, *itertools.chain(*near)])]
         states = []
         for axes in groups:
             shape = tuple(self.shape[axis] for axis in axes)
@@ -325,7 +325,7 @@ def sweep(
     if not callable(structure):
         points = Grid(structure if isinstance(structure, Scene) else load_scene(structure), axes)
         axes = points.axes
-    places = np.array(list(itertools.product(*(range(len(one)) for one in axes.values()))))
+    places = np.array(list(itertools.product(*(range(len(axis)) for axis in axes.values()))))
     columns = zip(axes.items(), places.T.tolist(), strict=True)
     table = pd.DataFrame({key: [values[k] for k in column] for (key, values), column in columns})
     one_by_one = delayed(_best if explore else _solved)
@@ -432,8 +432,8 @@ class Swept:
     def all(self, places: Floats, jobs: int) -> dict[str, Any]:
         size = min(_PORTION, -(-len(places) // jobs))
         portions = [places[k : k + size] for k in range(0, len(places), size)]
-        parts = Parallel(n_jobs=jobs, prefer="threads")(delayed(self._portion)(one) for one in portions)
-        return {name: np.concatenate([one[name] for one in parts]) for name in parts[0]}
+        parts = Parallel(n_jobs=jobs, prefer="threads")(delayed(self._portion)(portion) for portion in portions)
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     @one_thread()
     def _portion(self, places: Floats) -> dict[str, Any]:

@@ -177,7 +177,7 @@ def walls_of(plan: shapely.Polygon, corners: Floats, through: int) -> list[Recta
                 walls.append(one)
             else:
                 below[across + 2] = one[across + 2]
-    return [(one[0], one[1], one[2], one[3]) for one in walls]
+    return [(wall[0], wall[1], wall[2], wall[3]) for wall in walls]
 
 
 FACES: Final = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))

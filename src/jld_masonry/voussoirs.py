@@ -300,7 +300,7 @@ def _crown(arc: Arc, part: shapely.Polygon) -> float:
         sorted(float((point - arc.centre) @ direction) for point in shapely.get_coordinates(piece))
         for piece in shapely.get_parts(shapely.intersection(line, part))
     ]
-    pieces = sorted((low, high) for low, *_, high in (one for one in ends if len(one) > 1))
+    pieces = sorted((low, high) for low, *_, high in (end for end in ends if len(end) > 1))
     depth = pieces[0][1] - arc.radius if pieces else 0.0
     if depth <= 1e-6 * arc.radius:
         raise InputError("elements", "there is no material above the middle of an arc", "an arc below its structure")

@@ -172,7 +172,7 @@ def load_rows(
     # Parallel forces of a case, as those of a load that is spread, are one force at their common line of action.
     scene, rows = layout.scene, []
     cases = cases_of_scene(scene, layout.assembly.elements)
-    for name, live in [(one.case.name, one.case.live) for one in cases] or [("", scene.loads.live or [])]:
+    for name, live in [(case.case.name, case.case.live) for case in cases] or [("", scene.loads.live or [])]:
         entries = [uncertain.with_means(one.model_dump(mode="json", exclude_defaults=True)) for one in live]
         for group in _groups(layout, entries):
             told, times = _load(layout, group, factor, words, stones)
@@ -467,7 +467,7 @@ def _proven(book: _Book) -> list[str]:
     elif math.isfinite(content.fields[1]):
         found.append(words["most_by_fields"].format(high=f"{content.fields[1]:.4g}"))
     if math.isfinite(content.faces[0]) and content.status != "locked":
-        least, most = (finite(one, lambda x: f"{x:.4g}") for one in content.faces)
+        least, most = (finite(face, lambda x: f"{x:.4g}") for face in content.faces)
         found.append(words["by_faces" if least != most else "at_faces"].format(low=least, high=most))
     elif content.status == "locked":
         found.append(words["locked"])
@@ -630,7 +630,7 @@ def _assumptions(book: _Book) -> list[str]:
     found += [words[f"whole_{name}"].format(value=facts[name]) for name in ("thickness", "weight") if name in facts]
     # what the file of materials says already stands above
     others = [one for one in book.content.assumed if not one.startswith(_MATERIALS)]
-    return [*found, words["rigid"], *(languages.phrase_in(book.language, one) for one in others)]
+    return [*found, words["rigid"], *(languages.phrase_in(book.language, other) for other in others)]
 
 
 def _plain(value: Any, words: dict[str, str], factor: float = 1.0) -> str:

@@ -353,7 +353,7 @@ def _by_fields(layout: Layout) -> tuple[float, float]:
     fields_problem.require_planar_fields(layout.assembly)
     required, cases = layout.assembly.required.tolist(), layout.assembly.by_case
     most = _TRIANGLES // len(cases)
-    found = [bounds_by_fields(one, layout.labels, most=most) for one in cases]
+    found = [bounds_by_fields(case, layout.labels, most=most) for case in cases]
     ends = [(one.lower / asked, one.upper / asked) for one, asked in zip(found, required, strict=True)]
     return min(low for low, _ in ends), min(high for _, high in ends)
 

@@ -86,7 +86,7 @@ def read_file(path: Path, options: ImportOptions) -> OpenedFile:
     """Return the scene of a scene file, drawing or file of solids; raise InputError for none."""
     scene = stated_scene(path)
     if scene is not None:
-        entries = [one.model_dump(mode="json", exclude_defaults=True) for one in build_geometry(scene).entries]
+        entries = [entry.model_dump(mode="json", exclude_defaults=True) for entry in build_geometry(scene).entries]
         measured = exchange_options.measure(entries)
         supports = exchange_options.several(len(entries) - measured.free, "support")
         counted = f"{exchange_options.several(measured.free, 'element')} and {supports}"
@@ -352,14 +352,14 @@ def _mark(
 def _used(paths: Sequence[exchange_paths.Path], elements: Sequence[Mapping[str, Any]]) -> Sequence[bool]:
     if not elements:
         return [True] * len(paths)
-    rings = shapely.STRtree([shapely.LinearRing(one["outline"]) for one in elements])
+    rings = shapely.STRtree([shapely.LinearRing(element["outline"]) for element in elements])
     straight = [path.points[:-1, 2] == 0.0 for path in paths]
     middles = [
         0.5 * (path.points[1:, :2] + path.points[:-1, :2])[own] for path, own in zip(paths, straight, strict=True)
     ]
     probes = [np.concatenate([path.points[:, :2], middle]) for path, middle in zip(paths, middles, strict=True)]
     owner, every = np.repeat(np.arange(len(paths)), list(map(len, probes))), np.concatenate(probes)
-    reach = _REACH * float(np.ptp(np.concatenate([one["outline"] for one in elements]), axis=0).max())
+    reach = _REACH * float(np.ptp(np.concatenate([element["outline"] for element in elements]), axis=0).max())
     on = np.isin(np.arange(len(every)), rings.query(shapely.points(every), predicate="dwithin", distance=reach)[0])
     found: list[bool] = (np.bincount(owner, on, len(paths)) >= 0.5 * np.bincount(owner)).tolist()
     return found

@@ -272,7 +272,9 @@ class _Parts:
         odd = next((name for name in self.keys.symmetric if name not in self.names), None)
         if odd is not None:
             raise InputError(".symmetric", f"a {self.faces.dimension}D scene has no {odd}", ", ".join(self.names[1:]))
-        table = np.array([[getattr(one, name) for name in self.names] for one in entries]).reshape(-1, len(self.names))
+        table = np.array([[getattr(entry, name) for name in self.names] for entry in entries]).reshape(
+            -1, len(self.names)
+        )
         for name in dict.fromkeys(self.keys.symmetric):
             other = np.repeat(table, 2, axis=0)
             other[1::2, self.names.index(name)] *= -1.0

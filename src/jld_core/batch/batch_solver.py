@@ -432,25 +432,25 @@ class BatchBlockSolver:
         self.width = int(self._library.jld_width())
         self._blocks = len(blocks)
         nodes = len(places)
-        pairs = {pair for one in blocks for pair in combinations(np.unique(one.shared // _Q).tolist(), 2)}
+        pairs = {pair for block in blocks for pair in combinations(np.unique(block.shared // _Q).tolist(), 2)}
         a, b = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2).T
         self.pattern = pattern = factor_pattern(a, b, places)
         place = np.empty(nodes, dtype=np.int64)
         place[pattern.order] = np.arange(nodes)
         self._back = (_Q * place[:, None] + np.arange(_Q)).ravel()
-        entries = [column for one in blocks for column in one.columns]
+        entries = [column for block in blocks for column in block.columns]
         self._arrays: dict[str, Any] = {
-            "own_start": _starts([one.own for one in blocks]),
-            "shared_start": _starts([len(one.shared) for one in blocks]),
-            "shared": _flat([self._back[one.shared] for one in blocks]),
-            "column_start": _starts([len(one.columns) for one in blocks]),
+            "own_start": _starts([block.own for block in blocks]),
+            "shared_start": _starts([len(block.shared) for block in blocks]),
+            "shared": _flat([self._back[block.shared] for block in blocks]),
+            "column_start": _starts([len(block.columns) for block in blocks]),
             "entry_start": _starts([len(rows) for rows, _ in entries]),
             "entry_row": _flat([rows for rows, _ in entries]),
             "entry": np.concatenate([values for _, values in entries]),
-            "of_x": np.concatenate([one.of_x for one in blocks]),
-            "of_load": np.concatenate([one.of_load for one in blocks]),
+            "of_x": np.concatenate([block.of_x for block in blocks]),
+            "of_load": np.concatenate([block.of_load for block in blocks]),
         }
-        put = [self._places(self._back[one.shared]) for one in blocks]
+        put = [self._places(self._back[block.shared]) for block in blocks]
         self._arrays |= {"place_start": _starts([len(one) for one in put]), "place": _flat(put)}
         right = np.zeros(_Q * nodes)
         right[self._back] = rhs
@@ -460,7 +460,7 @@ class BatchBlockSolver:
     @staticmethod
     def supports(blocks: Sequence[BlockColumns]) -> bool:
         """Return True if no block has more rows than the compiled solver can hold."""
-        return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
+        return max((block.own + len(block.shared) for block in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
         """Return the factor positions of products of shared rows (r,); −1 − position off the diagonal blocks."""

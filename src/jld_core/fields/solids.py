@@ -200,7 +200,7 @@ def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
     """Return the points (k, 3) where layered cells need nodes, scene units; some repeat."""
     # The points are the corners of the cells' parts, and of the pieces of interfaces, load patches and free regions on
     # their facets.
-    places = [outline for one in layers.values() for part in one.parts for _, outline in (*part.skin, *part.caps)]
+    places = [outline for layer in layers.values() for part in layer.parts for _, outline in (*part.skin, *part.caps)]
     for index, facet in enumerate(surface.facets):
         if facet.cell not in layers:
             continue

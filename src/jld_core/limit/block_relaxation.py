@@ -123,7 +123,7 @@ class BatchBlockProgram:
 
 def _balance(parts: BlockParts, blocks: Sequence[BlockColumns]) -> Ints:
     """Return the indices (k, q) of the equilibrium rows of all parts, the first rows of each block."""
-    begin = np.concatenate([[0], np.cumsum([one.own for one in blocks])])
+    begin = np.concatenate([[0], np.cumsum([block.own for block in blocks])])
     first = np.searchsorted(parts.part_block, parts.part_block)
     place = begin[parts.part_block] + Q * (np.arange(len(first)) - first)
     return np.asarray(place[:, None] + np.arange(Q))

@@ -390,12 +390,12 @@ class _Cases(Generic[_Kind]):
 
     @property
     def solves(self) -> int:
-        return sum(one.solves for one in self._cases)
+        return sum(case.solves for case in self._cases)
 
     @property
     def batched(self) -> bool:
         """Return True if the batch solver solves the programs of every case many at a time."""
-        return all(one.batched for one in self._cases)
+        return all(case.batched for case in self._cases)
 
     def _reorder(self, refuted: Sequence[int]) -> None:
         """Sort the cases by refutations (c,), in a new list, as other threads may iterate over the old one."""

@@ -285,7 +285,7 @@ class WorkBalances:
         every = np.ones(faces, dtype=bool)
         if self.template.assembly.dimension == 2:
             return np.array([measure(jumps, every), measure(jumps, ~every)])
-        each = [[measure(one, labels) for one in jumps] for labels in (every, ~every)]
+        each = [[measure(jump, labels) for jump in jumps] for labels in (every, ~every)]
         return np.array(each).reshape(2, *jumps.shape[:2])
 
     def _opened(self, velocities: Floats, matters: Bools | np.bool) -> tuple[Floats, Floats, Floats]:

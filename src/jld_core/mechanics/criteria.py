@@ -223,7 +223,7 @@ def _refuse_gauges(criterion: StatedCriterion, rows: Floats, gauges: tuple[Gauge
 def _arrays(gauge: Gauge, k: int) -> Gauge:
     shear = None if gauge.shear is None else np.array(np.broadcast_to(np.asarray(gauge.shear, dtype=float), (k, 2, 2)))
     numbers = (gauge.torsion, gauge.capacity, gauge.friction)
-    return Gauge(shear, *(np.array(np.broadcast_to(np.asarray(one, dtype=float), (k,))) for one in numbers))
+    return Gauge(shear, *(np.array(np.broadcast_to(np.asarray(number, dtype=float), (k,))) for number in numbers))
 
 
 # Violation of a row, relative to its terms, above which a point of intersection is no vertex in floats
@@ -401,7 +401,7 @@ def _of_stresses(assembly: Assembly, inner_bending: InnerBending) -> tuple[Label
         none = np.zeros(len(assembly.interfaces), dtype=bool)
         bending = bending_of(assembly.interfaces, none, inner_bending, np.isfinite(numbers.side(dry=False).crush))
     groups = [_rows(assembly, numbers, bending, label) for label in (True, False)]
-    width = max(rows.C.shape[2] for one in groups for _, rows in one)
+    width = max(rows.C.shape[2] for group in groups for _, rows in group)
     dry, inner = (_compiled(assembly, one, width, label) for one, label in zip(groups, (True, False), strict=True))
     return dry, inner
 

@@ -582,7 +582,7 @@ def _patterns(sets: RowYield, labels: tuple[LabelRows, ...]) -> tuple[RowPattern
     _core_rows(sheet, sets, labels, slice(0, early))
     if sets.dimension == 2:
         cones: list[tuple[Ints, list[Row]]] = []
-        if any(one.k.any() for one in labels):
+        if any(label.k.any() for label in labels):
             _shear_rows(sheet, labels)
     else:
         cones = _gauge_rows(sheet, labels)
@@ -600,14 +600,16 @@ def _patterns(sets: RowYield, labels: tuple[LabelRows, ...]) -> tuple[RowPattern
 
 def _core_rows(sheet: Sheet, sets: RowYield, labels: tuple[LabelRows, ...], part: slice) -> None:
     """Add the core's rows of some places, for the faces that have them under any label."""
-    stands = np.any([np.any(one.C[:, part] != 0.0, axis=2) for one in labels], axis=0)
+    stands = np.any([np.any(label.C[:, part] != 0.0, axis=2) for label in labels], axis=0)
     if sets.dimension == 3:
         face, place = np.nonzero(stands)
     else:
         place, face = np.nonzero(stands.T)
-    tables = [one.program_rows for one in labels]
+    tables = [label.program_rows for label in labels]
     values = [rows[:, part][face, place] for rows, _ in tables]
-    terms = [(sheet.column(face, resultant), [one[:, j] for one in values]) for j, resultant in enumerate(sets._core)]
+    terms = [
+        (sheet.column(face, resultant), [value[:, j] for value in values]) for j, resultant in enumerate(sets._core)
+    ]
     sheet.add(face, terms, [sides[:, part][face, place] for _, sides in tables])
 
 
@@ -616,15 +618,15 @@ def _shear_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> None:
     face = np.arange(sheet.faces)
     for sign in (1.0, -1.0):
         terms = [
-            (sheet.column(face, 0), [-one.mu[:, 0] / one.gauge_sizes[:, 0] for one in labels]),
-            (sheet.column(face, 1), [sign / one.gauge_sizes[:, 0] for one in labels]),
+            (sheet.column(face, 0), [-label.mu[:, 0] / label.gauge_sizes[:, 0] for label in labels]),
+            (sheet.column(face, 1), [sign / label.gauge_sizes[:, 0] for label in labels]),
         ]
         sheet.add(face, terms, _capacities(labels, face, 0), limits_shear=True)
 
 
 def _capacities(labels: tuple[LabelRows, ...], face: Ints, which: int) -> list[Floats]:
     """Return the right-hand sides of gauges; 1 keeps rows of a resultant idle that a label leaves out."""
-    parts = [(one, one.c[face, which] / one.gauge_sizes[face, which]) for one in labels]
+    parts = [(label, label.c[face, which] / label.gauge_sizes[face, which]) for label in labels]
     return [np.where(one.held[face, which], c, 1.0) for one, c in parts]
 
 
@@ -632,13 +634,13 @@ def _gauge_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> list[tuple[Ints,
     """Add the linear rows of shear and torsion of spatial faces; return faces and rows of the cones of shear."""
     # A variable t of each face bounds shear: |B V| ≤ t, and t ± k mT ≤ c + μN where one gauge limits both, else t and ±
     # k mT have rows of their own. Where nothing twists, |B V| ≤ c + μN needs no variable.
-    twists = np.any([one.k[:, 1] > 0.0 for one in labels], axis=0)
-    shears = np.any([one.B.any(axis=(1, 2)) for one in labels], axis=0)
+    twists = np.any([label.k[:, 1] > 0.0 for label in labels], axis=0)
+    shears = np.any([label.B.any(axis=(1, 2)) for label in labels], axis=0)
     face, single = np.flatnonzero(twists), np.flatnonzero(~twists & shears)
     bound = sheet.new_columns(len(face))
-    alone = not all(one.coupled.all() for one in labels)
+    alone = not all(label.coupled.all() for label in labels)
     for which, sign in [(1, 1.0), (1, -1.0)] + [(0, 0.0)] * alone:
-        parts = [(one, one.gauge_sizes[face, which]) for one in labels]
+        parts = [(label, label.gauge_sizes[face, which]) for label in labels]
         terms = [
             (sheet.column(face, 0), [-one.mu[face, which] / size for one, size in parts]),
             (sheet.column(face, 5), [sign * one.k[face, 1] / size for one, size in parts]),
@@ -647,10 +649,10 @@ def _gauge_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> list[tuple[Ints,
         sheet.add(face, terms, _capacities(labels, face, which), limits_shear=True)
     cones: list[tuple[Ints, list[Row]]] = []
     minus = [-np.ones(len(face))] * len(labels)
-    held = [np.where(one.held[face, 0], 0.0, 1.0) for one in labels]
+    held = [np.where(label.held[face, 0], 0.0, 1.0) for label in labels]
     for own, scale, first in (
         (face, [1.0] * len(labels), ([(bound, minus)], held)),
-        (single, [one.gauge_sizes[single, 0] for one in labels], None),
+        (single, [label.gauge_sizes[single, 0] for label in labels], None),
     ):
         if first is None:
             values = [-one.mu[own, 0] / size for one, size in zip(labels, scale, strict=True)]

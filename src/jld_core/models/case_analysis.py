@@ -277,7 +277,9 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
 def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors."""
     signature = inspect.signature(function)
-    own = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+    own = [
+        parameter for parameter in signature.parameters.values() if parameter.kind is not inspect.Parameter.VAR_KEYWORD
+    ]
     kind = inspect.Parameter.KEYWORD_ONLY
     stated = [inspect.Parameter(one.name, kind, default=one.default, annotation=one.type) for one in fields(Model)]
     function.__dict__["__signature__"] = signature.replace(parameters=own + stated)

@@ -89,14 +89,14 @@ def _free_parts(assembly: Assembly, between: list[str]) -> list[dict[str, Any]]:
     """Return the free parts of an element's boundary as values of "face"; between: its id and "outside"."""
     boundary = Boundary(assembly.elements, assembly.interfaces, 1.0)
     parts = boundary.loads([FaceLoad(face=FacePlace(between=between), pressure=1.0)], "loads")
-    if any(len(one.rings) > 1 for one in parts.tractions):
+    if any(len(traction.rings) > 1 for traction in parts.tractions):
         raise InputError(
             "loads",
             f"a pressure acts on a free face of {between[0]!r} with a hole, and the element is split",
             '"patch" with polygons without holes',
         )
     key = "along" if assembly.dimension == 2 else "patch"
-    return [{key: one.rings[0].tolist()} for one in parts.tractions]
+    return [{key: traction.rings[0].tolist()} for traction in parts.tractions]
 
 
 def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:

@@ -147,7 +147,7 @@ def _gravity(materials: Any) -> float:
     """Return the size of gravity in unvalidated materials, or the default."""
     value = materials.get("gravity", GRAVITY) if isinstance(materials, dict) else GRAVITY
     parts = value if isinstance(value, list) else [value]
-    numbers = [one for one in parts if isinstance(one, int | float) and math.isfinite(one)]
+    numbers = [part for part in parts if isinstance(part, int | float) and math.isfinite(part)]
     return math.hypot(*numbers) if len(numbers) == len(parts) else GRAVITY
 
 

@@ -56,20 +56,20 @@ def save_conflicts(folder: Path, driver: FieldExact) -> None:
     """Write the conflicts of a proof with their velocity fields and meshes to one file."""
     # The file `CONFLICTS_FILE` is replaced as a whole. Conflicts without a velocity field in memory are left out.
     # Without any conflict nothing is written.
-    conflicts = [one for one in driver.state.conflicts if one.mechanism is not None]
+    conflicts = [conflict for conflict in driver.state.conflicts if conflict.mechanism is not None]
     if not conflicts:
         return
     problems, shared = driver.refuter.relaxation.problems, driver.refuter.cases
-    mechanisms = [one.mechanism for one in conflicts if one.mechanism is not None]
-    own = sorted({one.case for one in mechanisms if one.case >= shared})
+    mechanisms = [conflict.mechanism for conflict in conflicts if conflict.mechanism is not None]
+    own = sorted({mechanism.case for mechanism in mechanisms if mechanism.case >= shared})
     number = {case: shared + place for place, case in enumerate(own)}
     content: dict[str, Any] = {
         "shared": np.array(shared),
-        "case": np.array([number.get(one.case, one.case) for one in mechanisms], dtype=np.int64),
+        "case": np.array([number.get(mechanism.case, mechanism.case) for mechanism in mechanisms], dtype=np.int64),
         "load": np.array([driver.refuter.load_case(problems[case]) for case in own], dtype=np.int64),
-        **_joined("faces", [one.faces for one in conflicts]),
-        **_joined("labels", [one.labels for one in conflicts]),
-        **_joined("velocity", [one.velocity.ravel() for one in mechanisms]),
+        **_joined("faces", [conflict.faces for conflict in conflicts]),
+        **_joined("labels", [conflict.labels for conflict in conflicts]),
+        **_joined("velocity", [mechanism.velocity.ravel() for mechanism in mechanisms]),
     }
     for name in _MESH:
         arrays = [getattr(problems[case].mesh, name) for case in own]

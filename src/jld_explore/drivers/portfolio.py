@@ -330,7 +330,7 @@ class Portfolio(Anneal):
             others = self._others(cross)
             crossed = self.operators.cross_indexed(np.repeat(labels[None], cross, axis=0), others, self.rng)[0]
             children.append((crossed, [("cross", 1)] * len(crossed)))
-        return np.concatenate([rows for rows, _ in children]), [one for _, origins in children for one in origins]
+        return np.concatenate([rows for rows, _ in children]), [origin for _, origins in children for origin in origins]
 
     def _numbers(self, kind: str, count: int) -> Ints:
         """Return how many changes (count,) to make at once, by those that gained."""

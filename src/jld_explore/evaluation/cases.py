@@ -113,10 +113,10 @@ class CasesEvaluator(SharedEvaluator):
 
     def _combined(self, cases: list[Evaluation]) -> Evaluation:
         """Combine the evaluations of all load cases of one labelling to that of its governing factor."""
-        bounds = [CaseBounds(one.status, one.low, one.high, one.load_factor) for one in cases]
+        bounds = [CaseBounds(case.status, case.low, case.high, case.load_factor) for case in cases]
         decided = governing(bounds, self._required)
-        seconds = sum(one.seconds for one in cases)
-        values = tuple(one.load_factor for one in cases)
+        seconds = sum(case.seconds for case in cases)
+        values = tuple(case.load_factor for case in cases)
         associative = [one.associative / factor for one, factor in zip(cases, self._required, strict=True)]
         pruned_at = [one.high / f for one, f in zip(cases, self._required, strict=True) if one.settled == BOUND]
         if pruned_at and decided.status not in (Status.UNSTABLE, Status.FAILED):
@@ -132,7 +132,7 @@ class CasesEvaluator(SharedEvaluator):
                 cases=values,
                 governing=position,
             )
-        only_associative = all(math.isnan(one.zero_dilation) for one in cases)
+        only_associative = all(math.isnan(case.zero_dilation) for case in cases)
         least = min((value for value in associative if not math.isnan(value)), default=math.nan)
         return Evaluation(
             status=decided.status,

@@ -90,7 +90,7 @@ def evaluations_of(found: Sequence[Evaluation] | BatchResult) -> Sequence[Evalua
             raise ParameterError("evaluations", "they are wrong", "a list of them, or what solve_many returned")
         return found
     names = list(found.cases)
-    cases = [tuple(one.load_factor[k] for one in found.cases.values()) for k in range(len(found))]
+    cases = [tuple(case.load_factor[k] for case in found.cases.values()) for k in range(len(found))]
     dilatant = found.model.friction == "associative"
     value = found.load_factor.tolist()
     return [

@@ -186,7 +186,7 @@ def _complaints(study: Study) -> list[str]:
         *([anew] if study.records.began_anew else []),
         *([left_out] if study.undecided else []),
         *study.records.withdrawn,
-        *(one for one in study.driver.complaints if one not in study.records.withdrawn),
+        *(complaint for complaint in study.driver.complaints if complaint not in study.records.withdrawn),
     ]
 
 

@@ -82,7 +82,9 @@ def signature_of(scene: Scene, assembly: Assembly) -> Signature | None:
         for k, entry in enumerate(scene.elements or []):
             weights[k] = (_text([entry.weight, entry.density]),)
         strengths = _tags_of_faces(scene, assembly)
-    members = [(_text([one.tension, one.compression, one.prestress, one.shear]),) for one in scene.members]
+    members = [
+        (_text([member.tension, member.compression, member.prestress, member.shear]),) for member in scene.members
+    ]
     return Signature(tuple(weights), tuple(strengths), tuple(members), dead, cases)
 
 
@@ -138,7 +140,7 @@ def _marks(entries: Sequence[LoadEntry], elements: Elements, kind: str = "dead")
             k = elements.index[entry.element]
             place = [*(entry.at or elements.centroid[k].tolist()), entry.width or 0.0]
             moments = entry.moment if isinstance(entry.moment, list) else [entry.moment] * (still.shape[1])
-            if len(moments) > 1 and any(isinstance(one, Uncertain) for one in moments):
+            if len(moments) > 1 and any(isinstance(moment, Uncertain) for moment in moments):
                 raise Unknown("distributions of spatial moments are not compared")
             add(("point", entry.width is None, *_spread(moments[0])), k, [place], entry.force or none, moments)
         elif isinstance(entry, FaceLoad):

@@ -93,7 +93,9 @@ def move_in_rounds(work: Design, until: Deadline, say: Callable[[str], None]) ->
 
 def _first_tasks(work: Design) -> list[Task]:
     """Return the layouts of the first round: best of each tessellation, second best, stated ones."""
-    scenes = {one.name: one.scene for one in work.tessellations if one.scene is not None}
+    scenes = {
+        tessellation.name: tessellation.scene for tessellation in work.tessellations if tessellation.scene is not None
+    }
     tasks: list[Task] = []
     ranked = sorted((one for one in work.ranked if one.kind == "searched"), key=lambda one: -one.upper_estimate)
     for number in range(LAYOUTS):
@@ -325,14 +327,21 @@ def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds 
     name, words = tessellation.name, work.search_words[tessellation.name]
     trial = Trial(name, "searched", scene, result.load_factor, faces_of(result.bracket), fields, words)
     others = [one for one in work.trials if (one.tessellation, one.kind) == (name, "searched")]
-    if not any(one.order() < trial.order() for one in others):
+    if not any(other.order() < trial.order() for other in others):
         work.trials = [*(one for one in work.trials if one not in others), trial]
 
 
 def _solve_usual(work: Design) -> None:
     """Solve the stated layout of the usual bond by faces, and add it to the trials."""
     # Gains are measured by this layout. Nothing is added if the outline cannot be cut in a bond.
-    first = next((one for one in work.tessellations if one.scene is not None and one.name in _USUAL_BONDS), None)
+    first = next(
+        (
+            tessellation
+            for tessellation in work.tessellations
+            if tessellation.scene is not None and tessellation.name in _USUAL_BONDS
+        ),
+        None,
+    )
     if first is None or first.scene is None:
         return
     assembly = build_assembly(first.scene)
@@ -353,7 +362,7 @@ def _bound_usual(work: Design, until: Deadline) -> None:
     if usual is not None and _USUAL * until.remaining() > _LEAST_BOUNDS:
         assembly = build_assembly(usual.scene)
         fields = field_bounds(assembly, assembly.labels, _USUAL * until.remaining(), lower_first=False)
-        work.trials = [replace(one, fields=fields) if one is usual else one for one in work.trials]
+        work.trials = [replace(trial, fields=fields) if trial is usual else trial for trial in work.trials]
 
 
 def _search_all(work: Design, until: Deadline, say: Say) -> None:

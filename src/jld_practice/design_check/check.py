@@ -233,7 +233,7 @@ class Loaded:
 
 def why_not_anywhere(scene: Scene, assembly: Assembly) -> str:
     """Return why cracks anywhere in the blocks are not checked; "" where they are."""
-    if scene.materials.inner is None and not any(one.inner for one in scene.materials.faces or []):
+    if scene.materials.inner is None and not any(face.inner for face in scene.materials.faces or []):
         return "rigid"
     try:
         require_cracks(replace(assembly, cracks=cracks.FieldCracks(kind="fields", gap=FINER[-1])))
@@ -732,7 +732,7 @@ def _cases_by_parts(
 def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
     """Return the first governing case: refuted, else undecided, else of largest utilisation."""
     for verdict in (False, None):
-        if group := [one for one in cases if one.verified is verdict]:
+        if group := [case for case in cases if case.verified is verdict]:
             break
     else:
         group = list(cases)

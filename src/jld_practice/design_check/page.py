@@ -579,7 +579,7 @@ def to_json(check: DesignCheck) -> dict[str, Any]:
             {"case": one.name or None, **one.to_json(), "combinations": [other.to_json() for other in tried]}
             for one, tried in zip(check.cases, check.tried, strict=True)
         ],
-        "reactions": [one.to_json() for one in check.reactions],
+        "reactions": [reaction.to_json() for reaction in check.reactions],
         "share_of_capacity": None if check.reserve is None else list(check.reserve.bracket),
         "joints": joints_of(check),
         "blocks": blocks_near_cracking(check),
@@ -722,8 +722,8 @@ def _fitting(content: Content, room: float) -> float:
     size = _SIZE
     while size > 3.5:
         lines = sum(
-            1.7 + len(one.rows) + 1.0 + 0.6 + (one.more > 0) + 1.2 * (len(_wrapped(one.title, 1.2 * size)) - 1)
-            for one in content.tables
+            1.7 + len(table.rows) + 1.0 + 0.6 + (table.more > 0) + 1.2 * (len(_wrapped(table.title, 1.2 * size)) - 1)
+            for table in content.tables
         )
         lines += 1.2 + sum(len(_wrapped(f"– {note}", size)) for note in content.notes)
         if lines * _line(size) <= room:
@@ -788,7 +788,7 @@ def _draw(
 def path_of(check: DesignCheck) -> list[moved_joints.PathValue]:
     """Return λ of each position of moving loads under its worst combination."""
     return [
-        moved_joints.PathValue(*one.place, one.bounds.low, one.bounds.high, one.required)
-        for one in check.cases
-        if one.place is not None
+        moved_joints.PathValue(*case.place, case.bounds.low, case.bounds.high, case.required)
+        for case in check.cases
+        if case.place is not None
     ]

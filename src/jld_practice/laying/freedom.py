@@ -211,7 +211,7 @@ def stations_below(assembly: Assembly, spacing: float) -> Stations:
             owner.append(element)
     if not points:
         ends = [elements.shape[e] @ right for e in range(len(elements)) if elements.support[e]]
-        grounds = shapely.union_all([shapely.LineString([(one.min(), 0.0), (one.max(), 0.0)]) for one in ends])
+        grounds = shapely.union_all([shapely.LineString([(end.min(), 0.0), (end.max(), 0.0)]) for end in ends])
         whole = shapely.LineString([(low, 0.0), (high, 0.0)])
         if shapely.difference(whole, shapely.buffer(grounds, 1e-9 * assembly.size)).is_empty:
             problem = "the structure stands on supports along its whole length: places lie below a free underside only"

@@ -152,7 +152,7 @@ def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.nd
     """Return derivatives (m,) of scaled λ by scaled strengths, at unit live work, from jumps (m, q)."""
     slip = sets.slip(jumps) * normal
     frictions = [one for one in standard.PARAMETERS if one.side == "friction"]
-    found = {one.field: np.where(labels == (one.label == "dry"), slip, 0.0) for one in frictions}
+    found = {friction.field: np.where(labels == (friction.label == "dry"), slip, 0.0) for friction in frictions}
     for name, values in sets.numbers.stresses.items():
         step = np.where(np.isfinite(values), _DIFFERENCE * np.maximum(values, 1.0), 0.0)
         ends = [
@@ -330,7 +330,7 @@ class _Part:
 
 def is_rare(points: Sequence[Form], samples: int) -> bool:
     """Return whether plain samples are expected to fail too seldom."""
-    return bool(points) and samples * sum(one.probability for one in points) < _FEW
+    return bool(points) and samples * sum(point.probability for point in points) < _FEW
 
 
 def simulate(
@@ -388,11 +388,11 @@ class _Drawing:
     @classmethod
     def around(cls, points: Sequence[Form], samples: int, seed: int, variables: int, rare: bool) -> _Drawing:
         """Return the drawing of samples around the means alone, or around rare design points too."""
-        ends = np.array([one.point for one in points]).reshape(-1, variables)
+        ends = np.array([point.point for point in points]).reshape(-1, variables)
         first = ends[:1] if len(ends) else np.zeros((1, variables))
         if not rare:
             return cls(seed, np.array([samples]), np.zeros((1, variables)), first)
-        share = np.array([one.probability for one in points])
+        share = np.array([point.probability for point in points])
         share = _EVEN / len(share) + (1.0 - _EVEN) * share / share.sum() if share.any() else 1.0 / len(share) + share
         plain = -(-samples // _PLAIN)
         last = np.round((samples - plain) * np.cumsum(share)).astype(np.int64)
@@ -590,7 +590,7 @@ def _unexplained(samples: Floats, points: list[Form]) -> np.ndarray:
     """Return a mask (k,) of the samples (k, v) that lie beyond no design point."""
     if not points or not len(samples):
         return np.ones(len(samples), dtype=bool)
-    centres = np.array([one.point for one in points])
+    centres = np.array([point.point for point in points])
     return np.asarray((samples @ centres.T < _NEAR * (centres**2).sum(axis=1)).all(axis=1))
 
 
@@ -650,7 +650,7 @@ class Reliability:
             "confidence": CONFIDENCE,
             "importance_sampling": simulation.importance,
             "unseen": simulation.unseen,
-            "mechanisms": [{"beta": one.beta, "probability": one.probability} for one in self.points],
+            "mechanisms": [{"beta": point.beta, "probability": point.probability} for point in self.points],
             "resolved": simulation.resolved,
             "undecided": simulation.undecided,
             "form": {"iterations": form.steps, "kink": form.kink, "problem": form.problem or None},

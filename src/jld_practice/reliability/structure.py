@@ -163,7 +163,7 @@ class RandomStructure:
         """For each case the variables (r,) of linear loads, and their rates (r, n·q)."""
         found: list[tuple[Ints, Floats, Floats] | None] = []
         for growths in self.growths:
-            plain = [one for one in growths if len(one.variables) == 1]
+            plain = [growth for growth in growths if len(growth.variables) == 1]
             rows = np.array([one.variables[0] for one in plain], dtype=np.int64)
             parts = [np.array([getattr(one, name).ravel() for one in plain]) for name in ("dead", "live")]
             found.append((rows, parts[0], parts[1]) if plain else None)
@@ -232,14 +232,14 @@ class _Measurement:
     def structure(self) -> RandomStructure:
         variables_of = [self._add(path, value) for path, value in self.found]
         self._add_products(variables_of)
-        mean = np.array([float(one) for one in self.sizes])
+        mean = np.array([float(size) for size in self.sizes])
         variables = Variables(
             names=tuple(self.names),
             mean=mean,
-            deviation=np.array([one.cov for one in self.sizes]) * abs(mean),
-            lognormal=np.array([one.kind == "lognormal" for one in self.sizes]),
+            deviation=np.array([size.cov for size in self.sizes]) * abs(mean),
+            lognormal=np.array([size.kind == "lognormal" for size in self.sizes]),
         )
-        growths = tuple(tuple(one) for one in self.growths)
+        growths = tuple(tuple(growth) for growth in self.growths)
         return RandomStructure(self.base, variables, tuple(self.followers), growths)
 
     def changed(self, *changes: tuple[int, float]) -> Assembly:
@@ -443,12 +443,12 @@ class SampleBounds:
         require_materials(structure.assembly, labels, ~labels)
         self.structure, self.labels = structure, labels
         analyses = [limit_analysis(case, _OPTIONS, reference=labels) for case in structure.cases]
-        self.analyses = [SampleAnalysis(one, labels) for one in analyses]
+        self.analyses = [SampleAnalysis(analysis, labels) for analysis in analyses]
 
     @property
     def batched(self) -> bool:
         """True if the batch solver takes the samples of all load cases."""
-        return all(one.batched for one in self.analyses)
+        return all(analysis.batched for analysis in self.analyses)
 
     @one_thread()
     def of(self, values: Floats, required: float | None = None) -> GoverningBounds:
@@ -478,7 +478,7 @@ class SampleBounds:
 
     def proven(self, values: Floats) -> GoverningBounds:
         """Compute bounds of single samples that the batch solver left open."""
-        brackets = np.array([self._proven(one) for one in values]).reshape(-1, 2)
+        brackets = np.array([self._proven(value) for value in values]).reshape(-1, 2)
         return GoverningBounds(brackets[:, 0], brackets[:, 1])
 
     def _proven(self, values: Floats) -> tuple[float, float]:

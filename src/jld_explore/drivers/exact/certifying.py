@@ -275,7 +275,7 @@ class Certifier:
         """Block relaxations of the load cases over the blocks that the checker lists, with tables of these."""
         listed = self._checker.labellings.blocks
         blocks = PossibleBlocks(tuple(one.members for one in listed), tuple(one.inside for one in listed))
-        programs = [BlockRelaxation(one, blocks.members, blocks.inside) for one in self._analyses]
+        programs = [BlockRelaxation(analysis, blocks.members, blocks.inside) for analysis in self._analyses]
         return programs, blocks, BlockTables(self._space, blocks)
 
     def _by_blocks(self, decided: Bits, labels: Bits) -> BlockMechanism | None:

@@ -336,7 +336,7 @@ class Formula:
     def _any_of(self, literals: list[int]) -> int:
         """Return a new variable that is true exactly where one of the literals is."""
         found = self._new()
-        self._solver.append_formula([[-found, *literals], *([found, -one] for one in literals)])
+        self._solver.append_formula([[-found, *literals], *([found, -literal] for literal in literals)])
         return found
 
     def _can_express(self, count: Count) -> bool:

@@ -94,7 +94,7 @@ def check_proof(
     if problem:
         return ProofCheck(problem, time.perf_counter() - start)
     highest = max((_with_scaling_error(claim.threshold) for claim in claims), default=-math.inf)
-    used = [one for one in state.conflicts if not one.from_cube and one.bound <= highest]
+    used = [conflict for conflict in state.conflicts if not conflict.from_cube and conflict.bound <= highest]
     conflict_check, block_check = _ConflictCheck(context), BlockConflictCheck(context)
     end = start + max(_REFUTATION_SECONDS, _REFUTATION_SHARE * seconds)
     conflict_check.weigh(used)
@@ -131,9 +131,11 @@ class _ConflictCheck:
 
     def weigh(self, conflicts: Sequence[Conflict]) -> None:
         """Evaluate the mechanisms of conflicts again, and correct bounds that they do not prove."""
-        cases = sorted({one.mechanism.case for one in conflicts if one.mechanism is not None})
+        cases = sorted({conflict.mechanism.case for conflict in conflicts if conflict.mechanism is not None})
         for case in cases:
-            of_case = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]
+            of_case = [
+                conflict for conflict in conflicts if conflict.mechanism is not None and conflict.mechanism.case == case
+            ]
             for part in _parts(of_case):
                 velocities = np.array([one.mechanism.velocity for one in part if one.mechanism is not None])
                 bounds = self._relaxation.evaluate_mechanisms(case, velocities, *self._partial(part))

@@ -522,7 +522,7 @@ class FreeBits:
     def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
         rows = np.repeat(self.space.fixed[None], len(keys), axis=0)
         rows[:, self._faces] = keys > 0.5
-        seeds = [np.random.default_rng(np.frombuffer(one.tobytes(), dtype=np.uint32)) for one in keys]
+        seeds = [np.random.default_rng(np.frombuffer(key.tobytes(), dtype=np.uint32)) for key in keys]
         found = [self._repaired(row[None], BufferedRandom(seed)) for row, seed in zip(rows, seeds, strict=True)]
         return np.concatenate([rows[:0], *found]), np.repeat(np.arange(len(found)), [len(one) for one in found])
 
