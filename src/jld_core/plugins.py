@@ -38,7 +38,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
         points = [one for one in points if one.dist is None or one.dist.name != "jld"]
         points += [metadata.EntryPoint(name, value, group) for name, value in checkout.get(group, {}).items()]
     found: dict[str, EntryPoint] = {}
-    for point in sorted(points, key=lambda one: (one.name, one.value)):
+    for point in sorted(points, key=lambda point: (point.name, point.value)):
         other = found.setdefault(point.name, point)
         if other.value != point.value:
             packages = " and ".join(f"{package(one)} ({one.value})" for one in (other, point))

@@ -94,11 +94,16 @@ class Strengths:
     @classmethod
     def of(cls, dry: Side, inner: Side) -> Strengths:
         """Return strengths from the numbers of either label; dry faces have no tension."""
-        return cls(**{one.field: getattr(dry if one.label == "dry" else inner, one.side) for one in PARAMETERS})
+        return cls(
+            **{
+                parameter.field: getattr(dry if parameter.label == "dry" else inner, parameter.side)
+                for parameter in PARAMETERS
+            }
+        )
 
     def side(self, *, dry: bool) -> Side:
         label = "dry" if dry else "inner"
-        found = {one.side: getattr(self, one.field) for one in PARAMETERS if one.label == label}
+        found = {parameter.side: getattr(self, parameter.field) for parameter in PARAMETERS if parameter.label == label}
         return Side(**{"tension": np.zeros(len(self.friction)), **found})
 
     def under(self, labels: Bits) -> Side:
@@ -110,12 +115,14 @@ class Strengths:
     ) -> Strengths:
         """Return strengths with a function applied to all stresses, and one to friction coefficients."""
         return Strengths(**{
-            one.field: (friction if one.side == "friction" else stress)(getattr(self, one.field)) for one in PARAMETERS
+            parameter.field: (friction if parameter.side == "friction" else stress)(getattr(self, parameter.field)) for parameter in PARAMETERS
         })  # fmt: skip
 
     @property
     def stresses(self) -> dict[str, Floats]:
-        return {one.field: getattr(self, one.field) for one in PARAMETERS if one.side != "friction"}
+        return {
+            parameter.field: getattr(self, parameter.field) for parameter in PARAMETERS if parameter.side != "friction"
+        }
 
     @property
     def crushes(self) -> Bools:
@@ -132,7 +139,7 @@ class Strengths:
 
     def facts(self) -> dict[str, Bools]:
         """Return for each fact a mask (m,) of the interfaces that state it."""
-        values = [(one, getattr(self, one.field)) for one in PARAMETERS]
+        values = [(parameter, getattr(self, parameter.field)) for parameter in PARAMETERS]
         return {one.fact: np.isfinite(value) if one.field in ENDS else value > 0.0 for one, value in values}
 
 
@@ -198,7 +205,11 @@ class FaceStrengths:
         """Return the error of an unknown fact of the interfaces `taken` (m,)."""
         key, words = FACTS[fact]
         if fact in CRITERIA:
-            own = next(one for one in self.criteria if fact.startswith(one.label) and (one.faces & taken).any())
+            own = next(
+                criterion
+                for criterion in self.criteria
+                if fact.startswith(criterion.label) and (criterion.faces & taken).any()
+            )
             return InputError(own.key, f'"{own.name}" is unknown to {route.name}', "standard strengths in place of it")
         return InputError(key, f"the {words} (face {face}) is unknown to {route.name}", "faces without it")
 
@@ -218,13 +229,15 @@ class FaceStrengths:
 
     def take(self, rows: Ints) -> FaceStrengths:
         nominal = None if self._nominal_numbers is None else self._nominal_numbers.take(rows)
-        return FaceStrengths(self._stated_numbers.take(rows), nominal, tuple(one.take(rows) for one in self.criteria))
+        return FaceStrengths(
+            self._stated_numbers.take(rows), nominal, tuple(criterion.take(rows) for criterion in self.criteria)
+        )
 
     def joined(self, more: Strengths) -> FaceStrengths:
         """Return these strengths, followed by those of further interfaces of the standard criterion."""
         nominal = None if self._nominal_numbers is None else self._nominal_numbers.joined(more)
         none = np.zeros(len(more.friction), dtype=bool)
-        criteria = tuple(replace(one, faces=np.append(one.faces, none)) for one in self.criteria)
+        criteria = tuple(replace(criterion, faces=np.append(criterion.faces, none)) for criterion in self.criteria)
         return FaceStrengths(self._stated_numbers.joined(more), nominal, criteria)
 
     def scaled(self, factors: Mapping[str, float], faces: Bools) -> FaceStrengths:
@@ -241,7 +254,7 @@ class FaceStrengths:
         """Return one row (m, k) for each interface, equal for equal strengths and criteria; NaN: no material."""
         parts = [self._stated_numbers, *([] if self._nominal_numbers is None else [self._nominal_numbers])]
         columns = [column for part in parts for column in vars(part).values()]
-        columns += [one.faces.astype(float) for one in self.criteria]
+        columns += [criterion.faces.astype(float) for criterion in self.criteria]
         return np.column_stack(columns).reshape(len(self._stated_numbers.friction), -1)
 
 

@@ -88,7 +88,7 @@ class Cutting:
         halves = cell.split_by_plane(tuple(normal), float(offset))
         if min(half.volume() for half in halves) < 1e-9 * self.size**3:
             return [cell]
-        return [one for half in halves for one in pieces_of(half) if one.volume() > 1e-12 * self.size**3]
+        return [piece for half in halves for piece in pieces_of(half) if piece.volume() > 1e-12 * self.size**3]
 
     def locally(self, point: Floats, normal: Floats) -> bool:
         """Cut the cell at a point, only where the section through the point is connected."""

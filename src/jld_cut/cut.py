@@ -317,7 +317,7 @@ def _judged(
     """Return the layouts of one number of parts that are best on the cells, the strongest on convex cells first."""
     judged: list[tuple[float, float, tuple[Family, Ints, float, Bracket]]] = []
     end = clock.at(CHOSEN)
-    for family in sorted(families, key=lambda one: -_top(one, parts)):
+    for family in sorted(families, key=lambda family: -_top(family, parts)):
         if not np.isfinite(_top(family, parts)) and _top(family, parts) < 0:
             continue
         if not family.truth:
@@ -420,7 +420,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "proven": found.proven(parts),
         "bound": finite(found.bound(parts)),
         "bound_by": found.kind(parts),
-        "layouts": sum(one.solved for one in found.of.values()),
+        "layouts": sum(layouts.solved for layouts in found.of.values()),
         "uncut": list(chosen.uncut[:2]),
         "require": options.require,
         "fits": not chosen.too_large,
@@ -450,7 +450,7 @@ def _facts(family: Family, parts: int, require: float) -> dict[str, Any]:
         "cells": len(family.cutting.cells),
         "joints": len(family.joints),
         "sets": found.sets,
-        "evaluated": sum(one.solved for one in found.of.values()),
+        "evaluated": sum(layouts.solved for layouts in found.of.values()),
         "parts": own,
         "load_factor_of_cells": None if own is None else finite(_top(family, own)),
         "proven": own is not None and found.proven(own),
@@ -472,7 +472,7 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
     """Return the strongest layout of each number of parts on the cells of all families."""
     rows = []
     for parts in sorted({n for family in families for n in family.found.of}):
-        best = max(families, key=lambda one: _top(one, parts))
+        best = max(families, key=lambda family: _top(family, parts))
         if _top(best, parts) >= 0.0:
             row = {"parts": parts, "load_factor_of_cells": finite(_top(best, parts)), "family": best.name}
             true = _true(best, parts)

@@ -140,7 +140,7 @@ def _tool(slide: Slide, kind: str, up: bool, cells: list[Any], size: float) -> t
     back = 1e-3 * depth
     sides = (*(end - start), depth + back)
     body = manifold3d().Manifold.cube(tuple(sides)).translate((*start, offset - back))
-    planes = [np.array([*way, one[k]]) for k, way in enumerate((along, across)) for one in (start, end)]
+    planes = [np.array([*way, corner[k]]) for k, way in enumerate((along, across)) for corner in (start, end)]
     planes.append(np.array([*normal, offset + depth]))
     return body.transform(np.column_stack([along, across, normal, np.zeros(3)])), planes
 
@@ -173,7 +173,7 @@ def _keyed_cells(
         names += [name] * len(rest) + [on] * len(taken)
         moved += len(taken)
     whole = sum(cell.volume() for cell in cells)
-    if not moved or abs(sum(one.volume() for one in made) - whole) > 1e-9 * whole:
+    if not moved or abs(sum(body.volume() for body in made) - whole) > 1e-9 * whole:
         return None
     return made, np.array(names, dtype=np.int64), planes
 

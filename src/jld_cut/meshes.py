@@ -104,7 +104,7 @@ def triangles_of(region: Any) -> list[Any]:
         return list(shapely.get_parts(shapely.constrained_delaunay_triangles(region)))
     except shapely.errors.GEOSException:  # a ring that touches itself
         within = shapely.intersection(shapely.get_parts(shapely.delaunay_triangles(region)), region)
-        return [one for one in shapely.get_parts(within) if one.geom_type == "Polygon"]
+        return [part for part in shapely.get_parts(within) if part.geom_type == "Polygon"]
 
 
 def _split_at(points: Floats, triangles: Ints, tolerance: float) -> Ints:
@@ -265,7 +265,7 @@ def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
         if np.isfinite(points).all():
             points, triangles = merged(points, triangles, 1e-7 * float(np.ptp(points, axis=0).max()))
             name = groups(triangles[:, [0, 1, 1, 2]].reshape(-1, 2), len(points))[triangles[:, 0]]
-            return [(points, triangles[name == one]) for one in np.unique(name)]
+            return [(points, triangles[name == number]) for number in np.unique(name)]
     read = formats.readers()[kind].read
     assert read is not None
     found = read(path, ImportOptions(), Notes())
@@ -311,7 +311,7 @@ def _read_3mf(path: Path) -> list[tuple[Floats, Ints]]:
     with _readable(), _model(path) as stream:
         root = ElementTree.fromstring(stream.read())
         scale = UNITS[_UNITS[root.get("unit", "millimeter")]]
-        objects = {one.get("id", ""): one for one in root.iter(f"{{{_NAMESPACE}}}object")}
+        objects = {node.get("id", ""): node for node in root.iter(f"{{{_NAMESPACE}}}object")}
         items = root.findall(f"{{{_NAMESPACE}}}build/{{{_NAMESPACE}}}item")
         # what is not built is not part of the model; a file that builds nothing holds it all
         named = [(item.get("objectid", ""), _placing(item)) for item in items] or [

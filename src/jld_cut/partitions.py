@@ -155,7 +155,7 @@ def _sets_of_groups(
 ) -> list[int]:
     found = connected_sets(boxes.grouped(groups), _around(groups, around), limits, [], until)
     sets = [sum(one for k, one in enumerate(groups) if name >> k & 1) for name in found]
-    return [one for one in sets if all(one & whole in (0, whole) for whole in together)]
+    return [group for group in sets if all(group & whole in (0, whole) for whole in together)]
 
 
 class Ways:
@@ -165,9 +165,9 @@ class Ways:
         self, sets: list[int], count: int, kind: Callable[[int], Hashable] = hash, alike: int | None = None
     ) -> None:
         self.count, self.known, self._kind, self._alike = count, set(sets), kind, alike
-        self._holding = [[one for one in sets if one >> e & 1] for e in range(count)]
+        self._holding = [[group for group in sets if group >> e & 1] for e in range(count)]
         self._order = sorted(range(count), key=lambda e: len(self._holding[e]))
-        self._largest = max((one.bit_count() for one in sets), default=0)
+        self._largest = max((group.bit_count() for group in sets), default=0)
         self._reach = [0] * count  # cells that may be in one part with this one
         self._fewest: dict[int, int] = {0: 0}
         for e, own in enumerate(self._holding):
@@ -344,7 +344,7 @@ def search(
         _search(found, Ways(sets, count, kind, asked.alike), bounds, asked)
     else:
         found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
-    if not any(len(one.low) for one in found.of.values()) and time.time() > asked.until:
+    if not any(len(layouts.low) for layouts in found.of.values()) and time.time() > asked.until:
         chain = [[1 << e for e in range(count)], *_joined(boxes, around, limits, 1)]
         chain = [groups for groups in chain if len(groups) <= asked.most]
         _add_joined(found, Ways([], count, kind, asked.alike), chain, bounds, together)
@@ -418,7 +418,7 @@ class _Strongest:
     @property
     def top(self) -> float:
         # what no layout that was not solved exceeds
-        return max((one.high for one in self._open), default=-np.inf)
+        return max((branch.high for branch in self._open), default=-np.inf)
 
     @property
     def best(self) -> float:
@@ -455,7 +455,7 @@ class _Strongest:
         self._settle([one for one, last in zip(found, leaf, strict=True) if last])
         for (chosen, left, most), own in zip(rest, high if rest else (), strict=True):
             self._add(chosen, left, min(most, float(own)))
-        self._open = [one for one in self._open if one not in ended]
+        self._open = [branch for branch in self._open if branch not in ended]
         self.branches += len(rest)
 
     def _settle(self, leaves: list[tuple[tuple[int, ...], int, float]]) -> None:

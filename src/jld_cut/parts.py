@@ -228,10 +228,10 @@ class Spot:
 
 def _spot(region: Any, plane: Floats) -> Spot | None:
     """Return the largest circle in a region of a plane, that faces along its normal."""
-    polygons = [one for one in shapely.get_parts(region).tolist() if one.geom_type == "Polygon"]
+    polygons = [part for part in shapely.get_parts(region).tolist() if part.geom_type == "Polygon"]
     if not polygons:
         return None
-    line = shapely.maximum_inscribed_circle(max(polygons, key=lambda one: one.area))
+    line = shapely.maximum_inscribed_circle(max(polygons, key=lambda polygon: polygon.area))
     normal, frame = plane[:3], basis(plane[:3])
     centre = np.array(line.coords[0]) @ frame + plane[3] * normal
     up = np.array([0.0, 0.0, 1.0]) - normal[2] * normal
@@ -299,7 +299,7 @@ def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float
     """Put a square tenon on the part that comes later at each joint along its way, where one fits; return how many."""
     place = {int(block[part.cells[0]]): part for part in parts}
     made: set[tuple[int, int]] = set()
-    for joint in sorted(joints, key=lambda one: -one.area):
+    for joint in sorted(joints, key=lambda joint: -joint.area):
         if time_left() <= 0.0:
             break
         one, other = place[int(block[joint.a])], place[int(block[joint.b])]

@@ -31,7 +31,9 @@ def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:
             "displacements", "limit analysis knows no prescribed movement", "loads alone, or jld settlement"
         )
     cases = written["loads"].pop("cases", [])
-    written["loads"].setdefault("live", []).extend(one for case in cases for one in case["live"])  # all act together
+    written["loads"].setdefault("live", []).extend(
+        entry for case in cases for entry in case["live"]
+    )  # all act together
     scene = parse_scene(written, "the model")
     assembly = build_assembly(scene)
     labels = assembly.labels | True

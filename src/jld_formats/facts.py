@@ -100,9 +100,9 @@ def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], lay
     found = []
     for entry, load in zip(entries, parsed, strict=True):
         if "face" in entry:
-            for one in boundary.loads([load], "loads").tractions:
-                force, moment = one.resultant()
-                place = {"element": assembly.elements.ids[one.element], "at": one.origin.tolist()}
+            for traction in boundary.loads([load], "loads").tractions:
+                force, moment = traction.resultant()
+                place = {"element": assembly.elements.ids[traction.element], "at": traction.origin.tolist()}
                 turn = moment.tolist() if assembly.dimension == 3 else float(moment[0])
                 found.append({**place, "force": force.tolist(), **({"moment": turn} if moment.any() else {})})
         else:

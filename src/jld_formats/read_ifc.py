@@ -33,7 +33,7 @@ class Densities:
 
     def __init__(self, model: Any) -> None:
         self._materials_of = import_module("ifcopenshell.util.element").get_materials
-        units = [unit for one in model.by_type("IfcUnitAssignment") for unit in one.Units]
+        units = [unit for assignment in model.by_type("IfcUnitAssignment") for unit in assignment.Units]
         density = [unit for unit in units if getattr(unit, "UnitType", None) == "MASSDENSITYUNIT"]
         self._scale = _scale(density[0]) if density else 1.0
         self._older: dict[int, float] = {}
@@ -173,7 +173,11 @@ def _parts_of(item: Any) -> Iterator[Any]:
         seen.add(part.id())
         yield part
         for value in part:
-            pending += [one for one in _nested(value) if hasattr(one, "is_a") and not one.is_a("IfcPresentationItem")]
+            pending += [
+                nested
+                for nested in _nested(value)
+                if hasattr(nested, "is_a") and not nested.is_a("IfcPresentationItem")
+            ]
 
 
 def _nested(value: Any) -> Iterator[Any]:

@@ -121,7 +121,11 @@ class _Reader:
         key = str(item.Geometry.ParentIdefId)
         if key not in known:
             definition = self._model.InstanceDefinitions.FindId(item.Geometry.ParentIdefId)
-            own = [self._by_id.get(str(one)) for one in definition.GetObjectIds()] if definition is not None else []
+            own = (
+                [self._by_id.get(str(object_id)) for object_id in definition.GetObjectIds()]
+                if definition is not None
+                else []
+            )
             known[key] = 1 + sum(self._unfolded(one, known, depth + 1) for one in own if one is not None)
         return known[key]
 

@@ -59,7 +59,7 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         notes.reached("bytes in its text", len(text))
         tree = ElementTree.fromstring(text)
         if (count := _expanded(tree)) > _MOST_EXPANDED:
-            uses = " by <use>" if any(_kind(one) == "use" for one in tree.iter()) else ""
+            uses = " by <use>" if any(_kind(node) == "use" for node in tree.iter()) else ""
             raise InputError("", f"it expands to {count:.3g} shapes{uses}", f"at most {_MOST_EXPANDED}")
         page = _page(tree)
         whole = _resolved(tree, notes, page[2] if page else 1.0)
@@ -78,7 +78,7 @@ def _kind(element: ElementTree.Element) -> str:
 
 def _resolved(root: ElementTree.Element, notes: Notes, uneven: float) -> ElementTree.Element:
     """Return what a file shows: copies for <use>, nothing of definitions, and no page."""
-    named = {name: one for one in root.iter() if (name := one.get("id"))}
+    named = {name: node for node in root.iter() if (name := node.get("id"))}
     clipped, sides = 0, _sides(root)
 
     def copied(element: ElementTree.Element) -> ElementTree.Element | None:
@@ -153,7 +153,7 @@ def _fitted(symbol: ElementTree.Element, use: ElementTree.Element) -> str:
 
 def _expanded(root: ElementTree.Element) -> int:
     """Return the number of XML elements once <use> is replaced; InputError where a copy contains itself."""
-    named = {name: one for one in root.iter() if (name := one.get("id"))}
+    named = {name: node for node in root.iter() if (name := node.get("id"))}
     counts: dict[ElementTree.Element, int] = {}
     open_elements: set[ElementTree.Element] = set()
     pending = [(root, False)]

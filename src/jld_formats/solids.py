@@ -359,9 +359,9 @@ def _state_contacts(
         document["interfaces"] = given_contacts(found.contacts, of_part, scale, size)
         if len(parts) > len(found.parts):  # supports that were added, which no file states
             document["interfaces"] += [
-                {"elements": [names[one.a], names[one.b]], "polygon": rounded(one.polygon, size)}
-                for one in contacts_of(whole, faces, Notes())
-                if max(one.a, one.b) >= len(found.parts)
+                {"elements": [names[contact.a], names[contact.b]], "polygon": rounded(contact.polygon, size)}
+                for contact in contacts_of(whole, faces, Notes())
+                if max(contact.a, contact.b) >= len(found.parts)
             ]
         notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
     else:

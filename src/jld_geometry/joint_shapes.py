@@ -497,7 +497,7 @@ def _improve(
 ) -> str:
     """Search from the shape in `kept`, replace it by stronger ones; return why it ended."""
     best, best_load = kept[0]
-    names = [one.name for one in fields(best) if isinstance(getattr(best, one.name), float)]
+    names = [field.name for field in fields(best) if isinstance(getattr(best, field.name), float)]
     step = _FIRST
     while step >= _LAST and best_load < math.inf:
         start = best

@@ -371,7 +371,7 @@ class Evaluator:
         assembly = self.assembly(values)
         if assembly is None:
             return None
-        named = {one.name: one for one in assembly.by_case}
+        named = {case.name: case for case in assembly.by_case}
         found = [
             replace(state, template=Template(named[state.template.assembly.name]), forces=forces, load_factor=factor)
             for state, forces, factor in zip(states, answer.forces, answer.load_factors, strict=True)

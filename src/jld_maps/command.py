@@ -135,7 +135,7 @@ def _regions(ax: Axes, grid: list[Floats], kinds: Any, title: str) -> None:
     """Draw regions of equal kinds, each with its name where it is widest."""
     field = _few(kinds).reshape(len(grid[0]), len(grid[1])).T
     names = list(dict.fromkeys(field.ravel().tolist()))
-    names.sort(key=lambda one: -int((field == one).sum()))
+    names.sort(key=lambda name: -int((field == name).sum()))
     place = np.vectorize(names.index)(field)
     edges = [np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]) for x in grid]
     colours = ListedColormap([look.TINTS[k % len(look.TINTS)] for k in range(len(names))])

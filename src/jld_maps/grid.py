@@ -190,7 +190,7 @@ class Grid:
         """Return the scene at positions (axes,) of values, or between two."""
         changed = deepcopy(self.document)
         values = {key: _value(own, float(k)) for (key, own), k in zip(self.axes.items(), place, strict=True)}
-        for key in sorted(values, key=lambda one: one == ANGLE):  # what is turned is stated first
+        for key in sorted(values, key=lambda value: value == ANGLE):  # what is turned is stated first
             put(changed, key, values[key])
         return parse_scene(changed)
 
@@ -335,7 +335,7 @@ def sweep(
         named = list(signature(structure).parameters.values())
         whole = len(named) == 1 and named[0].name not in axes and named[0].kind is not Parameter.VAR_KEYWORD
         made = [structure(row) if whole else structure(**row) for row in points_in]
-        rows = Parallel(n_jobs=jobs)(one_by_one(one, labels, fields, seconds) for one in made)
+        rows = Parallel(n_jobs=jobs)(one_by_one(scene, labels, fields, seconds) for scene in made)
         return table.assign(**pd.DataFrame(rows))
     states = None if explore else points.states()
     swept = None if states is None else Swept(points, states, labels)
@@ -495,9 +495,11 @@ class Swept:
             required = self.assembly.required.tolist()
             decided = [governing(bounds, required) for bounds in zip(*map(_bounds_of, cases), strict=True)]
             columns = {
-                "status": np.array([str(one.status).replace("uncertified", "") for one in decided], dtype=object),
-                "bracket_lo": np.array([one.low for one in decided]),
-                "bracket_hi": np.array([one.high for one in decided]),
+                "status": np.array(
+                    [str(outcome.status).replace("uncertified", "") for outcome in decided], dtype=object
+                ),
+                "bracket_lo": np.array([outcome.low for outcome in decided]),
+                "bracket_hi": np.array([outcome.high for outcome in decided]),
                 "mechanism": np.array([cases[one.case]["mechanism"][k] for k, one in enumerate(decided)], dtype=object),
             }
         value = 0.5 * (columns["bracket_lo"] + columns["bracket_hi"])

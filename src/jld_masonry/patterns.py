@@ -46,7 +46,7 @@ def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> l
     for _ in range(_ROUNDS + 1):
         found = shapely.voronoi_polygons(shapely.MultiPoint(points), extend_to=frame, ordered=True)
         cells = list(found.geoms)
-        middles = [shapely.intersection(one, region).centroid for one in cells]
+        middles = [shapely.intersection(polygon, region).centroid for polygon in cells]
         points = np.array([[m.x, m.y] if not m.is_empty else p for m, p in zip(middles, points.tolist(), strict=True)])
     return cells
 

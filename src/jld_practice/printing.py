@@ -90,7 +90,7 @@ def stock_of(
         )
     free: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = []
     placed, count = [], 0
-    for stone in sorted(stones, key=lambda one: (-one.stock, one.number)):
+    for stone in sorted(stones, key=lambda stone: (-stone.stock, stone.number)):
         place = _best(stone, free)
         if place is None:
             count += 1

@@ -229,11 +229,11 @@ def _laid_out(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> Factor
 
 def _starts(lists: list[list[tuple[int, int]]]) -> Int32s:
     """Return where each list starts in the concatenation of all, then its total length."""
-    return np.concatenate([[0], np.cumsum([len(one) for one in lists])]).astype(np.int32)
+    return np.concatenate([[0], np.cumsum([len(items) for items in lists])]).astype(np.int32)
 
 
 def _flat(lists: list[list[int]]) -> Int32s:
-    return np.array([value for one in lists for value in one], dtype=np.int32)
+    return np.array([value for items in lists for value in items], dtype=np.int32)
 
 
 # Number of faces above which the batch solver is not used: it takes a tenth of the time of others at 3 160, a third at

@@ -392,8 +392,8 @@ class Boundary:
                     points.append(force_of(entry, index, self.elements, where))
             elif isinstance(entry, FillLoad):
                 spread = self._on_fill(entry, where)
-                tractions += [one for one in spread if isinstance(one, Traction)]
-                points += [one for one in spread if not isinstance(one, Traction)]
+                tractions += [load for load in spread if isinstance(load, Traction)]
+                points += [load for load in spread if not isinstance(load, Traction)]
             elif entry.face.along is not None:
                 tractions += self._along(entry, entry.face.along, where)
             elif entry.face.patch is not None:

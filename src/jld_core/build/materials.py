@@ -78,7 +78,7 @@ def _stated(source: Any, one: StandardParameter, prefix: str = "") -> float | No
 
 def _of_face(face: FaceMaterial) -> dict[str, float | None]:
     """Return the values that an entry of "materials.faces" states, by fields of `Strengths`."""
-    given = {one.field: _stated(getattr(face, one.label), one) for one in PARAMETERS}
+    given = {parameter.field: _stated(getattr(face, parameter.label), parameter) for parameter in PARAMETERS}
     return {name: value for name, value in given.items() if value is not None}
 
 
@@ -128,20 +128,22 @@ def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
     """Return the strengths of m interfaces under both labels."""
-    usual = {one.field: _stated(getattr(materials, one.label), one) for one in PARAMETERS}
+    usual = {parameter.field: _stated(getattr(materials, parameter.label), parameter) for parameter in PARAMETERS}
     rows = []
     for contact, face in zip(contacts, faces or [None] * len(contacts), strict=True):
         own = dict(usual)
         if face is not None:
             stating = [label for label in _PREFIX if getattr(getattr(face, label), "named", None) is not None]
-            own |= {one.field: None for one in PARAMETERS if one.label in stating}
+            own |= {parameter.field: None for parameter in PARAMETERS if parameter.label in stating}
             own |= _of_face(face)
             _check_apex(own, f"materials.faces of {'–'.join(face.between)}")
         if contact is not None:
-            given = {one.field: _stated(contact, one, _PREFIX[one.label]) for one in PARAMETERS}
+            given = {parameter.field: _stated(contact, parameter, _PREFIX[parameter.label]) for parameter in PARAMETERS}
             own |= {name: value for name, value in given.items() if value is not None}
             _check_apex(own, f"interface {'–'.join(contact.elements)}")
-        rows.append([one.absent if own[one.field] is None else own[one.field] for one in PARAMETERS])
+        rows.append(
+            [parameter.absent if own[parameter.field] is None else own[parameter.field] for parameter in PARAMETERS]
+        )
     table = np.array(rows, dtype=float).reshape(-1, len(PARAMETERS))
     columns = zip(PARAMETERS, table.T, strict=True)
     return Strengths(**{one.field: np.ascontiguousarray(column) for one, column in columns})
@@ -149,7 +151,7 @@ def strengths(
 
 def _check_apex(own: Mapping[str, float | None], where: str) -> None:
     """Raise InputError if the inner tension of strengths by fields exceeds the apex of friction."""
-    found = {one.side: own[one.field] for one in PARAMETERS if one.label == "inner"}
+    found = {parameter.side: own[parameter.field] for parameter in PARAMETERS if parameter.label == "inner"}
     lies_within_apex(found["tension"], found["shear"], found["friction"], where)
 
 
@@ -167,7 +169,9 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
     # inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides of the face
     # together, part of the dead load. Results subtract it from N'.
     usual = materials.dry.tensile_strength if materials.dry is not None else 0.0
-    values = [None if one is None or one.dry is None else one.dry.tensile_strength for one in entries]
+    values = [
+        None if material is None or material.dry is None else material.dry.tensile_strength for material in entries
+    ]
     strength = np.array([usual if value is None else value for value in values], dtype=float)
     if not strength.any():
         return assembly

@@ -390,7 +390,7 @@ def row_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending 
     """
     dry, inner = _of_stresses(assembly, inner_bending)
     sets = _aligned(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
-    dry, inner, both = (one.scaled(assembly.interfaces.area / scaling.force) for one in sets)
+    dry, inner, both = (rows.scaled(assembly.interfaces.area / scaling.force) for rows in sets)
     return RowYield(assembly.dimension, dry, inner, both, assembly.face_strengths.criteria)
 
 
@@ -431,7 +431,7 @@ def maps_criteria(assembly: Assembly, face_to: Ints, matrix: Floats) -> bool:
             core[:, 1:3, 1:3], core[:, 5, 5] = shear, turned
         bends = slice(1, 3) if core.shape[1] == 3 else slice(3, 5)
         core[:, bends, bends] = turned * shear
-    return all(_mapped(one, face_to, core, shear) for one in sets)
+    return all(_mapped(rows, face_to, core, shear) for rows in sets)
 
 
 def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
@@ -598,14 +598,16 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
     # circle in the two of shear, with a line above the capacities of both labels.
     vertices = np.concatenate([dry.vertices, inner.vertices], axis=1)
     rays = np.concatenate([dry.rays, inner.rays], axis=1)
-    facts = [part for one in (dry, inner) for part in (one.kind, one.B.reshape(-1, 4), one.k, one.c, one.mu)]
+    facts = [
+        part for label in (dry, inner) for part in (label.kind, label.B.reshape(-1, 4), label.k, label.c, label.mu)
+    ]
     _, first, kind = np.unique(np.column_stack(facts), axis=0, return_index=True, return_inverse=True)
     parts = [_hull_of(dimension, dry, inner, face) for face in first.tolist()]
     kind = kind.ravel()
     table = _padded(parts, repeat=False)[kind]
-    ends = [(one.vertices[:, :, 0].min(axis=1), one.vertices[:, :, 0].max(axis=1)) for one in (dry, inner)]
+    ends = [(label.vertices[:, :, 0].min(axis=1), label.vertices[:, :, 0].max(axis=1)) for label in (dry, inner)]
     low = vertices[:, :, 0].min(axis=1)[:, None]
-    steep = np.max([np.where(one.endless[:, None], one.mu, 0.0) for one in (dry, inner)], axis=0)
+    steep = np.max([np.where(label.endless[:, None], label.mu, 0.0) for label in (dry, inner)], axis=0)
     # The line starts at the least N of both, above every end of the capacities.
     start = np.max(
         [
@@ -615,7 +617,7 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
         ],
         axis=0,
     )
-    narrow = np.min([np.linalg.svd(one.B, compute_uv=False)[:, 1] for one in (dry, inner)], axis=0)
+    narrow = np.min([np.linalg.svd(label.B, compute_uv=False)[:, 1] for label in (dry, inner)], axis=0)
     turns = np.minimum(dry.k, inner.k)
     held = np.column_stack([narrow, turns[:, 1]]) > 0.0  # the others stand in rows
     return LabelRows(

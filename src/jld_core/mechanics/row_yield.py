@@ -205,7 +205,7 @@ def parabolic_hull(dry: Side, inner: Side, crushed: Ints) -> ParabolicBending | 
     at = np.maximum(x, foot_knee)
     above = y > at * at / limit + (1.0 - 2.0 * at / limit) * x
     knee = np.where(above, x + np.sqrt(np.maximum(x * x - limit * (x - y), 0.0)), foot_knee)
-    (rough, stuck), (mu, c) = ((one.friction[crushed], one.shear[crushed]) for one in (inner, dry))
+    (rough, stuck), (mu, c) = ((label.friction[crushed], label.shear[crushed]) for label in (inner, dry))
     foot = stuck - rough * tension
     # Without tensile strength the foot is at N = 0, where the dry face may resist shear.
     foot = np.where(tension > 0.0, foot, np.maximum(foot, c))

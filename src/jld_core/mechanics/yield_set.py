@@ -251,7 +251,7 @@ def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
         ("materials.inner", inner, strengths.tension + strengths.shear),
     ):
         name = key.split(".")[1]
-        own = [one.faces for one in assembly.face_strengths.criteria if one.label == name]
+        own = [criterion.faces for criterion in assembly.face_strengths.criteria if criterion.label == name]
         lacking = np.flatnonzero(mask & np.isnan(values) & ~np.any([~mask & mask, *own], axis=0))
         if lacking.size:
             face = assembly.pair(lacking[0])

@@ -265,7 +265,7 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
     """Return a model with fields replaced; InputError for an unknown name or value."""
     if model is not None and not isinstance(model, Model):
         raise ParameterError("model", f"{type(model).__name__!r} is no model", "a `Model`")
-    names = [one.name for one in fields(Model)]
+    names = [field.name for field in fields(Model)]
     for name in options:
         if name not in names:
             close = get_close_matches(name, names, 1)
@@ -281,7 +281,9 @@ def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
         parameter for parameter in signature.parameters.values() if parameter.kind is not inspect.Parameter.VAR_KEYWORD
     ]
     kind = inspect.Parameter.KEYWORD_ONLY
-    stated = [inspect.Parameter(one.name, kind, default=one.default, annotation=one.type) for one in fields(Model)]
+    stated = [
+        inspect.Parameter(field.name, kind, default=field.default, annotation=field.type) for field in fields(Model)
+    ]
     function.__dict__["__signature__"] = signature.replace(parameters=own + stated)
     return function
 

@@ -168,7 +168,9 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
         )
         # Where the full model is large, its own repairs take less time than a simplex on rigid blocks.
         simple = is_large(full.template.structure)
-        proof = inner.prove(given, tuple(one for one in FALLBACKS if not simple or one.name != "dual simplex"))
+        proof = inner.prove(
+            given, tuple(fallback for fallback in FALLBACKS if not simple or fallback.name != "dual simplex")
+        )
         scaling = inner.template.scaling
         solves += proof.solves
         route += [f"rigid: {step}" for step in proof.solve_log]

@@ -133,7 +133,7 @@ class BatchResult:
             "load_factor": self.load_factor,
             "bracket_lo": self.low,
             "bracket_hi": self.high,
-            "status": [str(one) for one in self.status],
+            "status": [str(status) for status in self.status],
         }
         if self.cases:
             columns["governing"] = list(self.governing)
@@ -241,7 +241,8 @@ def _governing(assembly: Assembly, labels: Bits, model: Model, results: list[Bat
         for k in np.arange(len(labels)).tolist()
     ]
     value, low, high = (
-        np.array([getattr(one, name) for one in decided], dtype=float) for name in ("load_factor", "low", "high")
+        np.array([getattr(outcome, name) for outcome in decided], dtype=float)
+        for name in ("load_factor", "low", "high")
     )
-    status, chosen = tuple(one.status for one in decided), tuple(names[one.case] for one in decided)
+    status, chosen = tuple(outcome.status for outcome in decided), tuple(names[outcome.case] for outcome in decided)
     return BatchResult(assembly, labels, value, low, high, status, model, cases, chosen)

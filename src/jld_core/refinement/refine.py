@@ -456,7 +456,7 @@ def refine(
         acts on a free face with a hole of a solid that is split.
     """
     cell = tuple(cell)
-    if cells is not None and not (len(cells) and all(isinstance(one, shapely.Polygon) for one in cells)):
+    if cells is not None and not (len(cells) and all(isinstance(polygon, shapely.Polygon) for polygon in cells)):
         raise ParameterError("cells", "they are wrong", "a list of polygons")
     grid = CellOptions(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap, cells, skew, lintel, bearing)
     check_options(scene, grid, by)
@@ -679,7 +679,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     # moving loads are stated case by case, on elements of the joint grid
     placed = cases_of_scene(scene, assembly.elements) if scene.loads.moving else []
     if placed:
-        stated = {"cases": [one.case for one in placed], "moving": None, "pushes": None}
+        stated = {"cases": [placement.case for placement in placed], "moving": None, "pushes": None}
         scene = scene.model_copy(update={"loads": scene.loads.model_copy(update=stated)})
     try:
         refined = refine(_at_means(scene), (cell,))
@@ -690,7 +690,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         return CrackCells(assembly, np.arange(len(assembly.interfaces)))
     plain = refined.scene.model_copy(update={"cracks": "faces"})
     fine = build_robust(plain) if assembly.has_low_values else build_assembly(plain)
-    places = [one.place for one in placed] or [None] * len(fine.cases)
+    places = [placement.place for placement in placed] or [None] * len(fine.cases)
     cases = tuple(replace(one, place=place) for one, place in zip(fine.cases, places, strict=True))
     return CrackCells(replace(fine, cases=cases), joint_faces(assembly, fine, refined.parent))
 

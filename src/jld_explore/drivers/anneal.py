@@ -208,7 +208,7 @@ class Anneal(Searcher):
         # a weaker change is accepted with probability exp(−Δλ / T)
         for chain in (self._chains[number] for number in half):
             if chain.changes:
-                energy, case, row = min(chain.changes, key=lambda one: one[0])
+                energy, case, row = min(chain.changes, key=lambda change: change[0])
                 worse = energy - chain.energy
                 if worse <= 0.0 or (worse < _NO_LOAD_FACTOR and self.rng.real() < math.exp(-worse / self._temperature)):
                     chain.move_to(row, energy, case)

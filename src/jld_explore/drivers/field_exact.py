@@ -233,9 +233,9 @@ class FieldExact(ProvingDriver):
     def _refuted_above(self, labellings: Bits) -> Floats:
         """Return upper bounds (k,) on the governing factor of labellings (k, m) by the conflicts."""
         found = np.full(len(labellings), self._bound)
-        for one in self._state.conflicts:
-            matching = has_conflict(one, labellings, self.space.group)
-            found[matching] = np.minimum(found[matching], one.bound)
+        for conflict in self._state.conflicts:
+            matching = has_conflict(conflict, labellings, self.space.group)
+            found[matching] = np.minimum(found[matching], conflict.bound)
         return found
 
     @property
@@ -504,9 +504,9 @@ class FieldExact(ProvingDriver):
         self._state.add_conflicts(conflicts)
         if self._formula is not None:
             self._formula.learn(conflicts)
-        for one in conflicts:
-            matching = has_conflict(one, self.pool.labellings, self.space.group)
-            self._refuted[matching] = np.minimum(self._refuted[matching], one.bound)
+        for conflict in conflicts:
+            matching = has_conflict(conflict, self.pool.labellings, self.space.group)
+            self._refuted[matching] = np.minimum(self._refuted[matching], conflict.bound)
 
     def _lower(self) -> None:
         """Lower the bound to the factor aimed at, or to that of the worst unrefuted labelling."""

@@ -297,7 +297,7 @@ class FieldRelaxation:
 
     @property
     def solves(self) -> int:
-        return sum(one.solves for one in self._asked)
+        return sum(solver.solves for solver in self._asked)
 
     def restart(self) -> None:
         """Ask the problems in their first order, so that answers do not depend on earlier calls."""

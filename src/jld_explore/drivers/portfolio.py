@@ -366,7 +366,7 @@ class Portfolio(Anneal):
 
     def _accept(self, climb: _Climb) -> None:
         """Move a climb to its best change unless that is worse, and keep all improvements to be merged."""
-        climb.changes.sort(key=lambda one: one[0])
+        climb.changes.sort(key=lambda change: change[0])
         energy, case, row = climb.changes[0]
         climb.spent += len(climb.changes)
         climb.idle = 0 if energy < climb.energy - 1e-7 * abs(climb.energy) else climb.idle + len(climb.changes)

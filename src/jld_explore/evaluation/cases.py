@@ -51,14 +51,14 @@ class CasesEvaluator(SharedEvaluator):
         if share_batch_solver_with is None:
             self._each = [Evaluator(case, settings) for case in assembly.by_case]
         else:
-            self._each = [one.twin() for one in share_batch_solver_with._each]
+            self._each = [evaluator.twin() for evaluator in share_batch_solver_with._each]
 
     def twin(self) -> CasesEvaluator:
         return CasesEvaluator(self.assembly, self.settings, self)
 
     @property
     def settles_nearly_all(self) -> bool:
-        return all(one.settles_nearly_all for one in self._each)
+        return all(evaluator.settles_nearly_all for evaluator in self._each)
 
     def evaluate_all(
         self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None

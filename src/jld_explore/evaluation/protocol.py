@@ -86,7 +86,7 @@ FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
 def evaluations_of(found: Sequence[Evaluation] | BatchResult) -> Sequence[Evaluation]:
     """Return the evaluations of a result of `jld_core.solve_many`, and evaluations as they are."""
     if not isinstance(found, BatchResult):
-        if not isinstance(found, Sequence) or not all(isinstance(one, Evaluation) for one in found):
+        if not isinstance(found, Sequence) or not all(isinstance(evaluation, Evaluation) for evaluation in found):
             raise ParameterError("evaluations", "they are wrong", "a list of them, or what solve_many returned")
         return found
     names = list(found.cases)
@@ -431,16 +431,16 @@ def rows_of(
     rows = np.zeros(len(found), dtype=kind)
     rows["labelling"] = np.packbits(labellings, axis=1)
     rows["multiplicity"] = multiplicities
-    rows["status"] = [_CODES[one.status] for one in found]
-    rows["settled"] = [_SETTLED_CODES[one.settled] for one in found]
-    values = np.array([_numbers(one) for one in found], dtype=np.float64).reshape(-1, len(_NUMBERS))
+    rows["status"] = [_CODES[evaluation.status] for evaluation in found]
+    rows["settled"] = [_SETTLED_CODES[evaluation.settled] for evaluation in found]
+    values = np.array([_numbers(evaluation) for evaluation in found], dtype=np.float64).reshape(-1, len(_NUMBERS))
     # The file has one zero and one NaN, so remove the sign of zeros and the payload of NaNs.
     values = np.where(np.isnan(values), np.nan, values + 0.0)
     for name, column in zip(_NUMBERS, values.T, strict=True):
         rows[name] = column
-    rows["governing"] = [one.governing for one in found]
+    rows["governing"] = [evaluation.governing for evaluation in found]
     if width := rows["cases"].shape[1]:
-        cases = [one.cases or (math.nan,) * width for one in found]
+        cases = [evaluation.cases or (math.nan,) * width for evaluation in found]
         # Reshape also works for an empty list, if time ran out before the first evaluation.
         rows["cases"] = np.array(cases, dtype=np.float64).reshape(-1, width)
     return rows

@@ -332,9 +332,9 @@ class DesignOptions:
     def given(self) -> dict[str, Any]:
         """Return the values by name of those options that differ from their defaults."""
         return {
-            one.name: getattr(self, one.name)
-            for one in fields(self)
-            if getattr(self, one.name) != one.default and getattr(self, one.name) not in ((), None)
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if getattr(self, field.name) != field.default and getattr(self, field.name) not in ((), None)
         }
 
 

@@ -128,7 +128,7 @@ def rivals_of(work: Design) -> list[Trial]:
         return []
     others = [trial for trial in work.trials if trial is not winner and trial.allowed and trial.fields[1] >= 0.0]
     return sorted(
-        (other for other in others if other.upper_estimate > winner.proven), key=lambda one: -one.upper_estimate
+        (other for other in others if other.upper_estimate > winner.proven), key=lambda other: -other.upper_estimate
     )
 
 

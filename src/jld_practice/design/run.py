@@ -112,9 +112,9 @@ def _first_tasks(work: Design) -> list[Task]:
 
 def _further_tasks(work: Design, until: Deadline, strength: float, number: int) -> list[Task]:
     """Search labels on the best moved cells; return the layouts of a further round."""
-    moved = [one for one in work.ranked if one.kind == "moved"]
+    moved = [trial for trial in work.ranked if trial.kind == "moved"]
     bases = moved[:1]
-    bases += sorted((one for one in moved if one not in bases), key=lambda one: -one.upper_estimate)[: _BASES - 1]
+    bases += sorted((trial for trial in moved if trial not in bases), key=lambda one: -one.upper_estimate)[: _BASES - 1]
     tasks: list[Task] = []
     for k, base in enumerate(bases):
         base_labels = build_assembly(base.scene).labels

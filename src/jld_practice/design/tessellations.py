@@ -431,11 +431,15 @@ def tessellations(
     for name, words, make in kinds:
         late = bool(made_so_far) and until is not None and until.passed()
         cut = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
-        alike = [one.name for one in made_so_far if cut.scene is not None and one.scene == cut.scene]
+        alike = [
+            tessellation.name
+            for tessellation in made_so_far
+            if cut.scene is not None and tessellation.scene == cut.scene
+        ]
         made_so_far.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else cut)
         made(made_so_far[-1])
-    if all(one.scene is None for one in made_so_far):
-        reasons = "; ".join(f"{one.name}: {one.problem}" for one in made_so_far)
+    if all(tessellation.scene is None for tessellation in made_so_far):
+        reasons = "; ".join(f"{tessellation.name}: {tessellation.problem}" for tessellation in made_so_far)
         raise InputError(
             "the outline", f"no tessellation fits ({reasons})", "a larger `block_mass`, or another outline"
         )

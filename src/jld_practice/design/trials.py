@@ -218,7 +218,7 @@ def labelled(scene: Scene, assembly: Assembly, labels: Bits) -> Scene:
     dry_pairs = [list(pair) for pair, dry in pairs.items() if dry]
     inner_pairs = [list(pair) for pair, dry in pairs.items() if not dry]
     document["labels"] = {"dry": dry_pairs, "inner": inner_pairs}
-    document["elements"] = [{k: v for k, v in one.items() if k != "block"} for one in document["elements"]]
+    document["elements"] = [{k: v for k, v in entry.items() if k != "block"} for entry in document["elements"]]
     return parse_scene(document, scene.name)
 
 

@@ -591,7 +591,7 @@ def design_check(
         solutions.append(solution)
         tried.append(_cases(structure, cells, combination, solution, seconds))
     by_case = tuple(zip(*tried, strict=True))
-    cases = tuple(_worst(one) for one in by_case)
+    cases = tuple(_worst(group) for group in by_case)
     first = _worst(cases)
     chosen = combinations.index(replace(first.combination, heavier=()))
     cells = structures[chosen][1]

@@ -115,7 +115,7 @@ class Parts:
         ends, count = (faces.a[joined], faces.b[joined]), len(here)
         link = sp.coo_array((np.ones(len(joined)), ends), shape=(count, count))
         name = connected_components(link, directed=False)[1]
-        return [self._part(here & (support | (name == one)), labels) for one in np.unique(name[free])]
+        return [self._part(here & (support | (name == part)), labels) for part in np.unique(name[free])]
 
     def _part(self, here: Bools, labels: Bits) -> _Part:
         faces = self.assembly.interfaces

@@ -151,7 +151,7 @@ class LimitFunction:
 def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.ndarray) -> dict[str, Floats]:
     """Return derivatives (m,) of scaled λ by scaled strengths, at unit live work, from jumps (m, q)."""
     slip = sets.slip(jumps) * normal
-    frictions = [one for one in standard.PARAMETERS if one.side == "friction"]
+    frictions = [parameter for parameter in standard.PARAMETERS if parameter.side == "friction"]
     found = {friction.field: np.where(labels == (friction.label == "dry"), slip, 0.0) for friction in frictions}
     for name, values in sets.numbers.stresses.items():
         step = np.where(np.isfinite(values), _DIFFERENCE * np.maximum(values, 1.0), 0.0)
@@ -557,7 +557,7 @@ def explore_failures(function: LimitFunction, first: Form, samples: int, seed: i
         in_vain = 0 if new else in_vain + 1
     count = int(_unexplained(failing, points).sum())
     share = min(1.0, _DOUBT * exact_interval(count, 0, samples)[1])
-    return Exploration(tuple(sorted(points, key=lambda one: one.beta)), _unseen_probability(share, spread))
+    return Exploration(tuple(sorted(points, key=lambda point: point.beta)), _unseen_probability(share, spread))
 
 
 def _unseen_probability(share: float, spread: float) -> float:

@@ -127,14 +127,14 @@ class RandomStructure:
         """Return the strengths of all faces, scene units, of samples (k, v); 0 for negative ones."""
         own, mean = self.assembly.strengths(_ROUTE), self.variables.mean
         tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in vars(own)}
-        for one in self.followers:
-            x, m = values[:, one.variables], mean[one.variables]
-            if one.angle:
+        for follower in self.followers:
+            x, m = values[:, follower.variables], mean[follower.variables]
+            if follower.angle:
                 x, m = _tangent(x), _tangent(m)
-            base = getattr(own, one.field)[one.faces]
-            least = _LEAST * base if one.field in standard.ENDS else 0.0
-            tables[one.field][:, one.faces] = np.maximum(base + (x - m), least)
-        inner = {one.side: one.field for one in standard.PARAMETERS if one.label == "inner"}
+            base = getattr(own, follower.field)[follower.faces]
+            least = _LEAST * base if follower.field in standard.ENDS else 0.0
+            tables[follower.field][:, follower.faces] = np.maximum(base + (x - m), least)
+        inner = {parameter.side: parameter.field for parameter in standard.PARAMETERS if parameter.label == "inner"}
         tension, shear, friction = (tables[inner[side]] for side in ("tension", "shear", "friction"))
         with np.errstate(divide="ignore", invalid="ignore"):
             apex = np.where(friction > 0.0, shear / friction, np.inf)
@@ -183,12 +183,12 @@ class RandomStructure:
     ) -> Floats:
         """Return derivatives (v,) by the variables, from those by strengths (m,) and loads (n, q)."""
         found, away = np.zeros(len(values)), values - self.variables.mean
-        for one in self.followers:
+        for follower in self.followers:
             slope: Any = 1.0
-            if one.angle:
-                x = np.clip(values[one.variables], 0.0, _STEEPEST)
+            if follower.angle:
+                x = np.clip(values[follower.variables], 0.0, _STEEPEST)
                 slope = np.radians(1.0) / np.cos(np.radians(x)) ** 2
-            np.add.at(found, one.variables, slope * by_strength[one.field][one.faces])
+            np.add.at(found, follower.variables, slope * by_strength[follower.field][follower.faces])
         for growth in self.growths[case]:
             rate = float((by_load[0] * growth.dead).sum() + (by_load[1] * growth.live).sum())
             for position, variable in enumerate(growth.variables):
@@ -325,8 +325,8 @@ class _Measurement:
     def _owners(self, split: Ints, faces: bool) -> list[str]:
         """Return the names of faces or elements; several faces of a pair of elements are numbered."""
         if not faces:
-            return [self.base.elements.ids[one] for one in split]
-        names = [self.base.pair(one) for one in split]
+            return [self.base.elements.ids[owner] for owner in split]
+        names = [self.base.pair(owner) for owner in split]
         return [
             f"{name} ({names[:k].count(name) + 1})" if names.count(name) > 1 else name for k, name in enumerate(names)
         ]

@@ -274,7 +274,7 @@ class Certifier:
     def _block_programs(self) -> tuple[list[BlockRelaxation], PossibleBlocks, BlockTables]:
         """Block relaxations of the load cases over the blocks that the checker lists, with tables of these."""
         listed = self._checker.labellings.blocks
-        blocks = PossibleBlocks(tuple(one.members for one in listed), tuple(one.inside for one in listed))
+        blocks = PossibleBlocks(tuple(block.members for block in listed), tuple(block.inside for block in listed))
         programs = [BlockRelaxation(analysis, blocks.members, blocks.inside) for analysis in self._analyses]
         return programs, blocks, BlockTables(self._space, blocks)
 

@@ -206,7 +206,7 @@ class CubeWorkers:
             done_in(self._assigned, _WAIT_SECONDS)
             self.exchange()
         self._has_new_results = False
-        return not self._cubes and not any(one.target == self._target for one in self._assigned.values())
+        return not self._cubes and not any(cube.target == self._target for cube in self._assigned.values())
 
     def exchange(self) -> None:
         """Collect finished tasks and send waiting cubes to free workers, without waiting."""
@@ -219,7 +219,7 @@ class CubeWorkers:
         for worker in self._pool.fill():
             self._reclaim_cubes(worker)
         for held in range(_TASKS_PER_WORKER):
-            tasks_held = Counter(one.worker.name for one in self._assigned.values())
+            tasks_held = Counter(cube.worker.name for cube in self._assigned.values())
             for worker in [worker for worker in self._pool if tasks_held[worker.name] <= held]:
                 self._split_cubes()
                 if not self._cubes:

@@ -451,7 +451,7 @@ class Incumbents:
     def strongest(self, count: int) -> tuple[Bits, Floats]:
         """Return the labellings (k, m) of largest proven λ, and that λ (k,), scene units, best first."""
         stands = [(low, key) for key, (low, _, _) in self._bounds.items() if math.isfinite(low)]
-        stands.sort(key=lambda one: (-one[0], one[1]))
+        stands.sort(key=lambda stand: (-stand[0], stand[1]))
         faces = len(self._space.fixed)
         packed = np.frombuffer(b"".join(key for _, key in stands[:count]), dtype=np.uint8)
         rows = np.unpackbits(packed.reshape(-1, (faces + 7) // 8), axis=1, count=faces).astype(bool)
