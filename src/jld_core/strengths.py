@@ -114,9 +114,12 @@ class Strengths:
         self, stress: Callable[[Floats], Floats], friction: Callable[[Floats], Floats] = lambda mu: mu
     ) -> Strengths:
         """Return strengths with a function applied to all stresses, and one to friction coefficients."""
-        return Strengths(**{
-            parameter.field: (friction if parameter.side == "friction" else stress)(getattr(self, parameter.field)) for parameter in PARAMETERS
-        })  # fmt: skip
+        return Strengths(
+            **{
+                parameter.field: (friction if parameter.side == "friction" else stress)(getattr(self, parameter.field))
+                for parameter in PARAMETERS
+            }
+        )
 
     @property
     def stresses(self) -> dict[str, Floats]:

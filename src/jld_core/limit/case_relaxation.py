@@ -475,7 +475,7 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         return np.array([_raised(bound) for bound in bounds.tolist()])
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        found = [kind.least_bound(labels, undecided) for kind in self._cases]
+        found = [case.least_bound(labels, undecided) for case in self._cases]
         known = [
             replace(one, bound=_raised(one.bound * unit), case=case)
             for case, (one, unit) in enumerate(zip(found, self._units, strict=True))
