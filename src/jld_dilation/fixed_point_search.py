@@ -240,7 +240,9 @@ class FixedPointSearch:
         largest = float(np.abs(state.forces[:, 0]).max(initial=0.0)) or 1.0
         violation = float(max(0.0, sets.excess(state.forces, labels).max(initial=0.0))) / largest
         if locked or motion.margin < 0.0 or not motion.work > 0.0:
-            return PrimalDualPair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.load_scale, False)
+            return PrimalDualPair(
+                state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.load_scale, settled=False
+            )
         jumps = motion.jumps
         dilation = self._dilation(sets, jumps, state.forces)
         dissipation = float(sets.dissipation(jumps, labels).sum())
@@ -255,7 +257,16 @@ class FixedPointSearch:
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         settled = abs(gap) <= tolerances.SETTLED * size
         return PrimalDualPair(
-            state, motion, False, violation, dilation, gap, dissipation, area_change, self.load_scale, settled
+            state,
+            motion,
+            locked=False,
+            violation=violation,
+            dilation=dilation,
+            gap=gap,
+            dissipation=dissipation,
+            area_change=area_change,
+            load_scale=self.load_scale,
+            settled=settled,
         )
 
     # --- the search ----------------------------------------------------------------------------------------

@@ -39,7 +39,7 @@ def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:
     labels = assembly.labels | True
     layout = Layout(scene, assembly, labels, solve_rigid(assembly, labels, Model(**options)))
     nodes = {part.name: part.group for part in found.parts}
-    results = Dem(layout, True, nodes).results()
+    results = Dem(layout, cells=True, nodes=nodes).results()
     model, problems = model_and_problems(document)
     results["data"]["model_id"] = str(model.get("guid", ""))
     stated = data_of(document).get("problems") or [{}]

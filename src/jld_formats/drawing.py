@@ -93,7 +93,7 @@ def planar_feet(cells: list[Cell], tolerance: float, notes: Notes) -> list[Cell]
 
 
 def _support(points: Floats) -> Cell:
-    return Cell(points, "supports", None, True)
+    return Cell(points, "supports", None, support=True)
 
 
 def _ring(shape: shapely.Polygon) -> Floats:

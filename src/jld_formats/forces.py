@@ -70,7 +70,9 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
         if length is None or length[1] not in units.METRES:
             raise _refused(text, f"no unit of length is named {whole['per'].strip(' /')!r}")
         _, value, _ = _part(whole, text, unit, distributed=True)
-        return WrittenForce((value,), False, True, (units.METRES[length[1]], 2 if length[2] else 1))
+        return WrittenForce(
+            (value,), components=False, has_unit=True, per=(units.METRES[length[1]], 2 if length[2] else 1)
+        )
     while place < len(stripped) or not parts:
         if parts:
             gap = _BETWEEN.match(stripped, place)

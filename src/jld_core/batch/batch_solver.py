@@ -172,7 +172,7 @@ class BatchSolver:
         self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.parabolas
         self._interacts = rows.interacts
         # Relaxations skip the correction of equilibrium that the settings for large assemblies need.
-        self._relaxation_try = tries[0] if tries else tries_of(template.assembly.dimension, 0, False)[0]
+        self._relaxation_try = tries[0] if tries else tries_of(template.assembly.dimension, 0, parabolas=False)[0]
         self._tries = tuple(tries) or tries_of(template.assembly.dimension, self.faces, rows.parabolas is not None)
         self.pattern, a, b = pattern_of(template.assembly)
         self._lay_out(template, a, b)

@@ -465,7 +465,10 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
             counts[case] = len(refuted)
             open_ones = np.array([k for k in open_ones.tolist() if k not in refuted], dtype=np.int64)
         self._reorder(counts)
-        unrefuted = [MinimizedConflict(k, True, request.free, None, bool(carried[k])) for k in open_ones.tolist()]
+        unrefuted = [
+            MinimizedConflict(k, drawn=True, decided=request.free, bound=None, carries=bool(carried[k]))
+            for k in open_ones.tolist()
+        ]
         return conflicts + unrefuted
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:

@@ -216,7 +216,7 @@ class Fronts:
                 unknowns = self.passed[child]
                 own = int(np.searchsorted(unknowns, self.bounds[part + 1]))
                 rest = np.searchsorted(self.passed[part], unknowns[own:])
-                runs = [*_runs(unknowns[:own] - self.bounds[part], 0, True), *_runs(rest, own, False)]
+                runs = [*_runs(unknowns[:own] - self.bounds[part], 0, own=True), *_runs(rest, own, own=False)]
                 if runs:  # the root of a connected component has no update matrix
                     self._onto[part].append((child, runs))
             if parent[part] >= 0:

@@ -300,7 +300,7 @@ def worst_parts(
     heavier = tuple(name for name, up in zip(search.names, worst > search.middle, strict=True) if up)
     chosen, loaded = replace(combination, heavier=heavier), search.loaded(worst)
     if low == high == -math.inf:
-        return WorstParts(chosen, loaded, CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan), False)
+        return WorstParts(chosen, loaded, CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan), stands=False)
     if low == math.inf:
         return WorstParts(chosen, loaded, CaseBounds(Status.LOCKED, math.inf, math.inf, math.nan), stands)
     ends = [end if math.isfinite(end) else math.nan for end in (low, high)]

@@ -232,7 +232,7 @@ def locked_blocks(
     # The blocks found lock one another in every labelling that has them.
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
-    freedom = Freedom(blocks, False, bodies)
+    freedom = Freedom(blocks, sideways=False, bodies=bodies)
     there = emptied(freedom, np.ones(len(blocks), dtype=bool), group)
     if not np.any(there & ~blocks.fixed):
         return ()

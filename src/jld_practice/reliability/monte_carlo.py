@@ -263,8 +263,8 @@ def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
             if moved:
                 break
         if not moved:
-            return Form(math.nan, work.point, number, True, "no step leads nearer to the failure surface")
-    return Form(math.nan, work.point, _STEPS, True, f"no design point after {_STEPS} steps")
+            return Form(math.nan, work.point, number, kink=True, problem="no step leads nearer to the failure surface")
+    return Form(math.nan, work.point, _STEPS, kink=True, problem=f"no design point after {_STEPS} steps")
 
 
 def _found(work: _Iteration, steps: int, inside: bool, kink: bool) -> Form:
