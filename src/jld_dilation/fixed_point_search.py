@@ -191,11 +191,11 @@ class FixedPointSearch:
         """
         template, _ = self.freeze_friction(0.0, self.normals(forces), self.areas(forces))
         program = template.program(self.labels, self.margin)
-        s, rhs = program.structure, program.rhs.copy()
+        structure, rhs = program.structure, program.rhs.copy()
         if raised is not None:
-            rhs[s.equalities : s.equalities + s.linear] += raised
+            rhs[structure.equalities : structure.equalities + structure.linear] += raised
         self.solves += 1
-        return self.solver.solve(ConicProgram(s, program.data, rhs, program.objective))
+        return self.solver.solve(ConicProgram(structure, program.data, rhs, program.objective))
 
     def repaired_state(
         self, point: Floats, template: Template, areas: prescribed_friction.EffectiveAreas | None

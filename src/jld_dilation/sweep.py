@@ -241,14 +241,14 @@ def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
     # λ moves from the unknowns of equilibrium to its right-hand side; its free column is minimised alone.
     template = search.analysis.template
     program = template.program(search.labels, search.margin)
-    s = program.structure
-    data, objective, rhs = program.data.copy(), np.zeros(s.shape[1]), program.rhs.copy()
-    column = slice(s.indptr[-2], s.indptr[-1])
-    data[column] = np.where(s.indices[column] < s.equalities, 0.0, data[column])
-    rhs[: s.equalities] -= load * template.live
+    structure = program.structure
+    data, objective, rhs = program.data.copy(), np.zeros(structure.shape[1]), program.rhs.copy()
+    column = slice(structure.indptr[-2], structure.indptr[-1])
+    data[column] = np.where(structure.indices[column] < structure.equalities, 0.0, data[column])
+    rhs[: structure.equalities] -= load * template.live
     objective[-1] = 1.0
     search.solves += 1
-    return ConicProgram(s, data, rhs, objective)
+    return ConicProgram(structure, data, rhs, objective)
 
 
 def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> Floats:

@@ -176,8 +176,8 @@ class Mesh:
     @cached_property
     def volume(self) -> Floats:
         """(t,) volumes of the simplices, areas in the plane, positive."""
-        c = self.corners
-        arm, normal = c[:, 1] - c[:, 0], _outward(np.delete(c, 1, axis=1))
+        corners = self.corners
+        arm, normal = corners[:, 1] - corners[:, 0], _outward(np.delete(corners, 1, axis=1))
         if self.dimension == 2:
             return np.asarray(0.5 * (arm * normal).sum(axis=1))
         return np.asarray(np.einsum("ti,ti->t", arm, normal) / 6.0)

@@ -40,31 +40,33 @@ class Reduced:
 
 def kept_rows(program: ConicProgram) -> Reduced:
     """Return all yield rows but that of λ, from which facial reduction starts."""
-    s = program.structure
-    return Reduced(slack_rows(s)[: s.linear - 1], tuple(range(len(s.cones))))
+    structure = program.structure
+    return Reduced(slack_rows(structure)[: structure.linear - 1], tuple(range(len(structure.cones))))
 
 
 def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
     """Return a program with the yield rows of `reduced` alone; right: False sets their right-hand sides to zero."""
     # The new rows are the equations, the row that bounds λ, the kept inequalities, one inequality s₀ ≥ d·s for each ray
     # of direction d, and the kept cones. Here s₀ is the first slack of the cone, s are the others.
-    s = program.structure
-    first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
-    cones = [np.arange(s.heads[cone], s.heads[cone] + s.cones[cone]) for cone in reduced.cones]
+    structure = program.structure
+    first = np.concatenate([np.arange(structure.equalities + 1), reduced.linear]).astype(np.int64)
+    cones = [np.arange(structure.heads[cone], structure.heads[cone] + structure.cones[cone]) for cone in reduced.cones]
     last = np.concatenate(cones or [np.empty(0)]).astype(np.int64)
-    pick = [sp.eye_array(s.shape[0]).tocsr()[first]]
+    pick = [sp.eye_array(structure.shape[0]).tocsr()[first]]
     if reduced.rays:
-        ways = sp.lil_array((len(reduced.rays), s.shape[0]))
+        ways = sp.lil_array((len(reduced.rays), structure.shape[0]))
         for row, (cone, direction) in enumerate(reduced.rays.items()):
-            ways[row, s.heads[cone]] = 1.0
+            ways[row, structure.heads[cone]] = 1.0
             for place, value in enumerate(direction, start=1):
-                ways[row, s.heads[cone] + place] = -value
+                ways[row, structure.heads[cone] + place] = -value
         pick.append(ways.tocsr())
-    chosen: sp.csr_array = sp.vstack([*pick, sp.eye_array(s.shape[0]).tocsr()[last]]).tocsr()
+    chosen: sp.csr_array = sp.vstack([*pick, sp.eye_array(structure.shape[0]).tocsr()[last]]).tocsr()
     rhs = np.asarray(chosen @ program.rhs) if right else np.zeros(chosen.shape[0])
     linear = 1 + len(reduced.linear) + len(reduced.rays)
-    sizes = tuple(s.cones[cone] for cone in reduced.cones)
-    return pack(chosen @ program.matrix.tocsr(), rhs, program.objective, s.equalities, linear, sizes, s.places)
+    sizes = tuple(structure.cones[cone] for cone in reduced.cones)
+    return pack(
+        chosen @ program.matrix.tocsr(), rhs, program.objective, structure.equalities, linear, sizes, structure.places
+    )
 
 
 def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:

@@ -591,17 +591,17 @@ class NormalCaps:
 
     def tighten(self, threshold: float, most: float, deadline: Deadline) -> None:
         """Lower the caps for labellings whose scaled λ is from `threshold` to `most`, as far as time allows."""
-        program, s = self._program, self._program.structure
+        program, structure = self._program, self._program.structure
         faces = len(self._labels)
         place = 3 * np.arange(faces)  # columns of N
-        pick = sp.csr_array((np.ones(faces), (np.arange(faces), place)), shape=(faces, s.shape[1]))
+        pick = sp.csr_array((np.ones(faces), (np.arange(faces), place)), shape=(faces, structure.shape[1]))
         rows = sp.vstack([program.matrix.tocsr(), pick]).tocsc()
         low = np.full(rows.shape[0], -np.inf)
-        low[: s.equalities] = program.rhs[: s.equalities]
+        low[: structure.equalities] = program.rhs[: structure.equalities]
         high = np.concatenate([program.rhs, self.caps])
-        high[s.equalities] = -threshold
-        free = np.full(s.shape[1], np.inf)
-        highs = highs_of(rows, np.zeros(s.shape[1]), low, high, -free, free, _SOLVER)
+        high[structure.equalities] = -threshold
+        free = np.full(structure.shape[1], np.inf)
+        highs = highs_of(rows, np.zeros(structure.shape[1]), low, high, -free, free, _SOLVER)
         for f in range(faces):
             if deadline.passed():
                 break
@@ -609,10 +609,10 @@ class NormalCaps:
             highs.run()
             dual = -np.array(highs.getSolution().row_dual)
             highs.changeColCost(int(place[f]), 0.0)
-            cap = self._cap(dual[: s.equalities], f, threshold, most)
+            cap = self._cap(dual[: structure.equalities], f, threshold, most)
             if cap < self.caps[f]:
                 self.caps[f] = max(cap, 0.0)
-                highs.changeRowBounds(int(s.shape[0] + f), -np.inf, self.caps[f])
+                highs.changeRowBounds(int(structure.shape[0] + f), -np.inf, self.caps[f])
 
     def _cap(self, velocity: Floats, face: int, threshold: float, most: float) -> float:
         """Return the bound on N of a face that velocities prove; inf where they prove none."""

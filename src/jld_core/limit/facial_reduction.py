@@ -207,15 +207,15 @@ class FacialReduction:
         # tangent along the self-stress. By duality a jump is a combination of the rows that are left, J = Gᵀz, so that
         # these rows span what is allowed. A face without a reduced row needs no projector. Columns of further unknowns
         # (beyond the resultants) have no jump: only combinations z that vanish there count.
-        s, q = program.structure, self.template.assembly.freedoms
+        structure, q = program.structure, self.template.assembly.freedoms
         yields = program.matrix.tocsr()
         row_face = self.template.yield_set.pattern.row_face
         faces = len(self.template.assembly.interfaces)
-        first = s.equalities + 1
-        whole = np.zeros(s.shape[0], dtype=bool)
+        first = structure.equalities + 1
+        whole = np.zeros(structure.shape[0], dtype=bool)
         whole[reduced.linear] = True
         for cone in reduced.cones:
-            whole[s.heads[cone] : s.heads[cone] + s.cones[cone]] = True
+            whole[structure.heads[cone] : structure.heads[cone] + structure.cones[cone]] = True
         whole = whole[first : first + len(row_face)]
         edge = np.unique(row_face[~whole])
         place = np.full(faces, -1)
@@ -223,8 +223,8 @@ class FacialReduction:
         kept = np.flatnonzero(whole & (place[row_face] >= 0))
         rows, owner = [yields[first + kept]], [place[row_face[kept]]]
         for cone, direction in reduced.rays.items():
-            cone_rows = yields[s.heads[cone] : s.heads[cone] + s.cones[cone]].toarray()
-            face = int(row_face[s.heads[cone] - first])
+            cone_rows = yields[structure.heads[cone] : structure.heads[cone] + structure.cones[cone]].toarray()
+            face = int(row_face[structure.heads[cone] - first])
             tangents = _tangent(cone_rows, direction, jumps[face], q * face, speed)
             rows.append(sp.csr_array(np.array(tangents)))
             owner.append(np.full(len(tangents), place[face]))
@@ -536,7 +536,11 @@ def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
 
 def _row_position(program: ConicProgram, point: Floats) -> _RowPosition:
     """Return the slacks of a vector (≤ columns,) in all linear rows and cones but that of λ."""
-    s = program.structure
+    structure = program.structure
     values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point
-    tails = [values[s.heads + k] for k in (1, 2)] if s.cones else [np.zeros(0)] * 2
-    return _RowPosition(values[s.equalities + 1 : s.equalities + s.linear], values[s.heads], np.column_stack(tails))
+    tails = [values[structure.heads + k] for k in (1, 2)] if structure.cones else [np.zeros(0)] * 2
+    return _RowPosition(
+        values[structure.equalities + 1 : structure.equalities + structure.linear],
+        values[structure.heads],
+        np.column_stack(tails),
+    )

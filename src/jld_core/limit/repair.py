@@ -212,20 +212,20 @@ class Repair:
         # a state that leaves all other rows slack. Rounding is judged per face and per row, by the size of the terms in
         # it.
         program = self.template.program(labels)
-        s = program.structure
-        columns = s.shape[1] - int(load_fixed)
+        structure = program.structure
+        columns = structure.shape[1] - int(load_fixed)
         answer, slack = maximise_slacks(program, program.rhs, columns, cap=_LEAST_SLACK)
         tight = slack < 1e-3 * _LEAST_SLACK
         values = program.rhs - program.matrix[:, :columns] @ answer.point[:columns]
-        balance = sp.csr_array(sp.eye_array(s.equalities, s.shape[0]))
-        picked = sp.csr_array(sp.vstack([balance, *self._equations(s, tight, values)]))
+        balance = sp.csr_array(sp.eye_array(structure.equalities, structure.shape[0]))
+        picked = sp.csr_array(sp.vstack([balance, *self._equations(structure, tight, values)]))
         equations, ends = sp.csr_array((picked @ program.matrix)[:, :columns]), picked @ program.rhs
         if not usable(answer.point):
             return None
         projector = ConsistentProjector(equations)
         inside = projector.project(answer.point[:columns], ends)
         start = projector.project(point[:columns], ends) if point is not None and usable(point) else inside
-        faces = self.template.yield_set.pattern.row_face[slack_rows(s)[tight] - s.equalities - 1]
+        faces = self.template.yield_set.pattern.row_face[slack_rows(structure)[tight] - structure.equalities - 1]
         edge = np.isin(np.arange(len(labels)), faces)
         for share in _SHARES:
             y = (1.0 - share) * start + share * inside

@@ -148,8 +148,8 @@ class MovingRows:
         count = len(labels)
         areas = EffectiveAreas(np.full(count, ratio), np.tile(np.array(arm), (count, 1)))
         program = frozen_areas(template, areas).program(labels)
-        s = program.structure
-        return sp.csr_array(sp.csc_array((program.data, s.indices, s.indptr), shape=s.shape))
+        structure = program.structure
+        return sp.csr_array(sp.csc_array((program.data, structure.indices, structure.indptr), shape=structure.shape))
 
     @property
     def size(self) -> int:

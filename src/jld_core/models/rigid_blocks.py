@@ -245,23 +245,23 @@ def _inner_forces(
     if inside.size == 0:
         return forces, inside
     program = template.program(labels)
-    s = program.structure
+    structure = program.structure
     rows, columns = _independent_rows(template, rigid, support), _columns_of(template, within)
     matrix = program.matrix.tocsr()
     target = -(template.dead + load / scale.load * template.live) - template.matrix @ forces.ravel()
-    yields = s.equalities + 1 + np.flatnonzero(within[pattern.row_face])
-    linear = yields[yields < s.equalities + s.linear]
-    conic = yields[yields >= s.equalities + s.linear]
-    of_cones = pattern.row_face[pattern.linear + beginnings(s.cones)]
-    sizes = tuple(np.array(s.cones, dtype=np.int64)[within[of_cones]].tolist())
+    yields = structure.equalities + 1 + np.flatnonzero(within[pattern.row_face])
+    linear = yields[yields < structure.equalities + structure.linear]
+    conic = yields[yields >= structure.equalities + structure.linear]
+    of_cones = pattern.row_face[pattern.linear + beginnings(structure.cones)]
+    sizes = tuple(np.array(structure.cones, dtype=np.int64)[within[of_cones]].tolist())
     # one slack for each block, in its linear rows and in the first rows of its cones
     block = rigid.group[faces.a]
     names, position = np.unique(block[inside], return_inverse=True)
     of_block = np.full(int(rigid.group.max()) + 1, -1)
     of_block[names] = np.arange(len(names))
     tips = np.concatenate([linear, conic[np.concatenate([[0], np.cumsum(sizes)])[: len(sizes)].astype(int)]])
-    owner = of_block[block[pattern.row_face[tips - s.equalities - 1]]]
-    slack = sp.csr_array((np.ones(len(tips)), (tips, owner)), shape=(s.shape[0], len(names)))
+    owner = of_block[block[pattern.row_face[tips - structure.equalities - 1]]]
+    slack = sp.csr_array((np.ones(len(tips)), (tips, owner)), shape=(structure.shape[0], len(names)))
     with_slack = sp.hstack([matrix[:, columns], slack]).tocsr()
     cap = sp.hstack([sp.csr_array((len(names), len(columns))), sp.eye_array(len(names))])
     stacked = sp.vstack([with_slack[rows], with_slack[linear], cap, with_slack[conic]])

@@ -210,8 +210,8 @@ class ConicProgram:
     @cached_property
     def matrix(self) -> sp.csc_array:
         """Return M as a sparse array (rows, columns) in compressed columns."""
-        s = self.structure
-        return sp.csc_array((self.data, s.indices, s.indptr), shape=s.shape)
+        structure = self.structure
+        return sp.csc_array((self.data, structure.indices, structure.indptr), shape=structure.shape)
 
 
 _ROUTE: Final = Route("programs", STANDARD | CRITERIA)
