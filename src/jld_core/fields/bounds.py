@@ -151,12 +151,12 @@ def disagreement(problem: Problem, stress: StressField, velocity: VelocityField)
 
 def stress_power(problem: Problem, stress: StressField, velocity: Floats) -> Floats:
     """Return the power (t,) of a stress field on velocities (t, d + 1, d), with half of the sides, scaled."""
-    p, d, rows = problem, problem.mesh.dimension, problem.jumps
-    slope = np.einsum("tki,tkj->tij", velocity, p.mesh.gradient)
-    power = p.mesh.volume * np.einsum("tij,tij->t", tensors(stress.stress.mean(axis=1)), slope)
-    pull, jump = tractions(p, stress.stress, rows), jumps(p, velocity, rows)
+    d, rows = problem.mesh.dimension, problem.jumps
+    slope = np.einsum("tki,tkj->tij", velocity, problem.mesh.gradient)
+    power = problem.mesh.volume * np.einsum("tij,tij->t", tensors(stress.stress.mean(axis=1)), slope)
+    pull, jump = tractions(problem, stress.stress, rows), jumps(problem, velocity, rows)
     ends = np.einsum("fki,fki->f", pull, jump) + np.einsum("fi,fi->f", pull.sum(axis=1), jump.sum(axis=1))
-    return halved(p, power, rows, p.sides.area[rows] * ends / (d * (d + 1)))
+    return halved(problem, power, rows, problem.sides.area[rows] * ends / (d * (d + 1)))
 
 
 def _joint_corners(fine: Problem, stress: StressField, velocity: Floats, rows: Ints) -> Floats:

@@ -98,12 +98,15 @@ def rigid_balance(problem: Problem, blocks: RigidBlocks, *, at_nodes: bool) -> R
 
     at_nodes: forces at the corners of triangles, else linear tractions.
     """
-    p, rows = problem, blocks.dry(problem)
+    rows = blocks.dry(problem)
     balance = _equilibrium_matrix(problem, blocks, rows, at_nodes=at_nodes)
-    live, dead = _resultants(p, blocks, p.live, p.pull), _resultants(p, blocks, p.dead, p.dead_pull)
+    live, dead = (
+        _resultants(problem, blocks, problem.live, problem.pull),
+        _resultants(problem, blocks, problem.dead, problem.dead_pull),
+    )
     free = np.repeat(blocks.free, 6)
     equations = sp.hstack([balance, sp.csr_array(live.reshape(-1, 1))], format="csr")[free]
-    linear, threes = _joint_cones(p, rows)
+    linear, threes = _joint_cones(problem, rows)
     parts = [part for part in (linear, threes) if part.count]
     width = 9 * len(rows) + 1
     matrix = sp.csr_array(sp.vstack([equations, *(part.matrix(width) for part in parts)]))
@@ -164,13 +167,12 @@ def _resultants(problem: Problem, blocks: RigidBlocks, body: Floats, pull: Float
 def _joint_cones(problem: Problem, rows: Ints) -> tuple[Rows, Rows]:
     """Return the yield conditions (10.5) of k dry triangles over tractions (9k,): inequalities, cones of size 3."""
     # Pressure is limited by crushing of the joint, and by a share of the strength of the blocks in one direction.
-    p = problem
-    face, normal = p.face[rows], p.sides.normal[rows]
+    face, normal = problem.face[rows], problem.sides.normal[rows]
     tangents = across(normal)
-    mu, c = p.joints.friction[face], p.joints.shear[face]
+    mu, c = problem.joints.friction[face], problem.joints.shear[face]
     # tractions near the strength of the blocks would concentrate where no field can spread them
-    strength = min(2.0 * p.material.intercept / (1.0 - p.material.sine), p.material.crushing)
-    crush = np.minimum(p.joints.crushing[face], _PRESSED * strength)
+    strength = min(2.0 * problem.material.intercept / (1.0 - problem.material.sine), problem.material.crushing)
+    crush = np.minimum(problem.joints.crushing[face], _PRESSED * strength)
     crushed = np.flatnonzero(np.isfinite(crush))
     linear, threes = Rows(), Rows()
     for corner in range(3):

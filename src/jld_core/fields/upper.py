@@ -331,14 +331,14 @@ def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> 
 
 def _add_joint_rules(linear: Rows, problem: Problem, number: Ints, centre: Floats, width: int) -> None:
     """Append slack √(1 + μ²) ≤ δn ± μ δs at both ends of edges on interfaces, μ the larger of joint and material."""
-    p, sides, rows = problem, problem.sides, problem.on_faces
-    slope = np.maximum(p.joints.friction, p.material.friction)[p.face[rows]]
+    sides, rows = problem.sides, problem.on_faces
+    slope = np.maximum(problem.joints.friction, problem.material.friction)[problem.face[rows]]
     size = np.hypot(1.0, slope)
     slack = np.full(len(rows), width - 1)
     normal = sides.normal[rows]
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
     for end in (0, 1):
-        place = p.mesh.corners[sides.a[rows], sides.corner_a[rows, end]]
+        place = problem.mesh.corners[sides.a[rows], sides.corner_a[rows, end]]
         for sign in (1.0, -1.0):
             along = normal - sign * slope[:, None] * tangent
             entries = [(slack, 1.0 * size)]
@@ -520,12 +520,12 @@ class UpperBound:
         self._settling: Settling | None = None
         self._tried = False
         self.status = ""
-        p, corners = problem, problem.mesh.dimension + 1
+        corners = problem.mesh.dimension + 1
         # strain rates are velocities over heights of simplices
-        self._steep = max(1.0, float(abs(p.mesh.gradient).max()))
-        corner = p.mesh.volume[:, None, None] / corners
-        self.live = np.repeat(p.live[:, None, :] * corner, corners, axis=1) + self._pulled(p.pull)
-        self.dead = np.repeat(p.dead[:, None, :] * corner, corners, axis=1) + self._pulled(p.dead_pull)
+        self._steep = max(1.0, float(abs(problem.mesh.gradient).max()))
+        corner = problem.mesh.volume[:, None, None] / corners
+        self.live = np.repeat(problem.live[:, None, :] * corner, corners, axis=1) + self._pulled(problem.pull)
+        self.dead = np.repeat(problem.dead[:, None, :] * corner, corners, axis=1) + self._pulled(problem.dead_pull)
 
     def _pulled(self, pull: Floats) -> Floats:
         """Return nodal forces (t, d + 1, d) of linear tractions (f, d, d) on linear velocities."""
