@@ -262,7 +262,7 @@ def sections(cells: list[Any], plane: Floats, size: float) -> list[tuple[int, in
 
 def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float = BENT) -> list[Joint]:
     """Return the joints between cells in planes, as pieces of few corners, convex but for a share `bent`."""
-    found = []
+    joints = []
     met: dict[tuple[int, int], list[Floats]] = {}
     for plane in unique_planes(planes, size):
         checkpoint()
@@ -272,10 +272,10 @@ def joints_of(cells: list[Any], planes: list[Floats], size: float, bent: float =
             if any(np.abs(plane - one).max() < 1e-6 * max(1.0, size) for one in met.get((min(a, b), max(a, b)), ())):
                 continue
             for piece in convex_pieces(region, 1e-7 * size, bent):
-                found.append(Joint(a, b, lifted(piece, plane), plane[:3], piece.area))
+                joints.append(Joint(a, b, lifted(piece, plane), plane[:3], piece.area))
         for a, b, _ in here:
             met.setdefault((min(a, b), max(a, b)), []).append(plane)
-    return found
+    return joints
 
 
 def unique_planes(planes: list[Floats], size: float) -> list[Floats]:

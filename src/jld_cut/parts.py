@@ -85,7 +85,7 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
         move = 0.5 * clearance * joint.normal
         solids[a] -= exact[b].translate(tuple(-move))
         solids[b] -= exact[a].translate(tuple(move))
-    found = []
+    parts = []
     for k, (group, whole, solid) in enumerate(zip(members, exact, solids, strict=True)):
         pieces = [one for one in pieces_of(solid) if one.volume() > _SPLINTER * whole.volume()]
         if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
@@ -93,10 +93,10 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
             raise InputError("clearance", problem, "a smaller clearance")
         left = sum(piece.volume() for piece in pieces)
         one = (closed(pieces, left) if solid is not whole else None) or union(pieces)
-        found.append(Part(k + 1, group, whole, one, density * whole.volume()))
+        parts.append(Part(k + 1, group, whole, one, density * whole.volume()))
         cut_to = sum(cells[i].volume() for i in group)
-        found[-1].error = max(abs(whole.volume() / cut_to - 1.0), abs(one.volume() / solid.volume() - 1.0))
-    return found
+        parts[-1].error = max(abs(whole.volume() / cut_to - 1.0), abs(one.volume() / solid.volume() - 1.0))
+    return parts
 
 
 def different(parts: list[Part]) -> int:
@@ -148,14 +148,14 @@ def plain_surface(solid: Any) -> unions.Surface:
     checkpoint()
     points, triangles = surface_of(solid)
     try:
-        found = unions.union_solids([points], [triangles.tolist()])
+        surface = unions.union_solids([points], [triangles.tolist()])
     except (shapely.errors.GEOSException, InputError, ValueError):  # regions that touch themselves
-        found = None
-    if found is not None:
-        fans = np.array([(f[0], f[k], f[k + 1]) for f in found.faces for k in range(1, len(f) - 1)])
-        held = [volume_of(found.points, corners) for corners in (fans, np.array(found.triangles))]
+        surface = None
+    if surface is not None:
+        fans = np.array([(f[0], f[k], f[k + 1]) for f in surface.faces for k in range(1, len(f) - 1)])
+        held = [volume_of(surface.points, corners) for corners in (fans, np.array(surface.triangles))]
         if not len(open_edges(fans)) and np.allclose(held, volume_of(points, triangles), rtol=1e-6, atol=0.0):
-            return found
+            return surface
     faces = tuple((a, b, c) for a, b, c in triangles.tolist())
     return unions.Surface(points, faces, faces)
 

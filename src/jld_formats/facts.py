@@ -273,10 +273,10 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
     order = _order(layout)
     factor = None if layout.result is None else layout.result.load_factor
     a, b = layout.block_of[faces.a], layout.block_of[faces.b]
-    found = []
+    facts = []
     for k, block in enumerate(layout.blocks):
         beside = {int(other) for other in np.concatenate([b[labels & (a == k)], a[labels & (b == k)]])} - {k}
-        found.append(
+        facts.append(
             BlockFacts(
                 block=block.name,
                 elements=tuple(ids[e] for e in block.elements),
@@ -290,7 +290,7 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
                 inner=int((~labels & (a == k) & (b == k)).sum()),
             )
         )
-    return found
+    return facts
 
 
 def _order(layout: Layout) -> dict[int, int]:

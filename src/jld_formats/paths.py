@@ -163,7 +163,7 @@ def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
 
 def _arcs(number: int, path: Path) -> list[_Arc]:
     """Return the arcs of a path; edges with a bulge below 1e-9 are straight."""
-    found = []
+    arcs = []
     points = path.points
     for edge in range(len(points) if path.closed else len(points) - 1):
         bulge = float(points[edge, 2])
@@ -176,5 +176,5 @@ def _arcs(number: int, path: Path) -> list[_Arc]:
         centre = 0.5 * (start + end) + (1.0 - bulge**2) / (4.0 * bulge) * np.array([-chord[1], chord[0]])
         radius = length * (1.0 + bulge**2) / (4.0 * abs(bulge))
         first = float(np.arctan2(*(start - centre)[::-1]))
-        found.append(_Arc(number, edge, centre, radius, first, 4.0 * float(np.arctan(bulge))))
-    return found
+        arcs.append(_Arc(number, edge, centre, radius, first, 4.0 * float(np.arctan(bulge))))
+    return arcs

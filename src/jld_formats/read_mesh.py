@@ -77,14 +77,14 @@ def _parts(name: str, layer: str, points: Floats, faces: Faces) -> list[Part]:
     number = {old: new for new, old in enumerate(place)}
     loops = tuple(tuple(number[index] for index in loop) for loop in faces)
     solids = split(points[place], loops, 1e-9 * float(np.ptp(points[place], axis=0).max()))
-    found = []
+    parts = []
     for k, solid in enumerate(solids):
         own = [faces[face] for face in solid.tolist()]
         used = sorted({index for loop in own for index in loop})
         renamed = {old: new for new, old in enumerate(used)}
         title = name if len(solids) == 1 and name else f"{name or 'b'}.{k + 1}" if name else f"b{k + 1}"
-        found.append(Part(title, layer, points[used], tuple(tuple(renamed[i] for i in loop) for loop in own)))
-    return found
+        parts.append(Part(title, layer, points[used], tuple(tuple(renamed[i] for i in loop) for loop in own)))
+    return parts
 
 
 def _cells(mesh: Any) -> list[tuple[int, ...]]:

@@ -87,10 +87,10 @@ class _File:
         if self._token != "(":
             return [self._call()]
         self._next()
-        found = []
+        calls = []
         while self._token not in (")", ""):
-            found.append(self._call())
-        return found
+            calls.append(self._call())
+        return calls
 
     def _call(self) -> Call:
         kind = self._token.upper()

@@ -521,8 +521,8 @@ def write_vtk(layout: Layout, path: Path, *, cells: bool = False) -> None:
     # Label is 1 dry, 0 inner, and −1 on surfaces; force is the vector on element b, scene units. The field of the
     # points is mechanism, the velocity that gives the live load power 1. Without an analysis its fields are zero.
     meshio = library("meshio", path)
-    found = _polygons_of(layout)
-    faces = found.faces
+    polygons = _polygons_of(layout)
+    faces = polygons.faces
     order = sorted(range(len(faces)), key=lambda k: len(faces[k]))
     groups: list[tuple[str, list[tuple[int, ...]]]] = []
     for k in order:
@@ -535,12 +535,12 @@ def write_vtk(layout: Layout, path: Path, *, cells: bool = False) -> None:
         """Split values (k, …) of polygons by cell type, in the order of the file."""
         return [values[order[a:b]] for a, b in itertools.pairwise(stops)]
 
-    fields = {name: by_block(np.array(values)) for name, values in found.rows.items()}
-    fields["force"] = by_block(np.array(found.forces))
+    fields = {name: by_block(np.array(values)) for name, values in polygons.rows.items()}
+    fields["force"] = by_block(np.array(polygons.forces))
     mesh = meshio.Mesh(
-        np.concatenate(found.points),
+        np.concatenate(polygons.points),
         [(kind, np.array(block)) for kind, block in groups],
-        point_data={"mechanism": np.concatenate(found.motion)},
+        point_data={"mechanism": np.concatenate(polygons.motion)},
         cell_data=fields,
     )
     if path.suffix == ".vtk":
@@ -551,18 +551,18 @@ def write_vtk(layout: Layout, path: Path, *, cells: bool = False) -> None:
 
 def _polygons_of(layout: Layout) -> _Polygons:
     """Collect the surfaces of all elements, then the interfaces."""
-    found = _Polygons(layout)
+    polygons = _Polygons(layout)
     interfaces = layout.assembly.interfaces
     for element, (_, _, surface) in enumerate(solids_of(layout, cells=True)):
-        found.add(surface.points, list(surface.faces), element, 0, None)
+        polygons.add(surface.points, list(surface.faces), element, 0, None)
     for face, polygon in enumerate(interfaces.polygon):
         corners = polygon
-        if found.planar:
+        if polygons.planar:
             (x0, z0), (x1, z1) = polygon.tolist()
             depth = layout.thickness
             corners = np.array([[x0, 0.0, z0], [x1, 0.0, z1], [x1, depth, z1], [x0, depth, z0]])
-        found.add(corners, [tuple(range(len(corners)))], int(interfaces.a[face]), 1, face)
-    return found
+        polygons.add(corners, [tuple(range(len(corners)))], int(interfaces.a[face]), 1, face)
+    return polygons
 
 
 _FLOAT: Final = 5126  # glTF code of numbers of four bytes with a sign and an exponent

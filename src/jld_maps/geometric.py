@@ -42,11 +42,11 @@ def middles_of(assembly: Assembly) -> Middles:
     """Find the middle line or surface; raise InputError where there is none."""
     planar, near = assembly.dimension == 2, _NEAR * assembly.size
     try:
-        found = _chain(assembly, near) if planar else _extruded(assembly, near)
+        middles = _chain(assembly, near) if planar else _extruded(assembly, near)
     except InputError:
-        found = _whole(assembly, near) if planar else _by_blocks(assembly, near)
-    _carry_supports(assembly, found)
-    return found
+        middles = _whole(assembly, near) if planar else _by_blocks(assembly, near)
+    _carry_supports(assembly, middles)
+    return middles
 
 
 def _carry_supports(assembly: Assembly, found: Middles) -> None:

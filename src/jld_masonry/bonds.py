@@ -72,13 +72,13 @@ def corner_course(
     bounds = plan.bounds
     plan = squared(plan, name)
     corners = inner_corners(plan)
-    found: list[Rectangle] = []
+    rectangles: list[Rectangle] = []
     for wall in walls_of(plan, corners, number % 2):
         along = axis_of(wall)
         ends = (wall[along], wall[along + 2])
         joints = head_joints(bounds, along, ends, np.unique(corners[:, along]), number, bond, stretcher)
-        found += [within(wall, a, b) for a, b in itertools.pairwise(joints)]
-    return found
+        rectangles += [within(wall, a, b) for a, b in itertools.pairwise(joints)]
+    return rectangles
 
 
 def axis_of(wall: Rectangle) -> int:

@@ -56,7 +56,7 @@ class Stone:
 
 def stones_of(layout: Layout) -> list[Stone]:
     """Return the stones, numbered in the order of `blocks.csv`."""
-    found = []
+    stones = []
     members = {block.name: k for k, block in enumerate(layout.blocks)}
     for number, block in enumerate((one for one in layout.blocks if one.cells), 1):
         k = members[block.name]
@@ -79,8 +79,8 @@ def stones_of(layout: Layout) -> list[Stone]:
             sides = [high - low for low, high in zip(block.lower, block.upper, strict=True)]
         own = (len(directions), outlines.different_lines(directions), sawn, outline)
         size = tuple(sorted(sides, reverse=True))
-        found.append(Stone(number, block.name, block.shape, block.mass, block.volume, size, *own))
-    return found
+        stones.append(Stone(number, block.name, block.shape, block.mass, block.volume, size, *own))
+    return stones
 
 
 def smallest_rectangle(points: Floats) -> tuple[float, float]:

@@ -110,10 +110,10 @@ def structure_of(scene: Scene | None, assembly: Assembly) -> Structure:
     """Return the structure of an assembly whose materials can be changed."""
     if scene is None or assembly.has_low_values:
         return AssemblyStructure(assembly)
-    found = SceneStructure(scene)
-    values = [value for part in ("dry", "inner") for value in found.materials.get(part, {}).values()]
+    structure = SceneStructure(scene)
+    values = [value for part in ("dry", "inner") for value in structure.materials.get(part, {}).values()]
     plain = all(isinstance(value, int | float) for value in values)
-    return found if plain else AssemblyStructure(assembly)
+    return structure if plain else AssemblyStructure(assembly)
 
 
 class LayoutSolver:

@@ -107,12 +107,12 @@ class PathValue:
 
 def path_values(result: LimitAnalysisResult) -> list[PathValue]:
     """Return λ at each position of the moving loads of a result; empty without any."""
-    found = []
+    values = []
     for case in result.assembly.cases:
         if case.place is not None:
             low, high = result.cases[case.name].bracket
-            found.append(PathValue(*case.place, low, high, case.required))
-    return found
+            values.append(PathValue(*case.place, low, high, case.required))
+    return values
 
 
 def draw_path(ax: Axes, values: list[PathValue], length: str, *, distance: str = "first axle along the path") -> None:

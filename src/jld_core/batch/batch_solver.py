@@ -207,15 +207,15 @@ class BatchSolver:
 
     def _between_samples(self) -> _Start:
         """Return the start near the mean solution of samples, the present one without any."""
-        found = self.solve(self._random_labellings(self._sampled), vectors=True)
-        good = found.verdict == PROVEN
-        self.settled_fraction = float((found.verdict != OPEN).mean())
-        if not good.any() or found.forces is None or found.velocity is None:
+        answers = self.solve(self._random_labellings(self._sampled), vectors=True)
+        good = answers.verdict == PROVEN
+        self.settled_fraction = float((answers.verdict != OPEN).mean())
+        if not good.any() or answers.forces is None or answers.velocity is None:
             return self._start
-        forces = (1.0 - _SHARE) * self._least + _SHARE * found.forces[good].mean(axis=0)
-        speed = found.velocity[good].mean(axis=0)
+        forces = (1.0 - _SHARE) * self._least + _SHARE * answers.forces[good].mean(axis=0)
+        speed = answers.velocity[good].mean(axis=0)
         jumps = np.ascontiguousarray((self._matrix.T @ speed).reshape(self.faces, self._q))
-        return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
+        return _Start(forces, jumps, speed[self._ends], _SHARE * float(answers.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
         """Store ends, matrix block and equilibrium entries of each face, in elimination order."""

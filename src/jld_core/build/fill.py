@@ -70,15 +70,15 @@ class Backing:
     def permanent(self) -> list[Traction]:
         """Return weight of fill and surcharge, and active pressure, as tractions on free elements."""
         # Each covered edge has a vertical one, and a horizontal one unless it is level.
-        found: list[Traction] = []
+        tractions: list[Traction] = []
         for edge in self._free:
             depth = self.fill.level - edge.height
             width = float(edge.place[1] - edge.place[0])
-            found += self._traction(edge, self._vertical(depth) * width, self.down)
+            tractions += self._traction(edge, self._vertical(depth) * width, self.down)
             # Cohesion leaves no active pressure above a certain depth; below it the pressure is linear.
             for part in self._below(edge, self.fill.level - self._free_depth):
-                found += self._traction(part, self._active(part) * self._rise(part), -part.side * self._right)
-        return found
+                tractions += self._traction(part, self._active(part) * self._rise(part), -part.side * self._right)
+        return tractions
 
     def spread(self, load: FillLoad, where: str) -> list[Traction | PointEntry]:
         """Return a load on the surface as tractions on covered edges, or a force at a point for no width."""
@@ -97,7 +97,7 @@ class Backing:
             force = load.weight * self.down
             alone = (owner.element, self._point(at, height), force, None, False)
             return [] if self.elements.support[owner.element] else [alone]
-        found: list[Traction | PointEntry] = []
+        loads: list[Traction | PointEntry] = []
         for edge in self._free:
             length = float(edge.place[1] - edge.place[0])
             low = max(float(edge.place[0]), at - 0.5 * width)
@@ -105,8 +105,8 @@ class Backing:
             if high > low:
                 share = ((low - edge.place[0]) / length, (high - edge.place[0]) / length)
                 part, level = edge.between(*share), (high - low) / (width * self.thickness)
-                found += self._traction(part, np.full(2, load.weight * level), self.down)
-        return found
+                loads += self._traction(part, np.full(2, load.weight * level), self.down)
+        return loads
 
     def outlines(self) -> tuple[Floats, ...]:
         """Return the outline (4, 2) of the fill above each covered edge that is not vertical."""

@@ -481,10 +481,10 @@ def bounds_by_fields(
     refinement = FieldRefinement(
         assembly, labels, gap=gap, patch=patch, parts=parts, adaptive=adaptive, most=most, seconds=seconds
     )
-    found = refinement.step()
+    bounds = refinement.step()
     while not refinement.ended and (seconds is None or refinement.expected <= seconds):
-        found = refinement.step()
-    return found
+        bounds = refinement.step()
+    return bounds
 
 
 class FieldRefinement:

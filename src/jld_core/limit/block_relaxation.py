@@ -236,12 +236,12 @@ class BlockRelaxation:
 
         allowed: (p,) blocks that may be chosen.
         """
-        found = self._choose(allowed, threshold, most, self._coarse_solver)
-        if not self._is_close(found, threshold):
-            return found
+        choice = self._choose(allowed, threshold, most, self._coarse_solver)
+        if not self._is_close(choice, threshold):
+            return choice
         # Segmentations about as strong as the best known one are refuted by a small excess: solve with a finer
         # residual.
-        return self._choose(allowed, threshold, found.bound, self._fine_solver)
+        return self._choose(allowed, threshold, choice.bound, self._fine_solver)
 
     def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
         """Bound λ by the mechanism of an earlier program: bound, refutation and useless blocks; no solver."""

@@ -336,12 +336,12 @@ class Relaxation(PartialLabellingBounds):
             which, velocities = which[lacking], velocities[lacking]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
+        bounds = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._batch is not None:
             # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower
             # bound.
-            found += self._refute_by_solver(labels[None], undecided[None], np.array([_ANY]))
-        return min((one for one in found if one is not None), key=lambda one: one.bound, default=None)
+            bounds += self._refute_by_solver(labels[None], undecided[None], np.array([_ANY]))
+        return min((one for one in bounds if one is not None), key=lambda one: one.bound, default=None)
 
     def _refute_by_solver(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """Refute scaled λ one by one, by the interior-point solver."""

@@ -161,8 +161,8 @@ class Repair:
 
         None: neither found.
         """
-        found = self.proof_at_zero(labels)
-        return None if found is None else isinstance(found, State)
+        proof = self.proof_at_zero(labels)
+        return None if proof is None else isinstance(proof, State)
 
     def proof_at_zero(self, labels: Bits, until: Deadline | None = None) -> State | Motion | None:
         """Return the state or motion that decides whether λ = 0 is admissible; None if neither is found.
@@ -172,10 +172,10 @@ class Repair:
         program = largest_slack_program(self.template.program(labels), load_fixed=True)
         # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
         for gap in _GAPS if is_large(program.structure) else _GAPS[1:]:
-            found = self._settled(solve_auxiliary(program, gap, until), labels)
-            if found is not None:
+            proof = self._settled(solve_auxiliary(program, gap, until), labels)
+            if proof is not None:
                 break
-        return found
+        return proof
 
     def _settled(self, raw: RawSolution, labels: Bits) -> State | Motion | None:
         """Return a state that proves λ = 0 admissible, or a motion that proves it is not; None without proof."""

@@ -242,13 +242,13 @@ class StandardYield(RowYield):
         most = np.maximum(dry.friction, inner.friction)
         wide = np.maximum(inner.shear - inner.friction * inner.tension, dry.shear - most * inner.tension)
         side = Side(inner.tension, wide + most * inner.tension, most, np.full(len(most), np.inf))
-        found = standard_rows(side, self.bending, self.point, late, dry=True)
+        rows = standard_rows(side, self.bending, self.point, late, dry=True)
         if late and self.dimension == 3:
             capped = np.flatnonzero(np.isfinite(dry.crush) & np.isfinite(inner.crush))
-            last = np.any(found.C[capped, :-late] != 0.0, axis=2)
-            found.C[capped, -late:, 0] = -(last / np.maximum(dry.crush, inner.crush)[capped, None])
-            found.d[capped, -late:] = last
-        return replace(found, sized=self.dry)
+            last = np.any(rows.C[capped, :-late] != 0.0, axis=2)
+            rows.C[capped, -late:, 0] = -(last / np.maximum(dry.crush, inner.crush)[capped, None])
+            rows.d[capped, -late:] = last
+        return replace(rows, sized=self.dry)
 
     @cached_property
     def has_inner_friction(self) -> bool:

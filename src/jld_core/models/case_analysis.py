@@ -373,9 +373,9 @@ def solve_by_elements(
         As `solve`, or if blocks crack by fields.
     """
     elements, own = rigid(assembly, labels, what)
-    found = solve_rigid(elements, own, model)
-    cases = {name: replace(one, cracks=assembly.cracks) for name, one in found.cases.items()}
-    return replace(found, cracks=assembly.cracks, cases=cases)
+    result = solve_rigid(elements, own, model)
+    cases = {name: replace(one, cracks=assembly.cracks) for name, one in result.cases.items()}
+    return replace(result, cracks=assembly.cracks, cases=cases)
 
 
 @one_thread()

@@ -548,9 +548,9 @@ def _proof(analysis: LimitAnalysis, labels: Bits, options: Model, stands: bool, 
 
 def _rigid_blocks(attempt: ProofAttempt) -> None:
     """Prove bounds with rigid blocks, and adopt them in the attempt if this succeeds."""
-    found = prove_condensed(cast(LimitAnalysis, attempt.analysis), attempt.labels)
-    if found is not None:
-        attempt.adopt(found)
+    proof = prove_condensed(cast(LimitAnalysis, attempt.analysis), attempt.labels)
+    if proof is not None:
+        attempt.adopt(proof)
 
 
 def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
@@ -559,16 +559,16 @@ def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
     apart = None
     if raw is not None and raw.status is not RawStatus.UNBOUNDED:
         apart = cracked(analysis, attempt.labels, raw.dual)
-    found = prove_condensed(analysis, attempt.labels, apart)
-    if found is not None:
-        attempt.adopt(found)
+    proof = prove_condensed(analysis, attempt.labels, apart)
+    if proof is not None:
+        attempt.adopt(proof)
 
 
 def _loaded_part(attempt: ProofAttempt) -> None:
     """Prove bounds in the scale of the loaded part, and adopt them in the attempt if this succeeds."""
-    found = prove_loaded_part(cast(LimitAnalysis, attempt.analysis), attempt.labels, attempt.proof)
-    if found is not None:
-        attempt.adopt(found)
+    proof = prove_loaded_part(cast(LimitAnalysis, attempt.analysis), attempt.labels, attempt.proof)
+    if proof is not None:
+        attempt.adopt(proof)
 
 
 def _strong(attempt: ProofAttempt) -> bool:

@@ -87,11 +87,11 @@ def load_conflicts(folder: Path, driver: FieldExact) -> list[Conflict]:
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
-        found = _conflicts_in(content, driver)
+        conflicts = _conflicts_in(content, driver)
     except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
         told = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(str(path), f"it is damaged ({told})", "a file as jld explore left it, or none") from None
-    return found
+    return conflicts
 
 
 def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]:
@@ -107,14 +107,14 @@ def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]
     triples = zip(
         _parted(content, "faces"), _parted(content, "labels"), _parted(content, "velocity"), cases, strict=True
     )
-    found = []
+    conflicts = []
     for faces, labels, velocity, case in triples:
         mechanism = Mechanism(case, velocity.reshape(-1, 3, 2))
         one = Conflict(faces.astype(np.int64), labels.astype(bool), np.inf, mechanism=mechanism)
         bound = driver.refuter.weigh(one)
         if np.isfinite(bound):
-            found.append(replace(one, bound=bound))
-    return found
+            conflicts.append(replace(one, bound=bound))
+    return conflicts
 
 
 def _joined(name: str, arrays: list[Any]) -> dict[str, Any]:

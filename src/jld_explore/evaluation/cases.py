@@ -104,12 +104,12 @@ class CasesEvaluator(SharedEvaluator):
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m) in turn until the deadline passes."""
         values = [-math.inf] * len(labellings) if pruning_thresholds is None else pruning_thresholds.tolist()
-        found: list[Evaluation] = []
+        evaluations: list[Evaluation] = []
         for labels, pruning_threshold in zip(labellings, values, strict=True):
             if deadline is not None and deadline.passed():
                 break
-            found.append(self.evaluate(labels, pruning_threshold))
-        return found
+            evaluations.append(self.evaluate(labels, pruning_threshold))
+        return evaluations
 
     def _combined(self, cases: list[Evaluation]) -> Evaluation:
         """Combine the evaluations of all load cases of one labelling to that of its governing factor."""
@@ -281,7 +281,7 @@ class VoidCellsEvaluator(LabellingEvaluator):
     ) -> list[Evaluation]:
         # See `LabellingEvaluator.evaluate_all`. A labelling is a row (m + c,): labels of faces (True = dry), then of
         # cells (True = stays).
-        found: list[Evaluation | None] = [None] * len(labellings)
+        evaluations: list[Evaluation | None] = [None] * len(labellings)
         groups: dict[bytes, list[int]] = {}
         for row, labels in enumerate(labellings):
             groups.setdefault(np.packbits(labels[len(self._faces) :]).tobytes(), []).append(row)
@@ -292,9 +292,9 @@ class VoidCellsEvaluator(LabellingEvaluator):
             own = None if pruning_thresholds is None else pruning_thresholds[rows]
             answers = evaluator.evaluate_all(labellings[rows][:, kept], own, deadline)
             for row, answer in zip(rows, answers, strict=False):
-                found[row] = answer
-        done = next((row for row, answer in enumerate(found) if answer is None), len(found))
-        return [answer for answer in found[:done] if answer is not None]
+                evaluations[row] = answer
+        done = next((row for row, answer in enumerate(evaluations) if answer is None), len(evaluations))
+        return [answer for answer in evaluations[:done] if answer is not None]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         evaluator, kept = self._evaluator_of(labels)

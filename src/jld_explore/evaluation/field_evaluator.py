@@ -78,14 +78,14 @@ class FieldEvaluator(LabellingEvaluator):
         self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         # Pruning thresholds are ignored: bounds by fields have no cheap part.
-        found: list[Evaluation] = []
-        while len(found) < len(labellings) and not (deadline is not None and deadline.passed()):
+        evaluations: list[Evaluation] = []
+        while len(evaluations) < len(labellings) and not (deadline is not None and deadline.passed()):
             start = time.perf_counter()
-            found += self._together(labellings[len(found) : len(found) + self._count])
+            evaluations += self._together(labellings[len(evaluations) : len(evaluations) + self._count])
             # how many are taken together does not change their bounds
             late = time.perf_counter() - start > _SECONDS
             self._count = max(1, self._count // 2) if late else min(_TOGETHER, 2 * self._count)
-        return found
+        return evaluations
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         return self._together(labels[None])[0]

@@ -213,7 +213,7 @@ class Evaluator(SharedEvaluator):
             pruning_thresholds = None if pruning_thresholds is None else pruning_thresholds[: len(labellings)]
         known = self._by_batch_solver(labellings)
         values = [-math.inf] * len(labellings) if pruning_thresholds is None else pruning_thresholds.tolist()
-        found: list[Evaluation] = []
+        evaluations: list[Evaluation] = []
         for labels, pruning_threshold, evaluation in zip(labellings, values, known, strict=True):
             if evaluation is None:
                 # one that takes a second would surely end late
@@ -222,16 +222,16 @@ class Evaluator(SharedEvaluator):
                 evaluation = self._before_deadline(labels, pruning_threshold, deadline)
             if evaluation is None:
                 break
-            found.append(evaluation)
-        return found
+            evaluations.append(evaluation)
+        return evaluations
 
     def _before_deadline(self, labels: Bits, pruning_threshold: float, deadline: Deadline | None) -> Evaluation | None:
         """Evaluate one labelling; None if the deadline passes before λ without dilation is known."""
         if deadline is None or self.settings.model.friction == "associative":
             return self.evaluate(labels, pruning_threshold)
         with suppress(DeadlinePassed), deadline.enforced():
-            found = self.evaluate(labels, pruning_threshold)
-            return None if deadline.passed() else found
+            evaluation = self.evaluate(labels, pruning_threshold)
+            return None if deadline.passed() else evaluation
         return None
 
     def _by_batch_solver(self, labellings: Bits) -> list[Evaluation | None]:
@@ -256,9 +256,9 @@ class Evaluator(SharedEvaluator):
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         start = time.perf_counter()
         proof = solve_labelling(self._analysis, labels, self.settings.model, pruning_threshold=pruning_threshold)
-        found = self._evaluation(proof, start)
-        self._shortest = min(self._shortest or found.seconds, found.seconds)
-        return found
+        evaluation = self._evaluation(proof, start)
+        self._shortest = min(self._shortest or evaluation.seconds, evaluation.seconds)
+        return evaluation
 
     def _evaluation(self, proof: Proof, start: float) -> Evaluation:
         """Convert the proof of a limit analysis, begun at `start`, to an evaluation (scene units)."""

@@ -650,7 +650,7 @@ def _cases(
 ) -> list[CaseCheck]:
     names = [case.name for case in structure.cases] or [""]
     places = [case.place for case in structure.cases] or [None]
-    found = []
+    checks = []
     for k, (name, alone, required) in enumerate(zip(names, structure.by_case, structure.required, strict=True)):
         if isinstance(solution, models_by_fields.FieldResult):
             by_fields = list(solution.cases.values())[k]
@@ -661,8 +661,8 @@ def _cases(
         else:
             one = solution.cases[name] if solution.cases else solution
             bounds, stands = CaseBounds(one.status, *one.bracket, one.load_factor), one.stands_at_zero
-        found.append(CaseCheck(name, float(required), combination, alone, bounds, stands, places[k]))
-    return found
+        checks.append(CaseCheck(name, float(required), combination, alone, bounds, stands, places[k]))
+    return checks
 
 
 def _with_cracks_anywhere(
@@ -722,11 +722,11 @@ def _cases_by_parts(
     """Return the check of every load case under its worst factors of the parts of permanent loads."""
     names = [case.name for case in structure.cases] or [""]
     places = [case.place for case in structure.cases] or [None]
-    found = []
+    checks = []
     for name, alone, required, place in zip(names, structure.by_case, structure.required, places, strict=True):
         one = worst_parts(alone, labels, factors, combination)
-        found.append(CaseCheck(name, float(required), one.combination, one.structure, one.bounds, one.stands, place))
-    return found
+        checks.append(CaseCheck(name, float(required), one.combination, one.structure, one.bounds, one.stands, place))
+    return checks
 
 
 def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:

@@ -246,16 +246,16 @@ Move = tuple[tuple[int, ...], Floats]  # step of disassembly: blocks, and the di
 def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
     """List the blocks of `there` (k,) that can be removed now, with directions; else the smallest group."""
     blocks = freedom.blocks
-    found: list[Move] = []
+    moves: list[Move] = []
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
         direction = freedom.way_out(block, there)
         if direction is not None:
-            found.append(((block,), direction))
-    if not found and group > 1:
+            moves.append(((block,), direction))
+    if not moves and group > 1:
         together = freedom.group_out(there, group)
         if together is not None:
-            found.append((tuple(together[0].tolist()), together[1]))
-    return found
+            moves.append((tuple(together[0].tolist()), together[1]))
+    return moves
 
 
 def _without(there: Bools, move: Move) -> Bools:
@@ -363,9 +363,9 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
             stands = standing.stage(left).stands
             settled &= stands is not None
             if stands:
-                found = search(left, [*taken, move])
-                if found is not None:
-                    return found
+                moves = search(left, [*taken, move])
+                if moves is not None:
+                    return moves
         failed.add(key)
         return None
 

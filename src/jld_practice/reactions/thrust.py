@@ -142,7 +142,7 @@ def _thrust(
     if moved is not None:
         # At the greatest reaction the supports move against the structure.
         mechanism += -sign * moved
-    found = LimitAnalysisResult(
+    result = LimitAnalysisResult(
         assembly=assembly,
         labels=labels,
         status=Status.COLLAPSE,
@@ -157,7 +157,7 @@ def _thrust(
         seconds={"assemble": analysis.seconds, "solve": proof.seconds, "total": analysis.seconds + proof.seconds},
         model=SolveOptions(gap=gap),
     )
-    return Thrust(value, (low, high), width, "certified", found)
+    return Thrust(value, (low, high), width, "certified", result)
 
 
 @dataclass(frozen=True)
