@@ -137,11 +137,11 @@ def part(name: str) -> Any:
 
 
 def door(name: str) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a module that leads to a part of jld."""
+    """Return the `__getattr__` of a module whose attributes are those of a part of jld, loaded at first use."""
 
-    def lead(attribute: str) -> Any:
-        if attribute.startswith("__"):
+    def attribute_of_part(attribute: str) -> Any:
+        if attribute.startswith("__"):  # as Python asks modules for, without a need for the part
             raise AttributeError(attribute)
         return getattr(part(name), attribute)
 
-    return lead
+    return attribute_of_part

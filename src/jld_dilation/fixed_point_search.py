@@ -99,10 +99,10 @@ class FixedPointSearch:
             max(_GAP, residual), proximal=(self.count, models_effective_area.HOLDING_WEIGHT)
         )
         self.solver = ClarabelSolver(residual)
-        self.shared: Template = template
+        self.shared: Template = template  # its rows are renumbered for the N of each step
         self.load_scale = load_scale(template.assembly) / template.scaling.load
-        self.last_feasible = np.zeros(self.count)
-        self.solves = self.program_limit = 0
+        self.last_feasible = np.zeros(self.count)  # forces to return towards where a step finds none
+        self.solves = self.program_limit = 0  # programs solved so far, and at most
         self.history: list[Step] | None = None  # a list here receives every step
 
     # --- frozen problems ----------------------------------------------------------------------------------
@@ -491,17 +491,19 @@ class AlternatingPrograms:
 
     def ascending_path(self, point: Floats, seed: int, steps: int, idle: int) -> list[Floats]:
         """Return the points of a path of solutions with increasing λ, the given one first."""
-        # Each step maximises λ for one random mechanism.
+        # Each step maximises λ for one random mechanism, of the modes without slack in the last point. idle: steps
+        # without a larger λ after which the path ends.
         rng = np.random.default_rng(seed)
-        goal = np.append(np.zeros(len(point) - 1), -1.0)
+        objective = np.append(np.zeros(len(point) - 1), -1.0)
         closed, path, missed = self._start(point, rng), [point], 0
         for _ in range(steps):
             checkpoint()
-            z = None if closed is None else self.mechanism(closed, rng.exponential(size=len(self.modes.constants)))
-            found = None if z is None else self.forces(z > _MOVING, goal)
-            if found is not None and found[-1] > path[-1][-1] + 1e-6 * abs(path[-1][-1]):
-                path.append(found)
-                closed, missed = self.modes.slacks_of(found[:-1]) < _CLOSED[1], 0
+            rates = None if closed is None else self.mechanism(closed, rng.exponential(size=len(self.modes.constants)))
+            next_point = None if rates is None else self.forces(rates > _MOVING, objective)
+            load, last_load = -np.inf if next_point is None else next_point[-1], path[-1][-1]
+            if next_point is not None and load > last_load + 1e-6 * abs(last_load):
+                path.append(next_point)
+                closed, missed = self.modes.slacks_of(next_point[:-1]) < _CLOSED[1], 0
             else:
                 missed += 1
             if missed > idle:

@@ -501,7 +501,7 @@ def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
 
 
 def without_holes(points: Floats, loops: Sequence[Sequence[int]], title: str) -> Faces:
-    """Return a plane face as loops (k, 3) without holes; InputError unless coplanar and inside the outline."""
+    """Return a plane face as its outline or, with holes, as triangles; InputError if not plane, or loops cross."""
     if len(loops) == 1:
         return (tuple(loops[0]),)
     areas = [area_vector(points[list(loop)]) for loop in loops]

@@ -19,7 +19,7 @@ from jld_core.fields.mesh import Mesh, patch_tag, ring_of
 from jld_core.geometry import facets_of
 from jld_core.geometry.polyhedra import FacetFrames, Facets
 from jld_core.linalg import merged_points
-from jld_core.loads import Loads, Traction, resultants
+from jld_core.loads import Loads, PointForces, Traction, resultants
 
 
 @dataclass(frozen=True)
@@ -566,7 +566,7 @@ def loaded_solids(
     plain = surface_of(assembly)
     pieces: dict[int, list[_Piece]] = {}
     rest = [
-        _pieces(assembly, plain, loads, kind, patch, pieces)
+        _add_pieces(assembly, plain, loads, kind, patch, pieces)
         for kind, loads in enumerate((assembly.dead_loads, assembly.live_loads))
     ]
     patches, tractions = list[Patch](), list[PatchLoad]()
@@ -586,38 +586,47 @@ def loaded_solids(
     return mesh, FieldLoads(dead, live, tuple(tractions))
 
 
-def _pieces(
+def _add_pieces(
     assembly: Assembly, surface: Surface, loads: Loads, kind: int, patch: float | None, pieces: dict[int, list[_Piece]]
 ) -> Floats:
-    """Add the tractions of loads to the pieces of each facet; return the rest (n, 6) of the loads."""
+    """Add tractions of dead (kind 0) or live loads (1) to the pieces by facet; return the rest (n, 6) of the loads."""
     for traction in loads.tractions:
         index, polygon = _pressed(assembly, surface, traction)
         pieces.setdefault(index, []).append(_piece(surface.facets[index], polygon, traction, kind))
-    points, chosen = loads.points, dict[tuple[int, int], list[_Force]]()
-    inside = np.ones(len(points), dtype=bool)  # points of loads on no free face: they stay body forces
+    points = loads.points
+    on_face, inside = _forces_by_region(assembly, surface, points, patch)
+    for (index, number), forces in on_face.items():
+        facet = surface.facets[index]
+        region = surface.free(facet)[number]
+        spread = [_stated(assembly, facet, region, force, surface.reach) for force in forces if force.width is not None]
+        without_width = [force for force in forces if force.width is None]
+        if without_width:
+            spread.append(_spread(assembly, facet, region, without_width))
+        pieces.setdefault(index, []).extend(_piece(facet, polygon, load, kind) for polygon, load in spread)
+    body_forces_at = replace(points, **{name: values[inside] for name, values in vars(points).items()})
+    return resultants(replace(loads, points=body_forces_at, tractions=()), assembly.elements)
+
+
+def _forces_by_region(
+    assembly: Assembly, surface: Surface, points: PointForces, patch: float | None
+) -> tuple[dict[tuple[int, int], list[_Force]], Bools]:
+    """Return the forces on each free region (facet, number), and (k,) True for forces inside: body forces."""
+    on_face: dict[tuple[int, int], list[_Force]] = {}
+    inside = np.ones(len(points), dtype=bool)
     for k, (cell, place, vector) in enumerate(zip(points.element, points.at, points.force, strict=True)):
         stated = not np.isnan(points.width[k])
         force = _Force(place, vector, float(points.width[k]) if stated else patch)
         region_key = _region_of(assembly, surface, int(cell), force)
         if region_key is not None:
             inside[k] = False
-            chosen.setdefault(region_key, []).append(force)
+            on_face.setdefault(region_key, []).append(force)
         elif stated:
             raise InputError(
                 f"element {assembly.elements.ids[cell]!r}",
                 f"the force at {_place_text(place)} has a width and no free face",
                 "a place on a free face of the element, or no width",
             )
-    for (index, number), forces in chosen.items():
-        facet = surface.facets[index]
-        region = surface.free(facet)[number]
-        spread = [_stated(assembly, facet, region, force, surface.reach) for force in forces if force.width is not None]
-        plain = [force for force in forces if force.width is None]
-        if plain:
-            spread.append(_spread(assembly, facet, region, plain))
-        pieces.setdefault(index, []).extend(_piece(facet, polygon, one, kind) for polygon, one in spread)
-    left = replace(points, **{name: values[inside] for name, values in vars(points).items()})
-    return resultants(replace(loads, points=left, tractions=()), assembly.elements)
+    return on_face, inside
 
 
 def _piece(facet: Facet, polygon: shapely.Polygon, traction: Traction, kind: int) -> _Piece:

@@ -96,24 +96,25 @@ def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -
     """Return the yield rows that are left once a large self-stress acts; None if all are."""
     # Rows in which the self-stress has slack are removed. A cone on whose boundary it lies becomes a ray.
     sizes = [program.structure.cones[cone] for cone in reduced.cones]
-    linear = len(reduced.linear) + len(reduced.rays)
-    loose: Bools = found.slack > 0.5
-    kept = reduced.linear[~loose[: len(reduced.linear)]]
-    turned = dict(zip(reduced.rays, loose[len(reduced.linear) : linear], strict=True))
-    rays = {cone: way for cone, way in reduced.rays.items() if not turned[cone]}
+    # rows in order: linear rows, one for each ray, cones
+    first_ray, first_cone = len(reduced.linear), len(reduced.linear) + len(reduced.rays)
+    has_slack: Bools = found.slack > 0.5  # slacks are 0 or 1, up to the solver's residual
+    linear = reduced.linear[~has_slack[:first_ray]]
+    of_rays = zip(reduced.rays.items(), has_slack[first_ray:first_cone], strict=True)
+    rays = {cone: direction for (cone, direction), removed in of_rays if not removed}
     cones = []
     starts = len(found.values) - sum(sizes) + np.cumsum([0, *sizes])[:-1]
-    for cone, start, size, free in zip(reduced.cones, starts, sizes, loose[linear:], strict=True):
-        if free:
+    for cone, start, size, removed in zip(reduced.cones, starts, sizes, has_slack[first_cone:], strict=True):
+        if removed:
             continue
-        way = found.boundary_direction(start, size)
-        if way is None:
+        direction = found.boundary_direction(start, size)
+        if direction is None:
             cones.append(cone)
         else:
-            rays[cone] = way
-    if len(kept) == len(reduced.linear) and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
+            rays[cone] = direction
+    if len(linear) == len(reduced.linear) and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
         return None
-    return Reduced(kept, tuple(cones), rays)
+    return Reduced(linear, tuple(cones), rays)
 
 
 def rows_by_element(rows: Floats, freedoms: int) -> Floats:

@@ -497,27 +497,28 @@ class SelfStress:
             else:
                 return
 
-    def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
+    def _remaining_rows(self, stress: Floats, program: ConicProgram, reduced: Reduced) -> Reduced | None:
         """Return the rows left beside a self-stress (columns,); None if it removes none or is no valid one."""
-        position, size = _row_position(left, stress), float(abs(stress).max())
-        exact = self.prover.exact * max(1.0, size)
-        balance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
-        if balance > self.prover.exact * max(1.0, size) or position.least < -exact:
+        position, size = _row_position(program, stress), float(abs(stress).max())
+        rounding = self.prover.exact * max(1.0, size)
+        imbalance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
+        if imbalance > rounding or position.least < -rounding:
             return None
+        # Rows with slack beyond `strict` are removed; linear rows come first, then those of rays.
         strict = _STRICT * size
         count = len(reduced.linear)
-        kept = reduced.linear[position.linear[:count] <= strict]
-        tight = position.linear[count:] <= strict
-        rays = {cone: way for (cone, way), holds in zip(reduced.rays.items(), tight, strict=True) if holds}
+        linear = reduced.linear[position.linear[:count] <= strict]
+        of_rays = zip(reduced.rays.items(), position.linear[count:] <= strict, strict=True)
+        rays = {cone: direction for (cone, direction), tight in of_rays if tight}
         cones = []
         for cone, head, tail, slack in zip(reduced.cones, position.head, position.tail, position.inside, strict=True):
-            if head > strict and slack <= strict:
-                rays[cone] = tail / np.linalg.norm(tail)
-            elif head <= strict:
+            if head <= strict:  # at the apex
                 cones.append(cone)
-        if len(kept) == count and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
+            elif slack <= strict:  # on the boundary, along one ray
+                rays[cone] = tail / np.linalg.norm(tail)
+        if len(linear) == count and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
             return None
-        return Reduced(kept, tuple(cones), rays)
+        return Reduced(linear, tuple(cones), rays)
 
 
 def _without_last_digits(point: Floats) -> Floats:

@@ -270,8 +270,8 @@ class Sheet:
 
     def __init__(self, faces: int, freedoms: int, sets: int) -> None:
         self.faces, self.freedoms, self.sets, self.rows, self.extra = faces, freedoms, sets, 0, 0
-        self._entries: list[tuple[Ints, Ints, Ints, Floats]] = []
-        self._sides: list[tuple[Ints, Ints, Floats]] = []
+        self._entries: list[tuple[Ints, Ints, Ints, Floats]] = []  # rows, columns, faces, values (sets, k)
+        self._sides: list[tuple[Ints, Ints, Floats]] = []  # rows, faces, right-hand sides (sets, k)
         self._capacity: list[Ints] = []
         self._length = self._cones = 0
 
@@ -322,8 +322,9 @@ class Sheet:
     def patterns(self, linear: int) -> tuple[RowPattern, ...]:
         """Return the rows of both labels, and those with enclosing rows in place of dry ones."""
         row, column, face, values = (np.concatenate(part, axis=-1) for part in zip(*self._entries, strict=True))
-        order = np.argsort(np.concatenate([place for place, _, _ in self._sides]))
+        order = np.argsort(np.concatenate([rows for rows, _, _ in self._sides]))
         h = np.concatenate([side for _, _, side in self._sides], axis=1)[:, order]
+        # sets: dry, inner, and a third that encloses both where there is one
         plain = RowPattern(
             row=row,
             column=column,
@@ -338,4 +339,4 @@ class Sheet:
             capacity=np.concatenate([np.zeros(0, dtype=np.int64), *self._capacity]),
             extra=self.extra,
         )
-        return plain, *(replace(plain, dry=one, h_dry=side) for one, side in zip(values[2:], h[2:], strict=True))
+        return plain, *(replace(plain, dry=both, h_dry=h_both) for both, h_both in zip(values[2:], h[2:], strict=True))

@@ -326,18 +326,19 @@ def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
 
 
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
-    """Return an irreducible set of blocks of `there` (k,) that lock one another."""
-    there = emptied(freedom, there, group)
-    blocks = freedom.blocks
-    for block in np.flatnonzero(there & ~blocks.fixed).tolist():
-        if not there[block]:
+    """Return an irreducible set of blocks of `there` (k,) that lock one another, moved by up to `group` at a time."""
+    locked = emptied(freedom, there, group)
+    movable = ~freedom.blocks.fixed
+    for block in np.flatnonzero(locked & movable).tolist():
+        if not locked[block]:
             continue
-        tried = there.copy()
-        tried[block] = False
-        left = emptied(freedom, tried, group)
-        if np.any(left & ~blocks.fixed):
-            there = left
-    return tuple(np.flatnonzero(there & ~blocks.fixed).tolist())
+        # a block is needed only if nothing stays locked without it
+        without = locked.copy()
+        without[block] = False
+        remaining = emptied(freedom, without, group)
+        if np.any(remaining & movable):
+            locked = remaining
+    return tuple(np.flatnonzero(locked & movable).tolist())
 
 
 def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, bool]:
