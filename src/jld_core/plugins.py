@@ -137,7 +137,7 @@ def part(name: str) -> Any:
 
 
 def door(name: str) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a module whose attributes are those of a part of jld, loaded at first use."""
+    """Return the `__getattr__` of a module with the attributes of a part of jld."""
 
     def attribute_of_part(attribute: str) -> Any:
         if attribute.startswith("__"):  # as Python asks modules for, without a need for the part

@@ -181,7 +181,7 @@ def closed(bodies: list[Any], volume: float) -> Any | None:
 
 
 def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
-    """Join slivers, and the smallest cells while there are too many, to a neighbour: the owner of each cell."""
+    """Join slivers, and smallest cells of too many, to neighbours: the owner of each cell."""
     owner, volume = list(range(len(cells))), [cell.volume() for cell in cells]
     boxes = [np.array(cell.bounding_box()) for cell in cells]
     area: dict[tuple[int, int], float] = {}

@@ -483,7 +483,7 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
 
 
 def verdict(summary: dict[str, Any]) -> str:
-    """Say in one sentence what the parts carry, what that is compared with, and what is unproven or faulty."""
+    """Say what the parts carry, beside what, and what is unproven or faulty."""
     many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
     carry, low = _carried(summary), summary["bracket"][0]
     keys = summary.get("keys") or []
@@ -535,7 +535,7 @@ def _bounded(summary: dict[str, Any]) -> str:
 
 
 def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options, clock: Clock) -> None:
-    """Add steps, tenons and numbers to the parts, and write their files, table and scene; facts go to `summary`."""
+    """Add steps, tenons and numbers to the parts; write files and `summary`."""
     scale = options.scale
     names = [int(chosen.block[part.cells[0]]) for part in chosen.parts]
     place = {name: k for k, name in enumerate(names)}

@@ -354,7 +354,7 @@ def search(
 
 
 def _search(found: Found, ways: Ways, bounds: Bounds, asked: Asked) -> None:
-    """Search the strongest layouts of 1, 2, … parts until some more than the fewest that meet the target."""
+    """Search the strongest layouts of 1, 2, … parts, up to a few more than needed."""
     fewest = ways.count + 1
     for parts in range(1, min(asked.most, ways.count) + 1):
         if parts > fewest + _MORE:
@@ -372,7 +372,7 @@ def _search(found: Found, ways: Ways, bounds: Bounds, asked: Asked) -> None:
 
 
 def _add_joined(found: Found, ways: Ways, chain: list[list[int]], bounds: Bounds, together: list[int]) -> None:
-    """Add the layouts of a chain that stand, for a search that time ended before it had one; sets are bits of cells."""
+    """Add layouts of a chain that stand, where time ended the search; sets are bits of cells."""
 
     def joins(groups: list[int]) -> bool:
         """Return whether cells that must stay together are in one group."""

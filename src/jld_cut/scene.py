@@ -68,7 +68,7 @@ def numbers(name: str, text: str, count: int) -> Floats:
 
 
 def _clip(polygon: Floats, box: Floats) -> Floats:
-    """Return the part of a convex polygon (k, 3) inside a box (6,), lower then upper corner; (0, 3) if none."""
+    """Return the part (k, 3) of a convex polygon inside a box (6,)."""
     for axis in range(3):
         for sign, bound in ((1.0, box[axis]), (-1.0, -box[axis + 3])):
             inside = sign * polygon[:, axis] - bound
@@ -253,7 +253,7 @@ def _prism(ground: Ground, depth: float) -> dict[str, Any]:
 def scene_of(
     name: str, cutting: Cutting, joints: list[Joint], setting: Setting, bent: float, cut_planes: list[Floats]
 ) -> dict[str, Any]:
-    """Return the scene document of the cells of a cut: joints, supports on the ground, loads on their faces."""
+    """Return the scene document of the cells of a cut."""
     size, cells = cutting.size, cutting.cells
     names = [f"c{k + 1}" for k in range(len(cells))]
     elements: list[dict[str, Any]] = []

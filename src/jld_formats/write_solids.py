@@ -630,7 +630,7 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
 
 
 def _glb(text: bytes, binary: bytes) -> bytes:
-    """Return a .glb file: head, then JSON and binary chunk, each padded to words of 4 bytes and after its own head."""
+    """Return a .glb file of two chunks, each after its head and padded to 4 bytes."""
     text += b" " * (-len(text) % 4)
     binary += b"\0" * (-len(binary) % 4)
     head, total = struct.Struct("<I4s"), 12 + 8 + len(text) + 8 + len(binary)

@@ -104,7 +104,7 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
 
 
 def _node(line: dict[str, Any]) -> Node:
-    """Read one line of a certificate: a split of the box, or the mechanism of a leaf; ValueError otherwise."""
+    """Read a line of a certificate: a split, or the mechanism of a leaf; ValueError otherwise."""
     if line.keys() == {"split", "at"}:
         (axis,) = certificate.numbers_of([line["split"]])
         return Split(axis, _number(line["at"]))

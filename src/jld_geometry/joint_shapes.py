@@ -109,7 +109,7 @@ _PLANE: Final = 1e-9  # distance of a point from a plane, relative to the struct
 
 
 def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None) -> Scene:
-    """Return the scene whose dry joints have a shape along a direction (3,); cells of a block stay joined."""
+    """Return the scene whose dry joints have a shape along a direction (3,)."""
     if direction is None or not np.linalg.norm(direction) > 0.0 or not np.isfinite(direction).all():
         problem = "joints in space run along a direction" if direction is None else "it is no direction"
         raise ParameterError("direction", problem, "X,Y,Z along the joints, as 0,1,0")

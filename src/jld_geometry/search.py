@@ -609,7 +609,7 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
 
 
 def _planar(result: LimitAnalysisResult, forces: Floats, mechanism: Floats, sided: bool) -> GeometrySensitivities:
-    """Return the derivatives of λ by vertices of planar joints; sided: on either side of each coordinate."""
+    """Return derivatives of λ by vertices; sided: on either side."""
     assembly = result.assembly
     mesh = vertex_mesh(assembly)
     velocity = mechanism[assembly.elements.free].ravel()

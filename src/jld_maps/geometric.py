@@ -444,7 +444,7 @@ def geometric_safety(scene: Scene, labels: Bits, model: Model) -> GeometricSafet
     document = _document(scene, assembly)
 
     def stands(scale: float) -> bool | None:
-        """Return whether the structure stands at a scale of its thickness; None where undecided or no structure."""
+        """Return whether it stands at a scale of its thickness; None where undecided."""
         try:
             scaled = build_assembly(parse_scene(_scaled(document, middles, assembly, scale)))
         except InputError:
@@ -511,7 +511,7 @@ def _document(scene: Scene, assembly: Assembly) -> dict[str, Any]:
 
 
 def _scaled(document: dict[str, Any], middles: Middles, assembly: Assembly, scale: float) -> dict[str, Any]:
-    """Return the scene with cells, stated volumes and interfaces scaled across their middle lines."""
+    """Return the scene scaled across its middle lines."""
     changed, elements = deepcopy(document), assembly.elements
     for k, (entry, points) in enumerate(zip(changed["elements"], elements.shape, strict=True)):
         key = "polygon" if assembly.dimension == 2 else "vertices"

@@ -442,7 +442,7 @@ class Swept:
         return found | {"uncut": np.where(np.isfinite(whole["bracket_hi"]), whole["bracket_hi"], np.nan)}
 
     def _bounds(self, places: Floats, labels: Bits, *, named: bool = True) -> dict[str, Any]:
-        """Return the columns of points by one labelling: batches from other starts, then one by one."""
+        """Return the columns of points: by batches, then one by one."""
         analyses, open_rows = self._usual[labels.tobytes()], np.arange(len(places))
         columns: dict[str, Any] = {}
         for _ in range(_STARTS):
@@ -489,7 +489,7 @@ class Swept:
         return columns
 
     def _governing(self, cases: list[dict[str, Any]]) -> dict[str, Any]:
-        """Combine the columns of all load cases to those of the governing factor; status "" where it is open."""
+        """Combine the columns of load cases to those of the governing factor; status "": open."""
         columns = cases[0]
         if self.assembly.cases:
             required = self.assembly.required.tolist()

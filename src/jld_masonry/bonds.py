@@ -323,7 +323,7 @@ class _Walls:
         return limit if limit - reach < least else reach
 
     def stones(self, k: int, lintels: list[tuple[Rectangle, Interval]], beside: list[Rectangle]) -> list[Rectangle]:
-        """Divide the walls of course k between openings and lintels; beside: lintels of the courses next to it."""
+        """Divide the walls of course k; beside: lintels of the courses next to it."""
         stones = []
         neighbours = [self.voids[j] for j in (k - 1, k + 1) if 0 <= j < len(self.voids)]
         for wall in self.walls(k):

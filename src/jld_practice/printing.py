@@ -276,7 +276,7 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
 
 
 def content_of(source: Path, rank: int | None) -> Printed:
-    """Return what is printed of a design, of a row of a finished search, or of a scene."""
+    """Return what is printed of a design, a row of a search, or a scene."""
     best = cli_layout.best_of_design(source)
     if best != source:
         if rank is not None:

@@ -236,7 +236,7 @@ class _Parts:
         self.names, self.gauges = _NAMES[faces.dimension], list[Gauge]()
 
     def limits(self) -> Iterator[Limits]:
-        """Yield rows (k, r, q) and sides (k, r) of each part that is stated by rows; others add gauges or cones."""
+        """Yield rows (k, r, q) and sides (k, r); other parts add gauges or cones."""
         keys, strength = self.keys, self.keys.reference_strength
         yield self._same(np.zeros((1, len(self.names))), np.zeros(1))
         if keys.rows:
@@ -333,7 +333,7 @@ class _Parts:
         self.gauges.append(Gauge(shear, cone.torsion, capacity, cone.friction))
 
     def _friction(self, stated: Friction) -> Iterator[Limits]:
-        """Yield friction in the plane or as a product of cones in space as rows; an elliptic cone adds a gauge."""
+        """Yield rows of friction; an elliptic cone adds a gauge instead."""
         pairs = [value if isinstance(value, list) else [value] * 2 for value in (stated.coefficients, stated.cohesion)]
         (first, second), (cohesion_along, cohesion_across) = pairs
         isotropic = first == second and cohesion_along == cohesion_across

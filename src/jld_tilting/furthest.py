@@ -130,7 +130,7 @@ class Tilting(Step):
         return with_entries(done, entries, {"tilt_angle": 0.5 * (low + high), "tilt_lo": low, "tilt_hi": high})
 
     def _found(self, done: Exploration, context: StepContext) -> tuple[dict[str, Any], dict[str, Bracket]]:
-        """Return facts of the layout that tilts furthest among the strongest rows, and the angle of each."""
+        """Return facts of the layout that tilts furthest, and the angle of each."""
         rows, model, angles = done.results.head(_BEST), context.settings.model, dict[str, Bracket]()
         for text, status in zip(rows["labelling"], rows["status"], strict=True):
             if status == str(Status.COLLAPSE) and not context.deadline.passed():

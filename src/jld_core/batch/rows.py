@@ -198,7 +198,7 @@ def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
 
 
 def _laid_out(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> FactorPattern:
-    """List the blocks of a Cholesky factor with these rows below each diagonal, and the products that form them."""
+    """List the blocks of a Cholesky factor and the products that form them."""
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
     number = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
     entered = np.zeros(len(number), dtype=np.uint8)  # blocks of the matrix itself; others are fill
@@ -451,7 +451,7 @@ def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | None:
-    """Return the rows of spatial faces as the compiled solver stores them; None for rows it does not know."""
+    """Return spatial rows as the compiled solver stores them; None for others."""
     # Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h, 0 of
     # torsion.
     laid_out = np.zeros((faces, EDGES + 1, 4))

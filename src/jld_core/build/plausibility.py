@@ -219,7 +219,7 @@ def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterat
 
 
 def _pressure_of_weight(elements: Elements, units: UnitSystem) -> float:
-    """Return the pressure, Pa, under a column as high as the free elements, of their mean unit weight."""
+    """Return the pressure, Pa, below the free elements by their mean unit weight."""
     free = elements.free
     unit_weight = float(np.linalg.norm(elements.weight[free], axis=1).sum() / elements.volume[free].sum())
     vertical = np.argmax(abs(elements.weight[free].sum(axis=0)))

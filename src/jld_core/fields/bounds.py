@@ -420,7 +420,7 @@ class FieldBounds:
         return self.history[-1].seconds if self.history else 0.0
 
     def improved(self, fields: Fields, seconds: float, gap: float) -> FieldBounds:
-        """Return these bounds with the better end of each, its fields in scene units, and one more step."""
+        """Return the better bounds with their fields, scene units, and one more step."""
         units, (lower, upper), best = fields.problem.units, fields.bounds, self
         if fields.stress is not None and lower > best.lower:
             stress = units.stress * tensors(fields.stress.stress)

@@ -610,7 +610,7 @@ def _add_pieces(
 def _forces_by_region(
     assembly: Assembly, surface: Surface, points: PointForces, patch: float | None
 ) -> tuple[dict[tuple[int, int], list[_Force]], Bools]:
-    """Return the forces on each free region (facet, number), and (k,) True for forces inside: body forces."""
+    """Return forces by free region (facet, number), and (k,) True for those inside."""
     on_face: dict[tuple[int, int], list[_Force]] = {}
     inside = np.ones(len(points), dtype=bool)
     for k, (cell, place, vector) in enumerate(zip(points.element, points.at, points.force, strict=True)):

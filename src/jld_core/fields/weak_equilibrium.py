@@ -114,7 +114,7 @@ class WeakEquilibrium:
         return [(first, -1.0, np.arange(len(edges))), (second, 1.0, two_sided)]
 
     def _yield(self) -> Rows:
-        """Return the linear rows of material and dry joints, with friction, cohesion and crushing."""
+        """Return the linear rows of material and dry joints."""
         problem, linear, panels = self.problem, Rows(), np.arange(self._panels)
         for a, b in problem.material.lines:
             linear.add([(3 * self._panels + panels, 1.0), (3 * panels, -b)], a, self._panels)

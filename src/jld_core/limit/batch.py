@@ -94,7 +94,7 @@ class BatchAnalysis:
         return self.judged(low, high, np.where(locked, LOCKED, np.where(falls, FALLS, 0)))
 
     def judged(self, low: Floats, high: Floats, verdict: Ints) -> BatchBounds:
-        """Judge scaled bounds (k,): settled where the bracket is narrow, the labelling falls or is locked."""
+        """Judge scaled bounds (k,): settled if narrow, falling or locked."""
         falls, locked = verdict == FALLS, verdict == LOCKED
         size = np.maximum(abs(low), abs(high))
         with np.errstate(invalid="ignore"):

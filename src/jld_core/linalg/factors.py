@@ -320,7 +320,7 @@ class Factor:
         self._fronts, self._pivots, self._panels = fronts, pivots, panels
 
     def solve(self, rhs: Floats) -> Floats:
-        """Solve for right-hand sides (n,) or (n, k): forwards, then backwards, front by front."""
+        """Solve for right-hand sides (n,) or (n, k)."""
         fronts = self._fronts
         x = np.array(rhs[fronts.order], dtype=float)
         if x.ndim == 1:

@@ -204,7 +204,7 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
 
 
 def _refuse_gauges(criterion: StatedCriterion, rows: Floats, gauges: tuple[Gauge, ...]) -> None:
-    """Raise InputError unless rows (k, r, q) or one gauge limit shear, and likewise torsion, with valid numbers."""
+    """Raise InputError unless rows or one gauge limit shear, and likewise torsion."""
     key, name = criterion.key, criterion.name
     limits = np.any(rows != 0.0, axis=(0, 1))  # (q,) resultants that rows limit
     shear_by_rows, torsion_by_rows = (limits[1] or limits[2], limits[5]) if len(limits) == 6 else (False, False)

@@ -365,7 +365,7 @@ def _sides(numbers: Strengths, point: Bools) -> tuple[Side, Side]:
 
 
 def _crushing(dry: Side, inner: Side, *, plane: bool) -> Crushing | None:
-    """Return the curved sets of the dry faces that crush, in the plane with a wider one for undecided faces."""
+    """Return the curved sets of dry faces that crush, planar ones with those of undecided faces."""
     faces = np.flatnonzero(np.isfinite(dry.crush))
     if not faces.size:
         return None

@@ -175,7 +175,7 @@ def _proof_of_iteration(
 
 
 def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Return whether a motion proves a fall at λ = 0 for any effective areas, maybe after opening it a little."""
+    """Return whether a motion, opened a little if needed, proves a fall for any effective areas."""
     opening = analysis.repair.opening()
     for share in (0.0, *_OPENINGS):
         tried = motion
@@ -196,7 +196,7 @@ def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
 
 
 def valid_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Return whether a motion opens dry rectangles enough for their friction, whatever their effective areas are."""
+    """Return whether a motion opens dry rectangles enough, whatever their effective areas are."""
     # At a point x of a face the motion opens by δ_x and slips by s_x, and no effective area has a torsion length above
     # c_T. The condition δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x, so it holds everywhere if it holds at the corners
     # of all dry rectangles. A dry rectangle that can crush must not twist. Other faces are not tested.

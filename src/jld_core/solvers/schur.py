@@ -220,7 +220,7 @@ class SchurSystem:
         return best
 
     def _once(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """Solve for right-hand sides of columns, equilibrium and yield rows: faces and border are eliminated."""
+        """Solve for right-hand sides of columns, equilibrium and yield rows."""
         blocks, scaling = self.blocks, self._scaling
         rho = scaling.divide(r)
         c = p + np.asarray(self._yields_t @ scaling.divide(rho))

@@ -112,7 +112,7 @@ class CasesEvaluator(SharedEvaluator):
         return evaluations
 
     def _combined(self, cases: list[Evaluation]) -> Evaluation:
-        """Combine the evaluations of all load cases of one labelling to that of its governing factor."""
+        """Combine the evaluations of load cases to that of the governing factor."""
         bounds = [CaseBounds(case.status, case.low, case.high, case.load_factor) for case in cases]
         decided = governing(bounds, self._required)
         seconds = sum(case.seconds for case in cases)
@@ -527,7 +527,7 @@ class _Case:
             return BatchResults.joined(list(pool.map(solved, np.array_split(labellings, threads))))
 
     def _add(self, proof: State | Motion) -> None:
-        """Store a proof for all labellings: faces where a state fails, or costs of faces in a motion."""
+        """Store where a state fails, or what a motion costs, under either label."""
         if len(self._bad) + len(self._cost) >= _KEPT:
             return
         sets = self._analysis.template.yield_set

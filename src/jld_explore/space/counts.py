@@ -515,7 +515,7 @@ def _checked(count: Count) -> Count:
         return found
 
     def of(layouts: Layouts) -> Ints | Floats:
-        """Return the counts of layouts; refuse wrong shapes, and sums that differ from the stated terms."""
+        """Return the counts of layouts; refuse wrong shapes, and sums unlike the terms."""
         with plugins.guarded("jld.counts", count.name):
             found: Any = np.asarray(count.of(layouts))
         size = (len(layouts.labellings),)

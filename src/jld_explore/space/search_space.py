@@ -466,7 +466,7 @@ def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
 
 
 def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
-    """Say which limits on sizes and shapes of blocks a labelling, by its blocks (1, n), violates."""
+    """Say which limits on blocks a labelling, by its blocks (1, n), violates."""
     limits, violations = space.limits, []
     names = np.unique(blocks[0][space.assembly.elements.free])
     excepted = np.isin(names, blocks[0][limits.excepted])

@@ -430,7 +430,7 @@ def _same_axes(faces: Interfaces, to: Ints, matrix: Floats) -> bool:
 def _image_of_members(
     assembly: Assembly, signature: Signature | None, to: Ints, matrix: Floats, centre: Floats, reach: float
 ) -> Ints | None:
-    """Return the image of each face of members under a motion with images `to` of elements; None if there is none."""
+    """Return the image of each face of members under a motion of elements `to`, or None."""
     members = assembly.members
     tags = () if signature is None else signature.members
     strengths = assembly.face_strengths.table()
@@ -449,7 +449,7 @@ def _image_of_members(
         )
 
     def maps_to(k: int, j: int) -> bool:
-        """Return whether the motion takes member k to member j, or to j from end to end."""
+        """Return whether the motion takes member k to member j, in either sense."""
         images, axis = to[members.elements[k]], matrix @ members.axis[k]
         points = (members.points[k] - centre) @ matrix.T + centre
         for step in (1, -1):

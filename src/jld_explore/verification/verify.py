@@ -388,7 +388,7 @@ class Labellings:
         self.beginning += self._limit_dry_faces()
 
     def _refuse_other_keys(self) -> None:
-        """Raise InputError for a key that admits more labellings, or is unknown: it would make rules wrong."""
+        """Raise InputError for a key that admits more labellings, or is unknown."""
         for name, field in type(self.search).model_fields.items():
             other = name not in _STATED | _NARROWER | _IDLE
             if other and getattr(self.search, name) != field.get_default(call_default_factory=True):
@@ -396,7 +396,7 @@ class Labellings:
                 raise InputError(key, "certificates do not support this key", "a search without it")
 
     def _limit_dry_faces(self) -> list[Clause]:
-        """Return clauses that keep the number of dry faces between free elements within its limits."""
+        """Return clauses that limit the number of dry faces between free elements."""
         low, high = self.search.dry_faces
         members = self.assembly.of_members.tolist()
         counted = [face for face in range(len(self._ends)) if face in self.between_free and not members[face]]

@@ -416,7 +416,7 @@ def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    """Return the table of reactions: a row for each support, a column for each component, ranges as texts."""
+    """Return the table of reactions: supports by components."""
     ranges: dict[str, dict[str, str]] = {}  # by support, then component
     largest = max(abs(end) for reaction in check.reactions for end in (*reaction.interval, 0.0) if end is not None)
     for reaction in check.reactions:

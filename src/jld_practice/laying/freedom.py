@@ -597,7 +597,7 @@ class Freedom:
         return False
 
     def _separable(self, group: Ints) -> bool:
-        """Return whether the blocks of a group can be moved apart, group by group; answers are stored."""
+        """Return whether the blocks of a group can be moved apart."""
         if len(group) < 2:
             return True
         key = group.tobytes()

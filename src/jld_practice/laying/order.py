@@ -326,7 +326,7 @@ def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
 
 
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
-    """Return an irreducible set of blocks of `there` (k,) that lock one another, moved by up to `group` at a time."""
+    """Return an irreducible set of blocks that lock one another, moved by up to `group` at a time."""
     locked = emptied(freedom, there, group)
     movable = ~freedom.blocks.fixed
     for block in np.flatnonzero(locked & movable).tolist():

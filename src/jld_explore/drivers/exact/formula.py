@@ -305,7 +305,7 @@ class Formula:
     # --- what a segmentation is -------------------------------------------------------------------------
 
     def _add_blocks(self, blocks: PossibleBlocks) -> None:
-        """Add a variable for each possible block, that implies its labels; every element needs a chosen block."""
+        """Add a variable for each block that implies its labels; every element needs one."""
         graph = self.space.graph
         faces_of: dict[int, set[int]] = {}
         for face, (a, b) in enumerate(zip(graph.a.tolist(), graph.b.tolist(), strict=True)):

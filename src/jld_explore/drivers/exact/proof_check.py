@@ -130,7 +130,7 @@ class _ConflictCheck:
         self.corrected: dict[tuple[bytes, bytes], Conflict] = {}
 
     def weigh(self, conflicts: Sequence[Conflict]) -> None:
-        """Evaluate the mechanisms of conflicts again, and correct bounds that they do not prove."""
+        """Evaluate mechanisms again, and correct bounds that they do not prove."""
         cases = sorted({conflict.mechanism.case for conflict in conflicts if conflict.mechanism is not None})
         for case in cases:
             of_case = [
@@ -316,7 +316,7 @@ class _Propagation:
         self._conflict: int | None = None
 
     def add(self, literals: Sequence[int]) -> None:
-        """Add a clause, and propagate the literal that it forces or the conflict that it shows."""
+        """Add a clause, and propagate what it forces."""
         clause = list(dict.fromkeys(literals))
         name = len(self._clauses)
         self._clauses.append(clause)

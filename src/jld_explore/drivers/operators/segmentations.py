@@ -311,7 +311,7 @@ class Segmentations:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
-        """Return labellings of keys (k, pairs), repaired where needed, and the row of keys each comes from."""
+        """Return labellings of keys (k, pairs), and the row that each comes from."""
         labellings, source = self.labels([]), np.empty(0, dtype=np.int64)
         if self._batches is not None:
             labellings, source = self._batches.read_some(keys)
@@ -337,7 +337,7 @@ class Segmentations:
         return np.where(part[:, a] != part[:, b], 0.75, 0.25)
 
     def random(self, rng: BufferedRandom) -> Parts | None:
-        """Draw a partition by random keys; limits on the number of parts set the threshold."""
+        """Draw a partition by random keys; limits on parts set the threshold."""
         low, high = self.limits.parts
         threshold = rng.real()
         if (low, high) != (-inf, inf):
