@@ -230,11 +230,11 @@ def _load(
         return f"({vector}) {words['body']}", finite(factor * value, lambda x: f"{x:.4g}")
     if "force" in entry:
         value = sum(float(np.linalg.norm(one["force"])) for one in group)
-        told = f"{force_words(layout, value)} {_carriers(layout, group, words, stones)}"
+        text = f"{force_words(layout, value)} {_carriers(layout, group, words, stones)}"
         where = _place(layout, group)
         if where is not None:
-            told += f" {words['at']} ({', '.join(f'{x:.4g}' for x in where)}) {layout.scene.units.length}"
-        return textwrap.shorten(told, 66, placeholder="…"), finite(factor * value, lambda x: force_words(layout, x))
+            text += f" {words['at']} ({', '.join(f'{x:.4g}' for x in where)}) {layout.scene.units.length}"
+        return textwrap.shorten(text, 66, placeholder="…"), finite(factor * value, lambda x: force_words(layout, x))
     for key in ("pressure", "line", "traction"):
         if key in entry:
             return f"{words[key]} {entry[key]}", ""

@@ -87,8 +87,8 @@ def not_judged(scene: Scene) -> tuple[str, ...]:
     odd = [name for name, known in zip(names, (METRES, NEWTONS), strict=True) if name not in known]
     if not odd:
         return ()
-    told = " and ".join(repr(name) for name in odd)
-    return (f"no unit is named {told}, so that densities, strengths and sizes could not be judged",)
+    text = " and ".join(repr(name) for name in odd)
+    return (f"no unit is named {text}, so that densities, strengths and sizes could not be judged",)
 
 
 def weight_facts(scene: Scene, assembly: Assembly) -> dict[str, str]:
@@ -176,9 +176,9 @@ def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
         }
         likely = _meant(meant, _DENSITY, first=True)
         usual = next((one for one in meant.values() if _within(one, _DENSITY)), 2000.0)
-        told = f"{value:g} kg/m³" if plain else f"{value:g}, which is {mass:.4g} kg/m³ in {_named(scene)}"
+        text = f"{value:g} kg/m³" if plain else f"{value:g}, which is {mass:.4g} kg/m³ in {_named(scene)}"
         remedy = "" if plain else f'; write "density": "{usual:.4g} kg/m³", or {usual / units.density:.4g}'
-        yield f"{where} is {told}; usual is {low:g} to {high:g}{likely}{remedy}"
+        yield f"{where} is {text}; usual is {low:g} to {high:g}{likely}{remedy}"
     gravity = scene.materials.gravity
     if isinstance(gravity, float | int) and gravity < 0.0:
         yield f"materials.gravity is {gravity:g}; a number already acts downwards, so {-gravity:g} was probably meant"

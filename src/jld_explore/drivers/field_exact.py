@@ -89,8 +89,8 @@ def load_conflicts(folder: Path, driver: FieldExact) -> list[Conflict]:
             content = {name: file[name] for name in file.files}
         conflicts = _conflicts_in(content, driver)
     except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
-        told = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(str(path), f"it is damaged ({told})", "a file as jld explore left it, or none") from None
+        text = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(str(path), f"it is damaged ({text})", "a file as jld explore left it, or none") from None
     return conflicts
 
 

@@ -193,5 +193,5 @@ def _complaints(study: Study) -> list[str]:
 def _uncounted(results: pd.DataFrame) -> list[str]:
     """Return a warning for each count that is blank in some rows because time ran out."""
     missing = {count.name: int(results[count.name].isna().sum()) for count in registered()}
-    told = "the time limit ended the counting; --resume with more time goes on with it"
-    return [f"{name}: blank in {count} of {len(results)} layouts; {told}" for name, count in missing.items() if count]
+    text = "the time limit ended the counting; --resume with more time goes on with it"
+    return [f"{name}: blank in {count} of {len(results)} layouts; {text}" for name, count in missing.items() if count]

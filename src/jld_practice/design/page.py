@@ -148,22 +148,22 @@ def verdict(work: Design) -> str:
     )
     if not math.isfinite(low):
         at_most = f"at most {high:.4g} times {load}" if math.isfinite(high) else "no bound was found in time"
-        told = f"What {stones} stones carry {model} is not decided: {at_most}."
+        text = f"What {stones} stones carry {model} is not decided: {at_most}."
     else:
         ending = f"; not decided between that and {high:.4g}" if high > (1.0 + _CLOSE) * low else ""
         ending = "; nothing bounds it from above" if math.isinf(high) else ending
-        told = f"{subject} at least {low:.4g} times {load} {model}{ending}."
+        text = f"{subject} at least {low:.4g} times {load} {model}{ending}."
         if low < 1.0:
-            told += " That is less than the load itself." if high < 1.0 else " That the load is carried is not proven."
-    told += drawn
+            text += " That is less than the load itself." if high < 1.0 else " That the load is carried is not proven."
+    text += drawn
     rivals = rivals_of(work)
     if rivals:
         at_most = (
             "without a bound" if math.isinf(rivals[0].upper_estimate) else f"at most {rivals[0].upper_estimate:.4g}"
         )
         count = "another layout" if len(rivals) == 1 else f"one of {len(rivals)} other layouts"
-        told += f" Whether {count} carries more is not decided ({_name(rivals[0])}: {at_most})."
-    return told
+        text += f" Whether {count} carries more is not decided ({_name(rivals[0])}: {at_most})."
+    return text
 
 
 _CLOSE: Final = 1e-3  # relative width of a bracket up to which nothing is said to be undecided
@@ -211,10 +211,10 @@ def _claim(trial: Trial) -> str:
     if high < 0.0:
         return "does not stand under its dead load where blocks crack anywhere"
     if math.isfinite(high):
-        told = (
+        text = (
             f"carries at most {high:.4g} times the load where blocks crack anywhere; no lower bound was found in time"
         )
-        return f"{told} ({trial.by_faces})"
+        return f"{text} ({trial.by_faces})"
     low, high = trial.faces
     if high < 0.0:
         return "does not stand under its dead load"

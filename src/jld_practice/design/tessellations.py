@@ -645,6 +645,6 @@ def region_words(scene: Scene) -> str:
         for arc in refinement_voussoirs.find_arcs(unions.region_of(shapely.Polygon(part.shell)).shell)
     ]
     unit = assembly.units[0]
-    told = ", ".join(f"an arc of radius {arc.radius:.4g} {unit} over {math.degrees(arc.sweep):.4g}°" for arc in arcs)
+    text = ", ".join(f"an arc of radius {arc.radius:.4g} {unit} over {math.degrees(arc.sweep):.4g}°" for arc in arcs)
     area = sum(shapely.Polygon(part.shell, part.holes).area for part in parts)
-    return f"area {area:.4g} {unit}², {told or 'no arcs'}"
+    return f"area {area:.4g} {unit}², {text or 'no arcs'}"

@@ -366,9 +366,9 @@ def _factors(check: DesignCheck, words: Mapping[str, str]) -> Table:
     rows = []
     for one in fields(check.factors)[1:-1]:
         value = getattr(check.factors, one.name)
-        told = f"{value[0]:g} / {value[1]:g}" if isinstance(value, tuple) else f"{value:g}"
+        text = f"{value[0]:g} / {value[1]:g}" if isinstance(value, tuple) else f"{value:g}"
         source = check.factors.clauses[one.name]
-        rows.append([words[one.name], told, words.get(source, source)])
+        rows.append([words[one.name], text, words.get(source, source)])
     title = words["factors"].format(name=check.factors.name)
     return Table(title, [words["factor"], words["value"], words["source"]], rows, [0.27, 0.25, 0.48])
 
