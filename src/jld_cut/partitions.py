@@ -440,23 +440,23 @@ class _Strongest:
     def go_on(self, size: int, deep: bool) -> None:
         # of those of the highest bounds, or of the deepest; DeadlinePassed leaves what is bounded
         order = sorted(self._open, key=lambda one: (len(one.chosen), one.high) if deep else (one.high, len(one.chosen)))
-        found: list[tuple[tuple[int, ...], int, float]] = []
+        nodes: list[tuple[tuple[int, ...], int, float]] = []
         ended: set[_Branch] = set()
-        while order and len(found) < size:
-            taken = list(islice(order[-1].further, size - len(found)))
-            found += [(chosen, left, order[-1].high) for chosen, left in taken]
-            if len(found) < size:
+        while order and len(nodes) < size:
+            taken = list(islice(order[-1].further, size - len(nodes)))
+            nodes += [(chosen, left, order[-1].high) for chosen, left in taken]
+            if len(nodes) < size:
                 ended.add(order.pop())
-        leaf = [len(chosen) == self._parts - 1 for chosen, _, _ in found]
-        rest = [one for one, last in zip(found, leaf, strict=True) if not last]
-        if rest:
-            free = self._ways.blocks([(0, left) for _, left, _ in rest]) > 0
-            high = self._solve.relaxed(self._ways.blocks([(*chosen, left) for chosen, left, _ in rest]), free)
-        self._settle([one for one, last in zip(found, leaf, strict=True) if last])
-        for (chosen, left, most), own in zip(rest, high if rest else (), strict=True):
-            self._add(chosen, left, min(most, float(own)))
+        is_leaf = [len(chosen) == self._parts - 1 for chosen, _, _ in nodes]
+        inner = [one for one, last in zip(nodes, is_leaf, strict=True) if not last]
+        if inner:
+            free = self._ways.blocks([(0, left) for _, left, _ in inner]) > 0
+            high = self._solve.relaxed(self._ways.blocks([(*chosen, left) for chosen, left, _ in inner]), free)
+        self._settle([one for one, last in zip(nodes, is_leaf, strict=True) if last])
+        for (chosen, left, most), bound in zip(inner, high if inner else (), strict=True):
+            self._add(chosen, left, min(most, float(bound)))
         self._open = [branch for branch in self._open if branch not in ended]
-        self.branches += len(rest)
+        self.branches += len(inner)
 
     def _settle(self, leaves: list[tuple[tuple[int, ...], int, float]]) -> None:
         if not leaves:

@@ -204,35 +204,35 @@ class _EliminationTree:
 
     def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
         """List the forms that couple each pair of bases, and the blocks of each front."""
-        found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
-        wanted: dict[tuple[int, int], dict[int, int]] = {}
+        fronts: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
+        forms_of: dict[tuple[int, int], dict[int, int]] = {}
         for columns, rest in self._nodes:
             rows = columns + rest
-            here: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
+            blocks_of: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
             for a, j in enumerate(columns):
                 for b in range(a, len(rows)):
-                    both = np.flatnonzero((forms[:, j] != 0.0) & (forms[:, rows[b]] != 0.0))
-                    if len(both):
+                    common = np.flatnonzero((forms[:, j] != 0.0) & (forms[:, rows[b]] != 0.0))
+                    if len(common):
                         key = int(self._of[rows[b]]), int(self._of[j])
-                        number = wanted.setdefault(key, {})
+                        number = forms_of.setdefault(key, {})
                         shares = {
                             number.setdefault(int(form), len(number)): forms[form, j] * forms[form, rows[b]]
-                            for form in both
+                            for form in common
                         }
-                        here.setdefault(key, {})[b, a] = shares
-            found.append(here)
+                        blocks_of.setdefault(key, {})[b, a] = shares
+            fronts.append(blocks_of)
         parts = []
-        for here in found:
-            part: list[_Part] = []
-            for key, blocks in here.items():
+        for blocks_of in fronts:
+            blocks_in_front: list[_Part] = []
+            for key, blocks in blocks_of.items():
                 row = [n for n, shares in enumerate(blocks.values()) for _ in shares]
                 form = [k for shares in blocks.values() for k in shares]
                 share = [value for shares in blocks.values() for value in shares.values()]
-                part.append(
-                    (key, list(blocks), sp.csr_array((share, (row, form)), shape=(len(blocks), len(wanted[key]))))
+                blocks_in_front.append(
+                    (key, list(blocks), sp.csr_array((share, (row, form)), shape=(len(blocks), len(forms_of[key]))))
                 )
-            parts.append(part)
-        return {key: list(number) for key, number in wanted.items()}, parts
+            parts.append(blocks_in_front)
+        return {key: list(number) for key, number in forms_of.items()}, parts
 
     def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
         """Factor tables (forms, k, k′) + shift, and return the solver of (k, w); None if not positive definite."""

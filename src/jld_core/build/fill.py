@@ -299,14 +299,14 @@ class Backing:
         upright = [
             (index, first, last) for index, first, last in self._outlines() if abs(last[0] - first[0]) <= self._reach
         ]
-        for one, two in pairwise(top):
-            if two.place[0] - one.place[1] > 2.0 * self._reach:
+        for left, right in pairwise(top):
+            if right.place[0] - left.place[1] > 2.0 * self._reach:
                 continue
-            low, high = sorted((float(one.height[1]), float(two.height[0])))
-            side = 1.0 if one.height[1] > two.height[0] else -1.0
+            low, high = sorted((float(left.height[1]), float(right.height[0])))
+            side = 1.0 if left.height[1] > right.height[0] else -1.0
             for index, first, last in upright:
-                if abs(first[0] - two.place[0]) > 2.0 * self._reach or (last[1] - first[1]) * side <= 0.0:
+                if abs(first[0] - right.place[0]) > 2.0 * self._reach or (last[1] - first[1]) * side <= 0.0:
                     continue
-                least, most = max(low, min(first[1], last[1])), min(high, max(first[1], last[1]))
-                if most - least > self._reach:
-                    yield CoveredEdge(index, np.full(2, two.place[0]), np.array([least, most]), side)
+                bottom, top_height = max(low, min(first[1], last[1])), min(high, max(first[1], last[1]))
+                if top_height - bottom > self._reach:
+                    yield CoveredEdge(index, np.full(2, right.place[0]), np.array([bottom, top_height]), side)
