@@ -171,21 +171,21 @@ def _of_body(outlines: Sequence[Floats], contacts: Sequence[Floats], near: float
     lines = shapely.line_merge(
         shapely.union_all([shapely.LineString(contact) for contact in contacts], grid_size=1e-3 * near)
     )
-    parts = [np.array(part.coords) for part in getattr(lines, "geoms", [lines])]
+    straight = [np.array(line.coords) for line in getattr(lines, "geoms", [lines])]
     if body.geom_type != "Polygon":
         raise InputError("elements", "free elements are in several parts: no middle line", "one body on its supports")
-    if any(abs(_in_frame(part, part[0], part[-1])[:, 1]).max() > near for part in parts):
+    if any(abs(_in_frame(line, line[0], line[-1])[:, 1]).max() > near for line in straight):
         raise InputError("elements", "a contact with supports is bent: no middle line", "straight contacts")
-    ends = [part[[0, -1]] for part in parts]
+    ends = [line[[0, -1]] for line in straight]
     outline = np.array(body.exterior.simplify(1e-2 * near).coords)[:-1]
     if len(ends) == 1:
         return (*_wall(outline, ends[0], near), "wall")
-    base, way = ends[0][0], _unit(ends[0][1] - ends[0][0])
+    base, along = ends[0][0], _unit(ends[0][1] - ends[0][0])
     (reach, off), heights = _in_frame(np.concatenate(ends), *ends[0]).T, _in_frame(outline, *ends[0])[:, 1]
-    underside = shapely.LineString(base + np.outer([reach.min(), reach.max()], way))
+    underside = shapely.LineString(base + np.outer([reach.min(), reach.max()], along))
     if abs(off).max() <= near and body.exterior.buffer(near).covers(underside):
         depth = float(np.ptp(heights))
-        return lambda points: base + np.outer((points - base) @ way, way), (depth, depth), "beam"
+        return lambda points: base + np.outer((points - base) @ along, along), (depth, depth), "beam"
     if len(ends) > 2:
         raise InputError("elements", f"it rests on supports at {len(ends)} places: no middle line", "one or two")
     return (*_arch(body, outline, ends, near), "arch")

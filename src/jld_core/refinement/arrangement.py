@@ -34,22 +34,24 @@ def split_by_cells(
     snap: float = 0.0,
 ) -> list[list[shapely.Polygon]]:
     """Cut elements (n,) along cells into parts that share corners exactly; InputError if parts do not add up."""
-    known = np.concatenate([*outlines, *fixed])
-    origin, extent = known.min(axis=0), float(np.ptp(known, axis=0).max())
+    corners = np.concatenate([*outlines, *fixed])
+    origin, extent = corners.min(axis=0), float(np.ptp(corners, axis=0).max())
     shapes = [shapely.Polygon(outline) for outline in outlines]
     parts: list[list[tuple[int, shapely.Polygon]]] = [[] for _ in outlines]
-    faces = _faces(outlines, known, cells, origin, extent, size, snap)
+    faces = _faces(outlines, corners, cells, origin, extent, size, snap)
     inside = shapely.point_on_surface(faces)
     element_tree, cell_tree = shapely.STRtree(shapes), shapely.STRtree(list(cells))
     cell_of = np.full(len(faces), len(cells), dtype=np.int64)
-    found, cell = cell_tree.query(inside, predicate="intersects")
-    np.minimum.at(cell_of, found, cell)
+    face_of, cell = cell_tree.query(inside, predicate="intersects")
+    np.minimum.at(cell_of, face_of, cell)
     for face, element in zip(*element_tree.query(inside, predicate="within"), strict=True):
         parts[element].append((int(cell_of[face]), faces[face]))
-    for name, shape, own in zip(ids, shapes, parts, strict=True):
-        if abs(sum(part.area for _, part in own) - shape.area) > _LOST * shape.area:
+    for name, shape, of_element in zip(ids, shapes, parts, strict=True):
+        if abs(sum(part.area for _, part in of_element) - shape.area) > _LOST * shape.area:
             raise InputError(f"element {name!r}", "its cells do not add up to it", "`cell` with another size")
-    return [[part for _, part in sorted(own, key=lambda entry: (entry[0], entry[1].bounds))] for own in parts]
+    return [
+        [part for _, part in sorted(of_element, key=lambda entry: (entry[0], entry[1].bounds))] for of_element in parts
+    ]
 
 
 def _faces(

@@ -83,28 +83,28 @@ class Balances:
         axes = [faces.normal, faces.e1] if self._planar else [faces.normal, faces.e1, faces.e2]
         anchors = list(self._anchors())
         centres = [assembly.elements.centroid.ravel(), faces.origin.ravel()]
-        points, far = whole(np.concatenate([*centres, *(at for _, _, at, _ in anchors)])[None])
+        points, point_digits = whole(np.concatenate([*centres, *(at for _, _, at, _ in anchors)])[None])
         places = [points[0][k : k + assembly.dimension] for k in range(0, len(points[0]), assembly.dimension)]
-        held = [frame.ravel() for *_, frame in anchors]
-        frames, near = whole(np.concatenate([np.stack(axes, axis=1).ravel(), *held])[None])
+        frames_of_members = [frame.ravel() for *_, frame in anchors]
+        frames, frame_digits = whole(np.concatenate([np.stack(axes, axis=1).ravel(), *frames_of_members])[None])
         d = assembly.dimension
         vectors = [frames[0][k : k + d] for k in range(0, len(frames[0]), d)]
-        self._coefficient_digits = far + near
+        self._coefficient_digits = point_digits + frame_digits
         number = len(assembly.elements)
         self._sides: list[list[tuple[int, int, list[list[int]]]]] = []
         for face in range(self._count):
             frame = vectors[d * face : d * face + d]
-            both = []
+            sides = []
             for sign, element in ((-1, int(faces.a[face])), (1, int(faces.b[face]))):
                 if not (self._of_member[face] or assembly.elements.support[element]):
                     arm = [o - c for o, c in zip(places[number + face], places[element], strict=True)]
-                    both.append((element, sign, _rows(frame, arm, far, near)))
-            self._sides.append(both)
+                    sides.append((element, sign, _rows(frame, arm, point_digits, frame_digits)))
+            self._sides.append(sides)
         for place, (face, element, _, _) in enumerate(anchors):
             if not assembly.elements.support[element]:
                 at, first = number + self._count + place, d * (self._count + place)
                 arm = [o - c for o, c in zip(places[at], places[element], strict=True)]
-                rows = _rows(vectors[first : first + d], arm, far, near)
+                rows = _rows(vectors[first : first + d], arm, point_digits, frame_digits)
                 none = [0] * assembly.freedoms
                 self._sides[face].append((element, 1, [*rows[:d], *([none] * (assembly.freedoms - d))]))
         self._dead, self._dead_digits = whole(assembly.dead)
@@ -242,7 +242,7 @@ class Balances:
         """Return the dissipation of a spatial face, (3.4) and (3.5), rounded up; None if infinite."""
         # The unit is 1/24 of 2**−(jumps + 4 digits).
         area, l1, l2, arm, tension, shear, _, compression, sticks, friction, rough = self._numbers[face]
-        known, digits = self._finite[face], self._digits
+        finite, digits = self._finite[face], self._digits  # 4: tension, 5: shear, 9: friction
         slide = math.isqrt(jump[1] * jump[1] + jump[2] * jump[2])
         slide += slide * slide < jump[1] * jump[1] + jump[2] * jump[2]
         slip = max(slide << digits, arm * abs(jump[5]))
@@ -252,10 +252,10 @@ class Balances:
             axial = max(tension * opening, -compression * opening)
             return _PARTS * area * ((shear * slip << digits) + axial)
         if dry:
-            if not known[9] or 2 * (opening - friction * slip) < turn:
+            if not finite[9] or 2 * (opening - friction * slip) < turn:
                 return None
             return _PARTS * area * sticks * slip << digits
-        if not (known[4] and known[5]) or 6 * (opening - rough * slip) < turn:
+        if not (finite[4] and finite[5]) or 6 * (opening - rough * slip) < turn:
             return None
         return _PARTS * area * ((shear * slip << digits) + tension * (opening - rough * slip))
 
@@ -301,8 +301,8 @@ def _slip(gauge: Gauge, jump: Sequence[Fraction]) -> Fraction:
     slide, torsion = Fraction(0), Fraction(float(np.squeeze(gauge.torsion)))
     if gauge.shear is not None:
         (a, b), (c, d) = ([Fraction(float(x)) for x in row] for row in gauge.shear[0])
-        one, two = ((d * jump[1] - c * jump[2]) / (a * d - b * c), (a * jump[2] - b * jump[1]) / (a * d - b * c))
-        square = one * one + two * two
+        slip1, slip2 = ((d * jump[1] - c * jump[2]) / (a * d - b * c), (a * jump[2] - b * jump[1]) / (a * d - b * c))
+        square = slip1 * slip1 + slip2 * slip2
         root = math.isqrt(square.numerator * square.denominator)
         root += root * root < square.numerator * square.denominator
         slide = Fraction(root, square.denominator)
