@@ -75,22 +75,24 @@ def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
     rubs &= size > _LEAST * np.linalg.norm(jumps[:, :3], axis=1).max()
     # cells of supports belong to no part
     part = np.append(block[truth.of], np.full(len(assembly.elements) - len(truth.of), -1))
-    first, second, at = part[faces.a], part[faces.b], np.asarray(faces.origin)
-    made = []
+    first, second, origins = part[faces.a], part[faces.b], np.asarray(faces.origin)
+    found_slides = []
     for plane in unique_planes(cutting.planes, cutting.size):
-        here = (np.abs(at @ plane[:3] - plane[3]) < 1e-6 * cutting.size) & (np.abs(faces.normal @ plane[:3]) > 1 - 1e-6)
+        in_plane = (np.abs(origins @ plane[:3] - plane[3]) < 1e-6 * cutting.size) & (
+            np.abs(faces.normal @ plane[:3]) > 1 - 1e-6
+        )
         regions: dict[tuple[int, int], list[Any]] = {}
         for a, b, region in sections(cutting.cells, plane, cutting.size):
             regions.setdefault((int(block[a]), int(block[b])), []).append(region)
         for (below, above), pieces in regions.items():
-            own = here & (((first == below) & (second == above)) | ((first == above) & (second == below)))
-            slid = own & rubs
-            if below == above or faces.area[slid].sum() <= _SLIDES * faces.area[own].sum():
+            between = in_plane & (((first == below) & (second == above)) | ((first == above) & (second == below)))
+            slid = between & rubs
+            if below == above or faces.area[slid].sum() <= _SLIDES * faces.area[between].sum():
                 continue
             sign = np.where(first[slid] == below, 1.0, -1.0)
             along = (sign * faces.area[slid]) @ slip[slid]
-            made.append(Slide(below, above, plane, shapely.union_all(pieces), along))
-    return sorted(made, key=lambda one: -float(np.linalg.norm(one.along)))
+            found_slides.append(Slide(below, above, plane, shapely.union_all(pieces), along))
+    return sorted(found_slides, key=lambda one: -float(np.linalg.norm(one.along)))
 
 
 def _way(region: Any, along: Floats) -> Floats:

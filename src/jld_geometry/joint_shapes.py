@@ -193,8 +193,8 @@ class SolidJoint:
             normal = np.array([edge[1], -edge[0]]) / math.hypot(*edge)
             if (middle - start) @ normal > 0.0:
                 normal = -normal
-            far = abs(start[1]) + abs(end[1])
-            planes.append((far, self._plane(normal, start)))
+            distance = abs(start[1]) + abs(end[1])
+            planes.append((distance, self._plane(normal, start)))
         return [plane for _, plane in sorted(planes, key=lambda plane: -plane[0])]
 
     def _around(self, outline: Floats, side: int) -> list[Plane]:

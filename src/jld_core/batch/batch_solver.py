@@ -266,17 +266,17 @@ class BatchSolver:
         rays = np.zeros((count, self.faces, self._q)) if vectors else None
         problem = self._problem()
         settings = (library.Try * len(self._tries))(*self._tries)
-        asked = library.pointers(labels=labels, thresholds=least)
-        places = library.pointers(low=low, high=high, verdict=verdict, iterations=iterations, tries=tries)
-        more = library.pointers(forces=forces, velocity=velocity, diagnosis=diagnosis, rays=rays)
+        inputs = library.pointers(labels=labels, thresholds=least)
+        outputs = library.pointers(low=low, high=high, verdict=verdict, iterations=iterations, tries=tries)
+        vectors_out = library.pointers(forces=forces, velocity=velocity, diagnosis=diagnosis, rays=rays)
         outcome = self._library.jld_solve(
             problem,
             settings,
             len(self._tries),
             count,
-            asked["labels"],
-            asked.get("thresholds"),
-            library.Answers(**places, **more),
+            inputs["labels"],
+            inputs.get("thresholds"),
+            library.Answers(**outputs, **vectors_out),
         )
         library.require_success(outcome)
         if velocity is not None:

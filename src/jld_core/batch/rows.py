@@ -398,26 +398,26 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
     uses[row, resultant] = True
     if np.any(uses[:, 1] == uses[:, 2]):
         return None
-    found = np.zeros((faces, 3, 3))
-    found[:, :, 2] = 1.0
-    own, bends = pattern.row_face[: pattern.linear], uses[:, 2]
-    bending, sliding = _by_face(np.flatnonzero(bends), own, faces), _by_face(np.flatnonzero(~bends), own, faces)
+    pairs = np.zeros((faces, 3, 3))
+    pairs[:, :, 2] = 1.0
+    owners, bends = pattern.row_face[: pattern.linear], uses[:, 2]
+    bending, sliding = _by_face(np.flatnonzero(bends), owners, faces), _by_face(np.flatnonzero(~bends), owners, faces)
     if bending is None or sliding is None or sliding.shape[1] != 2 or bending.shape[1] not in (2, 4):
         return None
     filled = np.zeros((faces, 3), dtype=bool)
-    for pair, column, two in ((0, 2, bending[:, :2]), (1, 1, sliding), (2, 2, bending[:, 2:])):
-        some = np.flatnonzero((two >= 0).any(axis=1)) if two.shape[1] else np.zeros(0, dtype=np.int64)
-        one, other = two[some].T if len(some) else (some, some)
-        if np.any(one < 0) or np.any(other < 0) or (pair < 2 and len(some) < faces):
+    for pair, column, both_rows in ((0, 2, bending[:, :2]), (1, 1, sliding), (2, 2, bending[:, 2:])):
+        present = np.flatnonzero((both_rows >= 0).any(axis=1)) if both_rows.shape[1] else np.zeros(0, dtype=np.int64)
+        plus, minus = both_rows[present].T if len(present) else (present, present)
+        if np.any(plus < 0) or np.any(minus < 0) or (pair < 2 and len(present) < faces):
             return None
-        alike = (table[one, 0] == table[other, 0]) & (table[one, column] == -table[other, column])
-        if not np.all(alike & (sides[one] == sides[other])):
+        alike = (table[plus, 0] == table[minus, 0]) & (table[plus, column] == -table[minus, column])
+        if not np.all(alike & (sides[plus] == sides[minus])):
             return None
-        found[some, pair] = np.column_stack([-table[one, 0], abs(table[one, column]), sides[one]])
-        filled[some, pair] = True
-    if np.any(found[:, :2, 0] < 0.0) or np.any(found[:, 0, 0] == 0.0) or np.any(found[:, :2, 1] == 0.0):
+        pairs[present, pair] = np.column_stack([-table[plus, 0], abs(table[plus, column]), sides[plus]])
+        filled[present, pair] = True
+    if np.any(pairs[:, :2, 0] < 0.0) or np.any(pairs[:, 0, 0] == 0.0) or np.any(pairs[:, :2, 1] == 0.0):
         return None
-    return found if filled[:, 2].any() else found[:, :2].copy()
+    return pairs if filled[:, 2].any() else pairs[:, :2].copy()
 
 
 def _by_face(rows: Ints, owner: Ints, faces: int) -> Ints | None:

@@ -489,23 +489,23 @@ class Boundary:
         """Yield the ends of each edge of a planar element, with its free intervals."""
         reach = self._reach
         outline = self.elements.shape[index]
-        mine = np.flatnonzero((self.interfaces.a == index) | (self.interfaces.b == index))
+        faces_of_element = np.flatnonzero((self.interfaces.a == index) | (self.interfaces.b == index))
         for first, last in zip(outline, np.roll(outline, -1, axis=0), strict=True):
             length = float(np.hypot(*(last - first)))
             if length <= reach:
                 continue
             unit = (last - first) / length
-            taken = []
-            for face in mine.tolist():
+            covered = []
+            for face in faces_of_element.tolist():
                 arm = self.interfaces.polygon[face] - first
                 if abs(arm[:, 0] * unit[1] - arm[:, 1] * unit[0]).max() <= reach:
                     low, high = sorted((arm @ unit).tolist())
-                    taken.append((max(low, 0.0), min(high, length)))
-            free, place = [], 0.0
-            for low, high in [*sorted(span for span in taken if span[1] > span[0]), (length, length)]:
-                if low - place > reach:
-                    free.append((first + place * unit, first + low * unit))
-                place = max(place, high)
+                    covered.append((max(low, 0.0), min(high, length)))
+            free, covered_to = [], 0.0
+            for low, high in [*sorted(span for span in covered if span[1] > span[0]), (length, length)]:
+                if low - covered_to > reach:
+                    free.append((first + covered_to * unit, first + low * unit))
+                covered_to = max(covered_to, high)
             yield first, last, free
 
     def _piece(self, index: int, start: Floats, end: Floats, pressures: tuple[float, float]) -> Traction:

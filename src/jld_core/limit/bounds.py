@@ -75,20 +75,33 @@ def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> 
     # boundary the self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V
     # across d|², where s = t − d·V.
     reduced_program = program_of_rows(program, reduced, right=True)
-    s, matrix, structure = program.structure, program.matrix.tocsr(), reduced_program.structure
-    rows, ends = [reduced_program.matrix.tocsr()], [reduced_program.rhs]
-    last = structure.equalities + structure.linear - len(reduced.rays)
-    for number, (cone, way) in enumerate(reduced.rays.items()):
-        at = slice(s.heads[cone], s.heads[cone] + s.cones[cone])
-        touch, end = reduced_program.matrix.tocsr()[[last + number]], reduced_program.rhs[last + number]
-        size = float(-(matrix[[s.heads[cone]]][:, : len(stress)] @ stress)[0])
-        across = sp.csr_array(la.null_space(way[None]).T) * (2.0 / np.sqrt(2.0 * size))
-        rows += [touch, across @ matrix[at][1:], touch]
-        ends += [np.array([end + 1.0]), np.asarray(across @ program.rhs[at][1:]), np.array([end - 1.0])]
-    sizes = structure.cones + tuple(s.cones[cone] for cone in reduced.rays)
-    tall = sp.vstack(rows)
+    cone_structure, matrix, structure = program.structure, program.matrix.tocsr(), reduced_program.structure
+    rows, sides = [reduced_program.matrix.tocsr()], [reduced_program.rhs]
+    first_ray = structure.equalities + structure.linear - len(reduced.rays)
+    for number, (cone, direction) in enumerate(reduced.rays.items()):
+        rows_of_cone = slice(cone_structure.heads[cone], cone_structure.heads[cone] + cone_structure.cones[cone])
+        bound_row, bound_side = (
+            reduced_program.matrix.tocsr()[[first_ray + number]],
+            reduced_program.rhs[first_ray + number],
+        )
+        size = float(-(matrix[[cone_structure.heads[cone]]][:, : len(stress)] @ stress)[0])
+        across = sp.csr_array(la.null_space(direction[None]).T) * (2.0 / np.sqrt(2.0 * size))
+        rows += [bound_row, across @ matrix[rows_of_cone][1:], bound_row]
+        sides += [
+            np.array([bound_side + 1.0]),
+            np.asarray(across @ program.rhs[rows_of_cone][1:]),
+            np.array([bound_side - 1.0]),
+        ]
+    sizes = structure.cones + tuple(cone_structure.cones[cone] for cone in reduced.rays)
+    stacked = sp.vstack(rows)
     return pack(
-        tall, np.concatenate(ends), program.objective, structure.equalities, structure.linear, sizes, structure.places
+        stacked,
+        np.concatenate(sides),
+        program.objective,
+        structure.equalities,
+        structure.linear,
+        sizes,
+        structure.places,
     )
 
 

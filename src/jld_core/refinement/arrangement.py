@@ -75,8 +75,8 @@ def _faces(
     node, place = _nodes(points, known - origin, rings, extent, size)
     if snap > 0.0:
         node = _snapped(node, place, len(known), rings, _ON_LINE * extent, snap * size)
-    follows = np.flatnonzero(owner[1:] == owner[:-1])
-    ends = np.sort(np.column_stack([node[follows], node[follows + 1]]), axis=1)
+    continues = np.flatnonzero(owner[1:] == owner[:-1])
+    ends = np.sort(np.column_stack([node[continues], node[continues + 1]]), axis=1)
     ends = np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
     exact = np.concatenate([known, place[len(known) :] + origin])
     # Forces at the very edge of a joint ask for the last digits, which the grid of the union has rounded away.

@@ -381,13 +381,13 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
     fitting = sorted(fitting, key=lambda tessellation: -work.screened[tessellation.name].load_factor)
     seconds_each = max((work.screened[tessellation.name].search_seconds for tessellation in fitting), default=_LEAST)
     fitting = fitting[: max(1, round(total / min(seconds_each, _LEAST)))]
-    whole = until.within(total)
+    all_searches = until.within(total)
     for number, tessellation in enumerate(fitting):
-        each = whole.within(whole.remaining() / (len(fitting) - number))
-        if each.remaining() < 1.0:
+        one_search = all_searches.within(all_searches.remaining() / (len(fitting) - number))
+        if one_search.remaining() < 1.0:
             continue
         try:
-            _search(work, tessellation, each)
+            _search(work, tessellation, one_search)
         except InputError as error:
             work.search_words[tessellation.name] = f"{error.where}: {error.problem}".lstrip(": ")
         except Interrupted as stop:

@@ -182,19 +182,19 @@ class RandomStructure:
         self, values: Floats, case: int, by_strength: dict[str, Floats], by_load: tuple[Floats, Floats]
     ) -> Floats:
         """Return derivatives (v,) by the variables, from those by strengths (m,) and loads (n, q)."""
-        found, away = np.zeros(len(values)), values - self.variables.mean
+        derivatives, deviation = np.zeros(len(values)), values - self.variables.mean
         for follower in self.followers:
             slope: Any = 1.0
             if follower.angle:
                 x = np.clip(values[follower.variables], 0.0, _STEEPEST)
                 slope = np.radians(1.0) / np.cos(np.radians(x)) ** 2
-            np.add.at(found, follower.variables, slope * by_strength[follower.field][follower.faces])
+            np.add.at(derivatives, follower.variables, slope * by_strength[follower.field][follower.faces])
         for growth in self.growths[case]:
             rate = float((by_load[0] * growth.dead).sum() + (by_load[1] * growth.live).sum())
             for position, variable in enumerate(growth.variables):
-                others = [away[k] for n, k in enumerate(growth.variables) if n != position]
-                found[variable] += rate * float(np.prod(others))
-        return found
+                others = [deviation[k] for n, k in enumerate(growth.variables) if n != position]
+                derivatives[variable] += rate * float(np.prod(others))
+        return derivatives
 
 
 def _tangent(degrees: Floats) -> Floats:
@@ -262,23 +262,25 @@ class _Measurement:
         size = value.size if isinstance(value, uncertain.UncertainVector) else value
         step = _STEP
         try:
-            other = self.changed((position, 1.0 + step))
+            stepped = self.changed((position, 1.0 + step))
         except InputError:  # a larger value contradicts another one; a smaller one does not
             step = -_STEP
-            other = self.changed((position, 1.0 + step))
-        faces = self._following(path, other, float(size) * step)
-        rates = self._rates(other, float(size) * step)
-        split = self._split(path, size, faces, rates)
-        first, many = len(self.names), 1 if split is None else len(split)
+            stepped = self.changed((position, 1.0 + step))
+        faces = self._following(path, stepped, float(size) * step)
+        rates = self._rates(stepped, float(size) * step)
+        varying = self._split(path, size, faces, rates)
+        first, count = len(self.names), 1 if varying is None else len(varying)
         name = uncertain.in_words(path)
-        self.names += [name] if split is None else [f"{name} of {one}" for one in self._owners(split, bool(faces))]
-        self.sizes += [size] * many
+        self.names += [name] if varying is None else [f"{name} of {one}" for one in self._owners(varying, bool(faces))]
+        self.sizes += [size] * count
         for field, mask, angle in faces:
-            own = np.flatnonzero(mask)
-            place = np.zeros(len(own), dtype=np.int64) if split is None else np.searchsorted(split, own)
-            self.followers.append(_Follower(field, own, first + place, angle))
-        self._grow(rates, first, split if split is not None and not faces else None)
-        return list(range(first, first + many))
+            followed = np.flatnonzero(mask)
+            variable = (
+                np.zeros(len(followed), dtype=np.int64) if varying is None else np.searchsorted(varying, followed)
+            )
+            self.followers.append(_Follower(field, followed, first + variable, angle))
+        self._grow(rates, first, varying if varying is not None and not faces else None)
+        return list(range(first, first + count))
 
     def _following(self, path: uncertain.Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
         """Return the strengths that follow a value: name, faces (m,), whether by its tangent."""
