@@ -258,7 +258,8 @@ def modes_of(template: Template, labels: Bits) -> Modes | None:
     rows = np.zeros((count, 4, count, 3))
     rows[np.arange(count), :, np.arange(count)] = of_face
     jumps = matrix.T.reshape(count, 3, -1)
-    beta = of_face[:, 1, 2][:, None]
+    # Rates of the four rows of each face: β δn ∓ δθ of bending, then slip s⁻, a variable of its own, and s⁺ = δs + s⁻.
+    beta = of_face[:, 1, 2][:, None]  # 1 for dry faces, 3 for inner ones
     rates = np.zeros((count, 4, matrix.shape[0] + count))
     rates[:, 0, : matrix.shape[0]] = beta * jumps[:, 0] - jumps[:, 2]
     rates[:, 1, : matrix.shape[0]] = beta * jumps[:, 0] + jumps[:, 2]

@@ -50,6 +50,7 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
     """Transfer loads to the pieces at their points; InputError for pressure on a free part with a hole."""
 
     def moved(entry: dict[str, Any], where: str) -> list[dict[str, Any]]:
+        """Return an entry as those of the pieces at its point, which share its force and moment."""
         between = entry.get("face", {}).get("between")
         if between is not None and len(cut_up[assembly.elements.index[between[0]]]) > 1:
             return [{**entry, "face": place} for place in _free_parts(assembly, between)]
