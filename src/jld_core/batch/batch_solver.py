@@ -39,18 +39,14 @@ class MinimizationOptions:
 
 @dataclass(frozen=True)
 class ConflictRequest:
-    """Labellings (k, m) whose conflicts are to be minimised, of the batch solver and of relaxations.
-
-    free: (m,) faces that may take either label. thresholds: (k,) λ to stay below, in the unit of the solver asked.
-    undecided: (k, m) free faces that are undecided from the start. seed: of the face that a neighbour leaves undecided.
-    """
+    """Labellings (k, m) whose conflicts are to be minimised, of the batch solver and of relaxations."""
 
     labellings: Bits
-    free: Bools
-    thresholds: Floats
-    undecided: Bools | None = None
+    free: Bools  # (m,) faces that may take either label
+    thresholds: Floats  # (k,) λ to stay below, in the unit of the solver asked
+    undecided: Bools | None = None  # (k, m) free faces that are undecided from the start
     how: MinimizationOptions = MinimizationOptions()
-    seed: int = 0
+    seed: int = 0  # of the face that a neighbour leaves undecided
 
     def take(self, rows: Ints) -> ConflictRequest:
         undecided = None if self.undecided is None else self.undecided[rows]

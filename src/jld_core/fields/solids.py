@@ -148,14 +148,10 @@ _OPPOSITE = -0.7  # cosine between outward normals of two facets below which the
 
 @dataclass(frozen=True)
 class Part:
-    """Convex part of a cell that planes cut.
+    """Convex part of a cell that planes cut."""
 
-    side: (k,) True where the part lies beyond a plane, in the direction of its normal. skin: pairs of facet and outline
-    (c, 3), for faces on facets of the cell. caps: pairs of plane and outline (c, 3), for faces on planes. Outlines are
-    in scene units.
-    """
-
-    side: tuple[bool, ...]
+    side: tuple[bool, ...]  # (k,) True where the part lies beyond a plane, in the direction of its normal
+    # number and outline (c, 3), scene units, of each face: on facets of the cell, and on planes
     skin: tuple[tuple[int, Floats], ...]
     caps: tuple[tuple[int, Floats], ...]
 

@@ -268,28 +268,21 @@ def _interaction_planes(strengths: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LabelRows:
-    """Yield sets of m faces under one label: core rows C (m, r, q) x + d (m, r) ≥ 0, and gauges B, k, c, mu (m, 2).
+    """Yield sets of m faces under one label: core rows C x + d ≥ 0, and gauges of shear and torsion."""
 
-    C: (m, r, q) rows of the core; zeros are idle. d: (m, r) constants. B: (m, 2, 2) of the gauge of shear; 0: none.
-    k, c, mu: (m, 2) factor of torsion, capacity without N and friction of the gauge of shear, then of that of torsion;
-    k = 0: no such gauge. coupled: (m,) one gauge limits shear and torsion; its numbers stand twice. vertices, rays: (m,
-    p, q) of the core, filled up. kind: (m,) class of faces with the same rows of stresses. acting: (m, q) resultants
-    that may be non-zero; None: those of vertices and rays. sized: set whose rows have the scale of the program's; None:
-    this one.
-    """
-
-    C: Floats
-    d: Floats
-    B: Floats
+    C: Floats  # (m, r, q) rows of the core; zeros are idle
+    d: Floats  # (m, r) constants
+    B: Floats  # (m, 2, 2) of the gauge of shear; 0: none
+    # (m, 2) of the gauges of shear and of torsion: factor of torsion (0: no such gauge), capacity without N, friction
     k: Floats
     c: Floats
     mu: Floats
-    coupled: Bools
-    vertices: Floats
+    coupled: Bools  # (m,) one gauge limits shear and torsion; its numbers stand twice
+    vertices: Floats  # (m, p, q) of the core, filled up
     rays: Floats
-    kind: Ints
-    acting: Bools | None = None
-    sized: LabelRows | None = None
+    kind: Ints  # (m,) class of faces with the same rows of stresses
+    acting: Bools | None = None  # (m, q) resultants that may be non-zero; None: those of vertices and rays
+    sized: LabelRows | None = None  # set whose rows have the scale of the program's; None: this one
 
     def scaled(self, unit: Floats) -> LabelRows:
         """Return the sets of resultants from those of stresses; unit: (m,) area over the force scale."""

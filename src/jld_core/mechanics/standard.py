@@ -32,18 +32,18 @@ InnerBending = Literal["uncoupled", "kern"]
 class Bending:
     """Bending sets of m faces in scaled x = (m1, m2): c·x ≤ N of dry faces, c·x ≤ N + σtA of inner ones.
 
-    Face f has the rows start[f] to start[f + 1] − 1 of `dry` and `inner` (rows, 2), in order of angle; corners (rows,
-    2) of {x : c·x ≤ 1} lie between a row and the next. crushed: faces with c·x ≥ N − σcA also; crush_corners: (corners,
-    3) corners (ν, x) of their solids, from crush_start on, where N = −σtA + ν (σcA + σtA) and x is divided by σcA +
-    σtA.
+    Face f has the rows start[f] to start[f + 1] − 1, in order of angle.
     """
 
     start: Ints
+    # (rows, 2) c under either label
     dry: Floats
     inner: Floats
+    # (rows, 2) corners of {x : c·x ≤ 1} between a row and the next
     dry_corners: Floats
     inner_corners: Floats
-    crushed: Ints
+    crushed: Ints  # faces with c·x ≥ N − σcA also
+    # corners (ν, x) (corners, 3) of their solids, from crush_start on: N = −σtA + ν (σcA + σtA), x over σcA + σtA
     crush_start: Ints
     crush_corners: Floats
 

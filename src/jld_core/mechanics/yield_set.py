@@ -19,22 +19,22 @@ _ROUTE: Final = Route("labels", STANDARD | CRITERIA)
 class RowPattern:
     """Sparsity and numbers of the yield rows s = h − G y of all m faces under both labels.
 
-    y are the scaled resultants of all faces, then `extra` variables. Rows: `linear` ones with s ≥ 0, then second-order
-    cones of sizes `cones`. row, column, face, dry, inner: (nnz,) coefficients of G. h_dry, h_inner, row_face: (rows,).
-    capacity: (k,) entries that hold −μ, the coefficient of N in a row that limits shear.
+    y are the scaled resultants of all faces, then `extra` variables.
     """
 
+    # (nnz,) entries of G: row, column, face, and the coefficient under either label
     row: Ints
     column: Ints
     face: Ints
     dry: Floats
     inner: Floats
+    # (rows,) right-hand sides h under either label, and the face of each row
     h_dry: Floats
     h_inner: Floats
     row_face: Ints
-    linear: int
-    cones: tuple[int, ...]
-    capacity: Ints
+    linear: int  # number of first rows, with s ≥ 0
+    cones: tuple[int, ...]  # sizes of the second-order cones of the other rows
+    capacity: Ints  # (k,) entries that hold −μ, the coefficient of N in a row that limits shear
     extra: int = 0
 
 
@@ -72,16 +72,14 @@ class ParabolicBending:
     may interact, docs/method.md (6.3). An inner copy of the face then carries a share w of a corner (n, m) of the inner
     set, and the dry copy carries N₁ = N − w n. Together |M| ≤ w m + N₁ − N₁²/((1 − w) N_c) and |V| ≤ c + μN + w v,
     where v is the shear of the corner above the dry line.
-
-    crushed: (k,) faces. parabola: (k, 2) c and n₀. rows: (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; and of a line
-    −a N ± b M ≤ h that also bounds bending, with a = b = 0 where there is none. interaction: (k, 12) interaction of V
-    and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c, μ and c of dry faces; σtA,
-    N_c, shear strength and μ of inner faces. None if the label is decided.
     """
 
-    crushed: Ints
-    parabola: Floats
+    crushed: Ints  # (k,) faces
+    parabola: Floats  # (k, 2) c and n₀
+    # (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; of a line −a N ± b M ≤ h that also bounds bending, a = b = 0: no
     rows: Floats
+    # (k, 12) interaction of V and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c,
+    # μ and c of dry faces; σtA, N_c, shear strength and μ of inner faces. None if the label is decided.
     interaction: Floats | None = None
 
 
