@@ -28,16 +28,12 @@ FREE = -1  # tag of an outline edge that belongs to no interface
 
 @dataclass(frozen=True)
 class Outlines:
-    """Outlines of all free cells over common nodes (p, 2).
+    """Outlines of all free cells over common nodes."""
 
-    rings: per outline (k,) its nodes, counter-clockwise. tags: per outline (k,) the interface on the edge from node i
-    to i + 1, or FREE.
-    """
-
-    points: Floats
-    cells: Ints
-    rings: tuple[Ints, ...]
-    tags: tuple[Ints, ...]
+    points: Floats  # (p, 2) nodes
+    cells: Ints  # element of each outline
+    rings: tuple[Ints, ...]  # (k,) nodes of each outline, counter-clockwise
+    tags: tuple[Ints, ...]  # (k,) interface on its edge from node i to i + 1, or FREE
 
 
 def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:

@@ -59,12 +59,12 @@ class Crushing(Protocol):
 
 @dataclass(frozen=True)
 class Parabolas:
-    """Planar faces that crush; wide: (k,) N_c of the parabola of both labels, inf for none, moved by shift σtA."""
+    """Planar faces that crush: |m| ≤ N (1 − N/N_c) of dry ones, and a wider parabola that encloses both labels."""
 
-    faces: Ints
-    limit: Floats
-    wide: Floats
-    shift: Floats
+    faces: Ints  # (k,)
+    limit: Floats  # (k,) N_c
+    wide: Floats  # (k,) N_c of the wider parabola, inf for none
+    shift: Floats  # (k,) σtA, by which it is moved
 
     def slack(self, forces: Floats) -> Floats:
         n = forces[:, 0]
@@ -377,19 +377,15 @@ class LabelRows:
 
 @dataclass(frozen=True, eq=False)
 class RowYield:
-    """Yield sets of m faces of either dimension, stated as rows; the interface is that of `YieldSet`.
-
-    enclosing: sets that enclose both labels; None: `_enclosed` makes them. late: number of core rows that stand after
-    those of gauges. crushing: dry faces that crush.
-    """
+    """Yield sets of m faces of either dimension, stated as rows; the interface is that of `YieldSet`."""
 
     dimension: int
     dry: LabelRows
     inner: LabelRows
-    enclosing: LabelRows | None
+    enclosing: LabelRows | None  # sets that enclose both labels; None: `_enclosed` makes them
     criteria: tuple[StatedCriterion, ...] = ()
-    late: int = 0
-    crushing: Crushing | None = None
+    late: int = 0  # number of core rows that stand after those of gauges
+    crushing: Crushing | None = None  # dry faces that crush
 
     @property
     def _core(self) -> list[int]:

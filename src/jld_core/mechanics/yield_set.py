@@ -51,13 +51,10 @@ class Rows(Protocol):
 
 @dataclass(frozen=True)
 class Hull:
-    """Yield rows of undecided faces that enclose both sets, in the places of rows of dry faces, docs/method.md (6.3).
+    """Yield rows of undecided faces that enclose both sets, in the places of rows of dry faces, docs/method.md (6.3)."""
 
-    pattern: `dry` and `h_dry` hold the enclosing rows. either: (m, q) resultants that a label allows to be non-zero.
-    """
-
-    pattern: RowPattern
-    either: Bools
+    pattern: RowPattern  # `dry` and `h_dry` hold the enclosing rows
+    either: Bools  # (m, q) resultants that a label allows to be non-zero
 
     def active(self, labels: Bits) -> Bools:
         """Return the mask `either` (m, q); the labels have no effect."""
@@ -76,7 +73,7 @@ class ParabolicBending:
 
     crushed: Ints  # (k,) faces
     parabola: Floats  # (k, 2) c and n₀
-    # (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; of a line −a N ± b M ≤ h that also bounds bending, a = b = 0: no
+    # (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; of a line −a N ± b M ≤ h that bounds bending, a = b = 0: none
     rows: Floats
     # (k, 12) interaction of V and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c,
     # μ and c of dry faces; σtA, N_c, shear strength and μ of inner faces. None if the label is decided.
