@@ -51,7 +51,7 @@ class Rows(Protocol):
 
 @dataclass(frozen=True)
 class Hull:
-    """Yield rows of undecided faces that enclose both sets, in the places of rows of dry faces, docs/method.md (6.3)."""
+    """Yield rows of undecided faces that enclose both sets, in place of rows of dry faces, docs/method.md (6.3)."""
 
     pattern: RowPattern  # `dry` and `h_dry` hold the enclosing rows
     either: Bools  # (m, q) resultants that a label allows to be non-zero
