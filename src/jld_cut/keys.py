@@ -232,11 +232,11 @@ def keyed(family: Family, block: Ints, low: float, setting: Setting, sound: Call
     try:
         for _ in range(_ROUNDS):
             before, limit = best, least
-            found = slides(before.family, before.block, friction)
-            for one in variants(before.family, before.block, found, setting, least):
-                if low_of(one.bracket) > limit and sound(one):
-                    limit = _BETTER * low_of(one.bracket)
-                    best = replace(one, keys=(*before.keys, *one.keys))
+            sliding = slides(before.family, before.block, friction)
+            for variant in variants(before.family, before.block, sliding, setting, least):
+                if low_of(variant.bracket) > limit and sound(variant):
+                    limit = _BETTER * low_of(variant.bracket)
+                    best = replace(variant, keys=(*before.keys, *variant.keys))
             if best is before:
                 break
             least = _GAIN * low_of(best.bracket)

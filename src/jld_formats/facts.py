@@ -201,22 +201,22 @@ def lost(layout: Layout, kind: str, *, cells: bool = False) -> list[str]:
     form, state = formats()[kind], (layout.assembly.dimension, cells)
     if state in form.whole:
         return []
-    known = form.keeps + (form.keeps_of_cells if cells else ())
+    kept_keys = form.keeps + (form.keeps_of_cells if cells else ())
     document = document_of(layout)
     document.pop("labels", None)  # the labels of the layout are those that count
     inner = int(np.count_nonzero(~layout.labels[: layout.assembly.faces]))
     stated = dict.fromkeys(_paths(document))
-    kept = [path for path in stated if any(path == one or path.startswith(f"{one}.") for one in known)]
-    gone: dict[str, None] = {}
+    kept = [path for path in stated if any(path == key or path.startswith(f"{key}.") for key in kept_keys)]
+    lost_keys: dict[str, None] = {}
     for path in stated:
         if path not in kept:
             parts = path.split(".")
             heads = [".".join(parts[: k + 1]) for k in range(len(parts))]
             # the highest key of which nothing is kept stands for all below it
-            gone[next(head for head in heads if not any(f"{one}.".startswith(f"{head}.") for one in kept))] = None
+            lost_keys[next(head for head in heads if not any(f"{key}.".startswith(f"{head}.") for key in kept))] = None
     if inner and state not in form.labels:
-        gone[f"labels ({inner} inner face{'s' if inner > 1 else ''})"] = None
-    return list(gone)
+        lost_keys[f"labels ({inner} inner face{'s' if inner > 1 else ''})"] = None
+    return list(lost_keys)
 
 
 def _paths(value: Any, head: str = "") -> Iterator[str]:

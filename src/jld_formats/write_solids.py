@@ -47,9 +47,9 @@ def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
         for number, (name, support, surface) in enumerate(solids_of(layout, cells=cells))
     ]
     file.contain(elements)
-    own = layout.assembly.elements if cells else None
-    masses = own.mass.tolist() if own is not None else [facts[k].mass for k in owner]
-    volumes = own.volume.tolist() if own is not None else [facts[k].volume for k in owner]
+    cell_elements = layout.assembly.elements if cells else None
+    masses = cell_elements.mass.tolist() if cell_elements is not None else [facts[k].mass for k in owner]
+    volumes = cell_elements.volume.tolist() if cell_elements is not None else [facts[k].volume for k in owner]
     file.materials(elements, masses, volumes)
     path.write_text(file.model.to_string(), encoding="ascii")  # errors of its own writer name no reason
 

@@ -570,16 +570,16 @@ class FieldRefinement:
         if self._mesh is None:
             raise ValueError("refinement has ended; expected a step before")
         began, mesh = time.perf_counter(), self._mesh
-        both = self.upper_due if upper is None else upper
-        fields = Fields.on(self._setting, mesh, self._labels, velocities=both)
-        last = time.perf_counter() - began
-        self._times[both] = len(mesh), last
-        self._best = self._best.improved(fields, self._spent + last, self._gap)
+        with_velocities = self.upper_due if upper is None else upper
+        fields = Fields.on(self._setting, mesh, self._labels, velocities=with_velocities)
+        seconds = time.perf_counter() - began
+        self._times[with_velocities] = len(mesh), seconds
+        self._best = self._best.improved(fields, self._spent + seconds, self._gap)
         status = self._best.status
         # without one of the bounds refinement helps only so far
-        lone = status is not FieldStatus.OPEN and len(self._best.history) >= _PATIENCE
-        ended = status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone
-        self._mesh = None if ended else self._next(fields, self._spent + last)
+        one_sided = status is not FieldStatus.OPEN and len(self._best.history) >= _PATIENCE
+        ended = status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or one_sided
+        self._mesh = None if ended else self._next(fields, self._spent + seconds)
         self._spent += time.perf_counter() - began
         return self._best
 

@@ -337,15 +337,16 @@ class Portfolio(Anneal):
         return np.minimum(self._choice.geometric(1.0 / self._steps[kind], size=count), _MOST_STEPS)
 
     def _varied(self, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:
-        many, batches, origins = self._numbers("vary", count), [self._none], []
+        """Vary a labelling (m,) in `count` ways of one step or more: rows (count, m), and the origin of each."""
+        steps_of_row, batches, origins = self._numbers("vary", count), [self._none], []
         rows = np.repeat(labels[None], count, axis=0)
-        for steps in range(1, int(many.max(initial=0)) + 1):
+        for steps in range(1, int(steps_of_row.max(initial=0)) + 1):
             checkpoint()
             rows = self.operators.breed(rows[:0], rows[:0], rows, self.rng)
-            done = rows[: int(np.count_nonzero(many == steps))]
-            batches.append(done)
-            origins += [("vary", steps)] * len(done)
-            rows = rows[len(done) :]
+            finished = rows[: int(np.count_nonzero(steps_of_row == steps))]
+            batches.append(finished)
+            origins += [("vary", steps)] * len(finished)
+            rows = rows[len(finished) :]
         return np.concatenate(batches), origins
 
     def _followed(self, climb: _Climb, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:

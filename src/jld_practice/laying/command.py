@@ -230,12 +230,12 @@ def _centring(laying: Laying) -> list[str]:
     blocks = laying.blocks
     below = sorted({int(b) for k in needed for b in np.flatnonzero(laying.steps[k - 1].stage.props > 0.0)})
     first, last = needed[0], needed[-1]
-    held = f"centring     from step {first}, in turn below {', '.join(blocks.name(block) for block in below)}"
+    standing = f"centring     from step {first}, in turn below {', '.join(blocks.name(block) for block in below)}"
     if last < len(laying.steps):
-        return [f"{held}; it may be struck after step {last + 1}: no stage from there on needs it"]
+        return [f"{standing}; it may be struck after step {last + 1}: no stage from there on needs it"]
     if laying.steps[-1].stage.stands is None:
-        return [f"{held}; that the finished structure stands without it is not proven"]
-    return [f"{held}; the finished structure does not stand without it"]
+        return [f"{standing}; that the finished structure stands without it is not proven"]
+    return [f"{standing}; the finished structure does not stand without it"]
 
 
 def _first_fall(laying: Laying) -> str:
