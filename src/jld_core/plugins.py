@@ -30,7 +30,7 @@ GROUPS: Final = {  # group of entry points → what an object of it is
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name, sorted; raise InputError for a name given twice."""
-    points = list(_installed(tuple(sys.path)).select(group=group))
+    points = list(_installed_entry_points(tuple(sys.path)).select(group=group))
     checkout = _of_checkout()
     if checkout is not None:
         from importlib import metadata
@@ -48,7 +48,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 @cache
-def _installed(path: tuple[str, ...]) -> Any:
+def _installed_entry_points(path: tuple[str, ...]) -> Any:
     """Return the entry points of all packages on a path, whose metadata are read once."""
     from importlib import metadata  # takes as long to import as a small scene to solve
 

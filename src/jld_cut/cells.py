@@ -139,7 +139,7 @@ class Cutting:
         """Join slivers, and the smallest cells above the limits of numbers; return the joints."""
         joints = joints_of(self.cells, self.planes, self.size)
         for _ in range(6):
-            group = _joined(self.cells, joints, limits)
+            group = _join_small(self.cells, joints, limits)
             if len(set(group)) == len(self.cells):
                 return joints
             names = sorted(set(group))
@@ -180,7 +180,7 @@ def closed(bodies: list[Any], volume: float) -> Any | None:
     return None
 
 
-def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
+def _join_small(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
     """Join slivers, and smallest cells of too many, to neighbours: the owner of each cell."""
     owner, volume = list(range(len(cells))), [cell.volume() for cell in cells]
     boxes = [np.array(cell.bounding_box()) for cell in cells]
@@ -326,14 +326,14 @@ def _pieces(region: Any, tolerance: float, bent: float) -> list[Any]:
                 merging = True
                 break
     smallest = 1e-4 * region.area
-    return [_inscribed(piece) for piece in pieces if piece.area > smallest]
+    return [_inscribe(piece) for piece in pieces if piece.area > smallest]
 
 
 def _is_convex(polygon: Any, bent: float) -> bool:
     return not polygon.interiors and bool(polygon.convex_hull.area - polygon.area <= bent * polygon.area)
 
 
-def _inscribed(polygon: Any) -> Any:
+def _inscribe(polygon: Any) -> Any:
     """Return a convex polygon of at most eight corners of another one, without the corners that hold least area."""
     corners = shapely.get_coordinates(polygon.convex_hull.exterior)[:-1]
     while len(corners) > CORNERS:

@@ -219,7 +219,7 @@ def cut(
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
     with ExitStack() as beside:
         bracket = _begun(chosen, wish, out, clock, beside)
-        if options.keys and (with_keys := _keyed(chosen, wish, scale, options.clearance, clock)) is not chosen:
+        if options.keys and (with_keys := _with_keys(chosen, wish, scale, options.clearance, clock)) is not chosen:
             beside.close()
             chosen, bracket = with_keys, _begun(with_keys, wish, out, clock, beside)
         if chosen.laying is None:  # the search for others had the time of this one
@@ -290,7 +290,7 @@ def _choose(families: list[Family], wish: Wish, clearance: float, clock: Clock, 
     numbers = sorted({n for one in families for n, of in one.found.of.items() if len(of.low)})
     carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
     for parts in carrying or numbers[-1:]:
-        for family, block, coarse, bracket in _judged(families, parts, wish, clock, say):
+        for family, block, coarse, bracket in _best_layouts(families, parts, wish, clock, say):
             if made and time.time() > end and not family.truth.order(block, 0.0):
                 continue
             # an order that is not known yet leaves time for those of others
@@ -311,7 +311,7 @@ def _top(family: Family, parts: int) -> float:
     return -np.inf if found is None or not len(found.low) else float(found.low[0])
 
 
-def _judged(
+def _best_layouts(
     families: list[Family], parts: int, wish: Wish, clock: Clock, say: Callable[[str], None]
 ) -> list[tuple[Family, Ints, float, Bracket]]:
     """Return the layouts of one number of parts that are best on the cells, the strongest on convex cells first."""
@@ -376,7 +376,7 @@ def _chosen(
     return Chosen(family, family.truth, coarse, bracket, uncut, block, laying, locking, parts, large, (), plain)
 
 
-def _keyed(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Clock) -> Chosen:
+def _with_keys(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Clock) -> Chosen:
     """Return a layout with keys in the joints on which its parts slide, where these raise λ and the parts are sound."""
     if not np.isfinite(chosen.low) or not chosen.laying:
         return chosen
@@ -485,7 +485,7 @@ def _front(families: list[Family]) -> list[dict[str, Any]]:
 def verdict(summary: dict[str, Any]) -> str:
     """Say what the parts carry, beside what, and what is unproven or faulty."""
     many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
-    carry, low = _carried(summary), summary["bracket"][0]
+    carry, low = _carried_in_words(summary), summary["bracket"][0]
     keys = summary.get("keys") or []
     if keys:
         more = f" and {len(keys) - _NAMED} more" if len(keys) > _NAMED else ""
@@ -508,7 +508,7 @@ def verdict(summary: dict[str, Any]) -> str:
         joints = " with plane joints," if keys else ""
         text += f";{joints} no fewer parts of these cells do, and no layout of as many {last}"
     else:
-        text += _bounded(summary)
+        text += _bound_in_words(summary)
     if low is not None and not summary["meets"]:
         text += f"; {summary['require']:g} was asked"
     if summary["too_large"]:
@@ -524,7 +524,7 @@ def verdict(summary: dict[str, Any]) -> str:
     return text + "."
 
 
-def _bounded(summary: dict[str, Any]) -> str:
+def _bound_in_words(summary: dict[str, Any]) -> str:
     """Return in words what bounds λ of the layouts of a search that proved nothing stronger impossible."""
     bound = summary.get("bound")
     by = {"branches": "a bound on all that were not solved", "joints": "a bound with each joint open or whole"}
@@ -613,7 +613,7 @@ def _shown(value: Any) -> str:
     return "–" if value is None or value != value else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-def _carried(summary: dict[str, Any]) -> str:
+def _carried_in_words(summary: dict[str, Any]) -> str:
     """Return what parts carry in words, by the model that knows more."""
     low = low_of((*summary["bracket"], summary["locked"]))
     least, most = summary.get("by_fields") or (None, None)

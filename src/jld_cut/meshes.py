@@ -233,7 +233,7 @@ def read_solid(path: Path, unit: float) -> Any:
         size = float(np.ptp(corners, axis=0).max())
         if not _SIZES[0] <= size <= _SIZES[1]:
             raise InputError("", f"the solid is {size:.3g} m long", f"{_SIZES[0]:g} to {_SIZES[1]:g} m: another unit")
-        solids = [_checked(unit * points, faces) for points, faces in pieces]
+        solids = [_checked_solid(unit * points, faces) for points, faces in pieces]
         # surfaces that are turned inwards are cavities, unless there is only one
         hollow = [not outwards and len(solids) > 1 for _, outwards in solids]
         whole = manifold3d().Manifold()
@@ -321,7 +321,7 @@ def _read_3mf(path: Path) -> list[tuple[Floats, Ints]]:
         named = [(item.get("objectid", ""), _placing(item)) for item in items] or [
             (name, np.eye(4)) for name in objects
         ]
-        found = [one for name, placing in named for one in _placed(objects, name, placing, _DEEP)]
+        found = [one for name, placing in named for one in _meshes_of(objects, name, placing, _DEEP)]
         found = [(scale * points, faces) for points, faces in found]
     if not found or not all(len(faces) and faces.max() < len(points) for points, faces in found):
         raise InputError("", "it holds no whole mesh", "one closed mesh")
@@ -336,7 +336,7 @@ def _placing(item: ElementTree.Element) -> Floats:
     return matrix
 
 
-def _placed(
+def _meshes_of(
     objects: dict[str, ElementTree.Element], name: str, placing: Floats, deep: int
 ) -> Iterator[tuple[Floats, Ints]]:
     """Yield the meshes of an object of a 3MF file and of its components, as points and triangles."""
@@ -349,10 +349,10 @@ def _placed(
         turn = 1 if np.linalg.det(placing[:3, :3]) > 0.0 else -1
         yield np.array(points).reshape(-1, 3) @ placing[:3, :3] + placing[3, :3], np.array(faces)[:, ::turn]
     for one in objects[name].iterfind(f"{{{_NAMESPACE}}}components/{{{_NAMESPACE}}}component"):
-        yield from _placed(objects, one.get("objectid", ""), _placing(one) @ placing, deep - 1)
+        yield from _meshes_of(objects, one.get("objectid", ""), _placing(one) @ placing, deep - 1)
 
 
-def _checked(points: Floats, triangles: Ints) -> tuple[Any, bool]:
+def _checked_solid(points: Floats, triangles: Ints) -> tuple[Any, bool]:
     """Return the solid in a surface, and whether its faces look outwards; InputError for an open or crossed one."""
     size = float(np.ptp(points, axis=0).max())
     points, triangles = merged(points, triangles, 1e-7 * size)

@@ -186,7 +186,7 @@ def find_cells(
         cells += [Cell(snapped.paths[k], paths[k].layer, paths[k].name) for k in used]
     else:
         shapes = {k: _shape(k, snapped, holes) for k in used}
-        cells, nested = _outlined(shapes, paths, snapped, segments + rings, options, size, notes)
+        cells, nested = _cells_of_outlines(shapes, paths, snapped, segments + rings, options, size, notes)
         own = [(s, paths[k].layer) for s, k in zip(segments, lines, strict=True) if role[k] in (None, "support")]
         cells += _beside(cells, own, options, size, notes)
     if not empty.is_empty:
@@ -260,7 +260,7 @@ def _openings(rings: list[shapely.LineString], notes: Notes) -> shapely.Geometry
     return shapely.union_all(found)
 
 
-def _outlined(
+def _cells_of_outlines(
     shapes: dict[int, shapely.Geometry],
     paths: list[Path],
     snapped: snapping.Snapped,
@@ -350,7 +350,7 @@ def _beside(
         for face, share, onto in zip(faces, own_share, grounded, strict=True)
         if share > _DRAWN
     ]
-    found = [cell for face, layer in _reached(kept, covered) for cell in _pieces(face, layer)]
+    found = [cell for face, layer in _drop_unconnected(kept, covered) for cell in _pieces(face, layer)]
     if found:
         notes.found.append(f"{several(len(found), 'cell')} that lines enclose beside the outlines")
     return found
@@ -369,7 +369,9 @@ def _share_on(faces: list[shapely.Polygon], lines: list[shapely.LineString], nea
     return [float(lengths[a:b][on[a:b]].sum() / lengths[a:b].sum()) for a, b in itertools.pairwise(stops.tolist())]
 
 
-def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry) -> list[tuple[shapely.Polygon, str]]:
+def _drop_unconnected(
+    faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry
+) -> list[tuple[shapely.Polygon, str]]:
     """Drop the faces that are not connected to an area, directly or through other faces."""
     shapes = [face for face, _ in faces]
     reached = set(np.flatnonzero(shapely.intersects(shapes, covered)).tolist()) if shapes else set()

@@ -128,14 +128,14 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
     if (body := scene_loads.body_of(entry)) is not None:
-        return {"body": _lifted(body) if lift else body}
+        return {"body": _to_space(body) if lift else body}
     element = layout.assembly.elements.index[entry["element"]]
     found: dict[str, Any] = {"element": names(entry["element"])}
     if entry.get("force") is not None:
         # explicit, since the centroid of a block differs from that of its cell
         at = entry.get("at") or layout.assembly.elements.centroid[element].tolist()
-        found["force"] = _lifted(entry["force"]) if lift else entry["force"]
-        found["at"] = _lifted(at, 0.5 * layout.thickness) if lift else at
+        found["force"] = _to_space(entry["force"]) if lift else entry["force"]
+        found["at"] = _to_space(at, 0.5 * layout.thickness) if lift else at
     if np.any(entry.get("moment", 0.0)):
         # counter-clockwise in the x–z plane is about −y
         found["moment"] = [0.0, -float(entry["moment"]), 0.0] if lift else entry["moment"]
@@ -144,7 +144,7 @@ def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, li
     return found
 
 
-def _lifted(vector: list[float], y: float = 0.0) -> list[float]:
+def _to_space(vector: list[float], y: float = 0.0) -> list[float]:
     """Convert a planar vector (x, y) to (x, y0, y)."""
     return [vector[0], y, vector[1]]
 

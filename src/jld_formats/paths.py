@@ -112,7 +112,7 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
         problem = f"its arcs are {chords:.3g} chords within {facet:.3g} of them"
         raise InputError("", problem, f"a larger `facet`: at most {_MOST_CHORDS} chords")
     regular = {
-        which: _divided(np.array(ends), arcs[int(np.argmax(circle == which))].radius, facet, same)
+        which: _dividing_angles(np.array(ends), arcs[int(np.argmax(circle == which))].radius, facet, same)
         for which, ends in stops.items()
     }
     inside: dict[tuple[int, int], Floats] = {}
@@ -142,7 +142,7 @@ def _step(radius: float, facet: float) -> float:
     return float(max(2.0 * np.arccos(np.clip(1.0 - facet / radius, np.cos(np.pi / 8.0), 1.0)), 1e-3))
 
 
-def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
+def _dividing_angles(stops: Floats, radius: float, facet: float, same: float) -> Floats:
     """Return ascending angles (j,) that divide a circle at the ends (k,) of its arcs and between, radians."""
     # The steps between two ends are equal, so that the division has every symmetry of the ends.
     apart = max(same / radius, 1e-9)

@@ -270,9 +270,9 @@ class _Reader:
 
     def _chords(self, curve: Any, pieces: int) -> Any:
         """Return points (k, 2) of a curve whose chords are a facet off; pieces: at least between two knots."""
-        size = float(np.ptp(_flattened(curve, 1e30, 2 * pieces), axis=0).max())
+        size = float(np.ptp(_flatten(curve, 1e30, 2 * pieces), axis=0).max())
         facet = FACET * size if self.options.facet is None else self.options.facet
-        return _flattened(curve, max(facet, 1e-6 * size), pieces)
+        return _flatten(curve, max(facet, 1e-6 * size), pieces)
 
     _ellipse = _spline = _curve
 
@@ -366,7 +366,7 @@ class _Reader:
 _MOST_CHORDS: Final = 4096  # of a spline whose ends are not clamped
 
 
-def _flattened(curve: Any, facet: float, pieces: int) -> Any:
+def _flatten(curve: Any, facet: float, pieces: int) -> Any:
     """Return points (k, 2) of a curve whose chords are `facet` off."""
     knots = curve.knots() if hasattr(curve, "knots") else ()
     low, high = (knots[curve.order - 1], knots[curve.count]) if knots else (0.0, 0.0)

@@ -117,7 +117,7 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
             if not items:
                 empty += 1
                 continue
-            unfolded += sum(_unfolded(item, known) for item in items)
+            unfolded += sum(_count_unfolded(item, known) for item in items)
             if unfolded > _MOST_SOLIDS:
                 raise InputError(title, f"mapped items unfold into {unfolded:.3g} solids", f"at most {_MOST_SOLIDS}")
             if getattr(product, "HasOpenings", None) or not all(_is_simple(item) for item in items):
@@ -248,13 +248,13 @@ def _refused(item: Any, title: str) -> InputError:
     return InputError(title, f"its shape is {item.is_a()}", wish)
 
 
-def _unfolded(item: Any, known: dict[int, int]) -> int:
+def _count_unfolded(item: Any, known: dict[int, int]) -> int:
     """Return the number of solids that an item unfolds into, by its mapped items."""
     if not item.is_a("IfcMappedItem"):
         return 1
     if item.id() not in known:
         parts = item.MappingSource.MappedRepresentation.Items
-        known[item.id()] = sum(_unfolded(part, known) for part in parts)
+        known[item.id()] = sum(_count_unfolded(part, known) for part in parts)
     return known[item.id()]
 
 

@@ -112,7 +112,7 @@ class _Reader:
         self._unread: Counter[tuple[str, str]] = Counter()
         self._hidden: Counter[str] = Counter()
 
-    def _unfolded(self, item: Any, known: dict[str, int], depth: int = 0) -> int:
+    def _count_unfolded(self, item: Any, known: dict[str, int], depth: int = 0) -> int:
         """Return how many objects an object holds; known: those of definitions. Raises InputError for deep nesting."""
         if type(item.Geometry).__name__ != "InstanceReference":
             return 1
@@ -126,13 +126,13 @@ class _Reader:
                 if definition is not None
                 else []
             )
-            known[key] = 1 + sum(self._unfolded(one, known, depth + 1) for one in own if one is not None)
+            known[key] = 1 + sum(self._count_unfolded(one, known, depth + 1) for one in own if one is not None)
         return known[key]
 
     def content(self, title: str) -> Drawing | Solids:
         known: dict[str, int] = {}
         items = [item for item in self._model.Objects if not item.Attributes.IsInstanceDefinitionObject]
-        if len(items) > MOST or sum(self._unfolded(item, known) for item in items) - len(items) > _MOST_COPIES:
+        if len(items) > MOST or sum(self._count_unfolded(item, known) for item in items) - len(items) > _MOST_COPIES:
             raise InputError("", "its blocks unfold into too many objects", f"at most {_MOST_COPIES}")
         for done, item in enumerate(items):
             self._notes.reached("objects", done, len(items))

@@ -431,7 +431,7 @@ def _outer_faces(
     turned = sum(a != b for a, b in zip(faces, kept, strict=True))
     notes.skip("surfaces", turned, "they were inside out or mended, and are turned outward")
     given = sum(len(part.faces) for part in parts)
-    whole, faces = _merged(whole, faces)
+    whole, faces = _merge_coplanar(whole, faces)
     if (now := sum(map(len, faces))) < given:
         notes.found.append(f"{given} faces merged to {now} plane ones")
     return whole, faces
@@ -555,7 +555,7 @@ def _apex(corners: Floats) -> int:
     return int(np.argmin(diagonals))
 
 
-def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
+def _merge_coplanar(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
     """Merge coplanar faces of solids to one face per plane piece; return vertices and faces."""
     # Solids with a piece that has holes keep their faces.
     facets = facets_of(list(vertices), list(faces))
@@ -583,8 +583,8 @@ def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
     # Faces connected by corner indices form a solid where they are closed. In a file without shared indices, a solid
     # ends where the surface first closes, so that touching blocks stay separate. Otherwise faces that touch are
     # connected.
-    loose = _connected(faces)
-    if all(_closed(faces, part) for part in loose):
+    loose = _components(faces)
+    if all(_is_closed(faces, part) for part in loose):
         return loose
     node = merge_points(points, tolerance).tolist()
     named = tuple(tuple(node[index] for index in loop) for loop in faces)
@@ -597,9 +597,9 @@ def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
         if not open_edges:
             closing.append(np.arange(begin, number + 1))
             begin = number + 1
-    if begin == len(named) and all(_closed(named, part) for part in closing):
+    if begin == len(named) and all(_is_closed(named, part) for part in closing):
         return closing
-    touching = _connected(named)
+    touching = _components(named)
     for part in touching:
         if max(_uses(named, part).values()) > 3:
             raise InputError(
@@ -612,7 +612,7 @@ def _edges(loop: Sequence[int]) -> list[tuple[int, int]]:
     return [(min(a, b), max(a, b)) for a, b in zip(loop, (*loop[1:], loop[0]), strict=True)]
 
 
-def _connected(faces: Faces) -> list[Ints]:
+def _components(faces: Faces) -> list[Ints]:
     """Return the connected components of faces by shared corners, in order of first face."""
     start = np.repeat([loop[0] for loop in faces], [len(loop) for loop in faces])
     end = np.array([index for loop in faces for index in loop])
@@ -626,6 +626,6 @@ def _uses(faces: Faces, part: Ints) -> Counter[tuple[int, int]]:
     return Counter(edge for k in part.tolist() for edge in _edges(faces[k]))
 
 
-def _closed(faces: Faces, part: Ints) -> bool:
+def _is_closed(faces: Faces, part: Ints) -> bool:
     """Return True if the faces `part` (k,) number at least four and share each edge in pairs."""
     return len(part) > 3 and set(_uses(faces, part).values()) == {2}

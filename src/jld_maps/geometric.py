@@ -42,7 +42,7 @@ def middles_of(assembly: Assembly) -> Middles:
     """Find the middle line or surface; raise InputError where there is none."""
     planar, near = assembly.dimension == 2, _NEAR * assembly.size
     try:
-        middles = _chain(assembly, near) if planar else _extruded(assembly, near)
+        middles = _chain(assembly, near) if planar else _middles_of_prisms(assembly, near)
     except InputError:
         middles = _whole(assembly, near) if planar else _by_blocks(assembly, near)
     _carry_supports(assembly, middles)
@@ -303,7 +303,7 @@ def _corners(line: Floats) -> list[int]:
 # --- space -------------------------------------------------------------------------------------------------
 
 
-def _extruded(assembly: Assembly, near: float) -> Middles:
+def _middles_of_prisms(assembly: Assembly, near: float) -> Middles:
     """Prisms along one direction: a wall, vault or beam that has one outline all along."""
     elements, faces = assembly.elements, assembly.interfaces
     free, support = elements.free.tolist(), elements.support
@@ -446,7 +446,7 @@ def geometric_safety(scene: Scene, labels: Bits, model: Model) -> GeometricSafet
     def stands(scale: float) -> bool | None:
         """Return whether it stands at a scale of its thickness; None where undecided."""
         try:
-            scaled = build_assembly(parse_scene(_scaled(document, middles, assembly, scale)))
+            scaled = build_assembly(parse_scene(_scaled_scene(document, middles, assembly, scale)))
         except InputError:
             if scale == 1.0:
                 raise
@@ -510,7 +510,7 @@ def _document(scene: Scene, assembly: Assembly) -> dict[str, Any]:
     return document
 
 
-def _scaled(document: dict[str, Any], middles: Middles, assembly: Assembly, scale: float) -> dict[str, Any]:
+def _scaled_scene(document: dict[str, Any], middles: Middles, assembly: Assembly, scale: float) -> dict[str, Any]:
     """Return the scene scaled across its middle lines."""
     changed, elements = deepcopy(document), assembly.elements
     for k, (entry, points) in enumerate(zip(changed["elements"], elements.shape, strict=True)):

@@ -200,7 +200,7 @@ def _fans(
     chosen = hollow or arcs
     fans = []
     for opening, chain in enumerate(_chains(chosen), number):
-        for arc, count in zip(chain, _shared(chain, voussoirs), strict=True):
+        for arc, count in zip(chain, _distribute(chain, voussoirs), strict=True):
             fans.append(replace(_of_arc(arc, arcs, part, count, rings), opening=opening))
     return fans
 
@@ -220,7 +220,7 @@ def _chains(arcs: list[Arc]) -> list[list[Arc]]:
     return chains
 
 
-def _shared(chain: list[Arc], voussoirs: int) -> list[int]:
+def _distribute(chain: list[Arc], voussoirs: int) -> list[int]:
     """Distribute voussoirs over a chain's arcs by length, at least one each; ParameterError if too few."""
     if len(chain) == 1:
         return [voussoirs]

@@ -231,7 +231,7 @@ def report(
     core_files.require_writable(target)
     if pdf:
         content = content_of(source, rank)
-        placed = _placed(content.layout, sides, kerf, unit)
+        placed = _place_stones(content.layout, sides, kerf, unit)
         count = write_printed(content, target, language=language, unit=unit)
         streams.say(f"{target}: {count} page{'s' * (count != 1)}")
         table = target.with_suffix(".stones.csv")
@@ -266,7 +266,7 @@ def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, flo
     return a, b, c
 
 
-def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: float, unit: str) -> Stock | None:
+def _place_stones(layout: Layout, sides: tuple[float, float, float] | None, kerf: float, unit: str) -> Stock | None:
     """Place the stones of a layout in stock cuboids; None without sides, which are in `unit`."""
     if sides is None:
         return None
@@ -290,14 +290,14 @@ def content_of(source: Path, rank: int | None) -> Printed:
     with error_context(source):
         assembly = build_assembly(scene)
         result = solve_by_elements(assembly, assembly.labels, what="a printed report")
-        return _printed(Layout(scene, assembly, assembly.labels), result, _NOTHING)
+        return _content(Layout(scene, assembly, assembly.labels), result, _NOTHING)
 
 
 def _of_design(source: Path, best: Path) -> Printed:
     facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
     scene = load_scene(best)
     assembly = build_assembly(scene)
-    return _printed(
+    return _content(
         Layout(scene, assembly, assembly.labels),
         solve_rigid(assembly),
         _bounds(tuple(facts.get("fields") or (None, None))),
@@ -313,13 +313,13 @@ def _of_search(source: Path, rank: int | None) -> Printed:
     fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
     strongest = bool(search.summary.proven) and search.summary.stands_at_zero is not False and first
     with error_context(source):
-        printed = _printed(search.layout(rank), search.result(rank), _bounds(fields), strongest=strongest)
+        printed = _content(search.layout(rank), search.result(rank), _bounds(fields), strongest=strongest)
     facts = search.summary.facts
     uncut_low, *_ = (facts.get("fields") or {}).get("uncut") or (None,)
     return replace(printed, uncut=facts.get("uncut_at_most") if first else None, uncut_by_fields=uncut_low)
 
 
-def _printed(
+def _content(
     layout: Layout,
     result: LimitAnalysisResult,
     fields: tuple[float, float],

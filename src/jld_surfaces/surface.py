@@ -328,7 +328,7 @@ class _Parts:
 
     def _cone(self, cone: Cone, part: str) -> None:
         along = self._along(cone.direction, part)
-        shear = None if cone.shear is None else _turned(along, np.array(cone.shear))
+        shear = None if cone.shear is None else _shear_matrix(along, np.array(cone.shear))
         capacity = cone.capacity * self.keys.reference_strength
         self.gauges.append(Gauge(shear, cone.torsion, capacity, cone.friction))
 
@@ -377,7 +377,9 @@ class _Parts:
             raise InputError(".friction.torsion", "nothing resists torsion", "a coefficient above 0")
         ratio = first / second if second else 1.0
         self.gauges.append(
-            Gauge(_turned(along, np.array([1.0, ratio])), first / turning if turning else 1.0, cohesion_along, first)
+            Gauge(
+                _shear_matrix(along, np.array([1.0, ratio])), first / turning if turning else 1.0, cohesion_along, first
+            )
         )
 
     def _bending(self, within: str, tension: float, compression: float | None) -> Iterator[Limits]:
@@ -439,7 +441,7 @@ class _Parts:
             yield from self._bending("kern", tension, None)
 
 
-def _turned(along: Floats, factors: Floats) -> Floats:
+def _shear_matrix(along: Floats, factors: Floats) -> Floats:
     """Return B (k, 2, 2) whose rows are factors times a direction (k, 2) and the one across it."""
     across = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     return np.stack([factors[0] * along, factors[1] * across], axis=1)

@@ -220,7 +220,7 @@ def _paint_spatial(
         shape = moved_to(element, elements.shape[element])
         for corners in visible_faces(shape, elements.faces[element], projection.toward):
             shade = _shade(SUPPORT if grey else fills[element], shape[list(corners)])
-            run.append((_closed(projection(shape[list(corners)])), shade, SOFT, thin, "solid"))
+            run.append((_close_ring(projection(shape[list(corners)])), shade, SOFT, thin, "solid"))
         for k in drawn_after[step]:
             sides = {int(faces.b[k])} if move is None else {int(faces.a[k]), int(faces.b[k])}
             dash = "solid" if labels[k] else DOTTED
@@ -254,7 +254,7 @@ def visible_faces(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Flo
     return sorted(seen, key=lambda face: float(shape[list(face)].mean(axis=0) @ toward))
 
 
-def _closed(points: Floats) -> Floats:
+def _close_ring(points: Floats) -> Floats:
     """Return a ring (k, 2) with its first point repeated at the end."""
     return np.vstack([points, points[:1]])
 

@@ -309,7 +309,7 @@ class BatchRows:
 
 def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | None:
     # Cached, because both `fits` and the constructor of the batch solver ask for the same template.
-    return _decided(template) if undecided is None else _rows_of(template, undecided)
+    return _rows_of_labels(template) if undecided is None else _rows_of(template, undecided)
 
 
 def rows_of_samples(own: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
@@ -327,7 +327,7 @@ def rows_of_samples(own: YieldSet, labels: Bits, dimension: int) -> BatchRows | 
 
 
 @lru_cache(maxsize=2)
-def _decided(template: Template) -> BatchRows | None:
+def _rows_of_labels(template: Template) -> BatchRows | None:
     """Compute the rows of the labels inner and dry; cached; None if unsupported."""
     return _rows_of(template, None)
 

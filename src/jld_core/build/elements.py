@@ -314,7 +314,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
     vertices: list[Floats] = [np.array(entry.vertices, dtype=float) for entry in entries]
     faces: list[Faces] = [tuple(tuple(face) for face in entry.faces or []) for entry in entries]
     drawn = vertices
-    vertices, moved = _closed(scene, drawn, faces)
+    vertices, moved = _close_gaps(scene, drawn, faces)
     try:
         vertices, faces, volume, centroid = solids(ids, vertices, faces)
     except InputError as error:
@@ -352,7 +352,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
     return Geometry(elements, entries, interfaces, own, touching, moved, overlap_warnings + warnings)
 
 
-def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
+def _close_gaps(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
     """Close gaps between solids (k, 3) and make their faces plane, up to the tolerance of the scene."""
     if scene.interfaces is not None or scene.tolerance == 0.0:
         return vertices, 0.0

@@ -66,7 +66,7 @@ def self_weight(element: Element, volume: float, materials: Materials, direction
     return (density or 0.0) * volume * gravity * direction
 
 
-def _stated(source: Any, one: StandardParameter, prefix: str = "") -> float | None:
+def _stated_value(source: Any, one: StandardParameter, prefix: str = "") -> float | None:
     """Return the value that an entry states for a parameter, if any; prefix: of the keys of friction in it."""
     if source is None:
         return None
@@ -78,7 +78,7 @@ def _stated(source: Any, one: StandardParameter, prefix: str = "") -> float | No
 
 def _of_face(face: FaceMaterial) -> dict[str, float | None]:
     """Return the values that an entry of "materials.faces" states, by fields of `Strengths`."""
-    given = {parameter.field: _stated(getattr(face, parameter.label), parameter) for parameter in PARAMETERS}
+    given = {parameter.field: _stated_value(getattr(face, parameter.label), parameter) for parameter in PARAMETERS}
     return {name: value for name, value in given.items() if value is not None}
 
 
@@ -128,7 +128,7 @@ def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
     """Return the strengths of m interfaces under both labels."""
-    usual = {parameter.field: _stated(getattr(materials, parameter.label), parameter) for parameter in PARAMETERS}
+    usual = {parameter.field: _stated_value(getattr(materials, parameter.label), parameter) for parameter in PARAMETERS}
     rows = []
     for contact, face in zip(contacts, faces or [None] * len(contacts), strict=True):
         own = dict(usual)
@@ -138,7 +138,9 @@ def strengths(
             own |= _of_face(face)
             _check_apex(own, f"materials.faces of {'–'.join(face.between)}")
         if contact is not None:
-            given = {parameter.field: _stated(contact, parameter, _PREFIX[parameter.label]) for parameter in PARAMETERS}
+            given = {
+                parameter.field: _stated_value(contact, parameter, _PREFIX[parameter.label]) for parameter in PARAMETERS
+            }
             own |= {name: value for name, value in given.items() if value is not None}
             _check_apex(own, f"interface {'–'.join(contact.elements)}")
         rows.append(
@@ -236,13 +238,13 @@ def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | 
     return replace(
         assembly,
         members=members,
-        interfaces=_joined(assembly.interfaces, _interfaces(assembly, members, varying)),
+        interfaces=_join_interfaces(assembly.interfaces, _interfaces(assembly, members, varying)),
         face_strengths=assembly.face_strengths.joined(strengths),
         labels=np.append(assembly.labels, np.full(len(varying), INNER)).astype(bool),
     )
 
 
-def _joined(one: Interfaces, other: Interfaces) -> Interfaces:
+def _join_interfaces(one: Interfaces, other: Interfaces) -> Interfaces:
     parts: dict[str, Any] = {}
     for part in fields(one):
         first, second = getattr(one, part.name), getattr(other, part.name)
@@ -257,7 +259,7 @@ def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
         where = f"members[{position}]"
         anchors = [("from", entry.from_), *((f"through[{k}]", one) for k, one in enumerate(entry.through))]
         anchors.append(("to", entry.to))
-        found = [_anchored(assembly, anchor, f"{where}.{key}") for key, anchor in anchors]
+        found = [_anchor_point(assembly, anchor, f"{where}.{key}") for key, anchor in anchors]
         elements, places = np.array([element for element, _ in found]), np.array([place for _, place in found])
         _require_two(assembly, elements, where)
         names.append(entry.name or f"{entry.kind} {position + 1}")
@@ -280,7 +282,7 @@ def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
     )
 
 
-def _anchored(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floats]:
+def _anchor_point(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floats]:
     """Return the element and the point (d,) of an anchor, checked to lie inside it."""
     elements, d = assembly.elements, assembly.dimension
     index = elements.named(anchor.element, f"{where}.element", "the id of an element")

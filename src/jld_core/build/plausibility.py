@@ -114,7 +114,7 @@ def weight_facts(scene: Scene, assembly: Assembly) -> dict[str, str]:
         facts["density"] = f"{density:g}"
         if units.known:
             mass = f"{density * units.density:.4g} kg/m³"
-            facts["density"] = mass if units.density == 1.0 else f"{density:g}, {mass} in {_named(scene)}"
+            facts["density"] = mass if units.density == 1.0 else f"{density:g}, {mass} in {_unit_names(scene)}"
     weight = float(np.linalg.norm(elements.weight[elements.free], axis=1).sum())
     facts["weight"] = f"{weight:.4g} {force}"
     if units.known and force != "kN":
@@ -176,7 +176,7 @@ def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
         }
         likely = _meant(meant, _DENSITY, first=True)
         usual = next((one for one in meant.values() if _within(one, _DENSITY)), 2000.0)
-        text = f"{value:g} kg/m³" if plain else f"{value:g}, which is {mass:.4g} kg/m³ in {_named(scene)}"
+        text = f"{value:g} kg/m³" if plain else f"{value:g}, which is {mass:.4g} kg/m³ in {_unit_names(scene)}"
         remedy = "" if plain else f'; write "density": "{usual:.4g} kg/m³", or {usual / units.density:.4g}'
         yield f"{where} is {text}; usual is {low:g} to {high:g}{likely}{remedy}"
     gravity = scene.materials.gravity
@@ -186,7 +186,7 @@ def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
         yield f"materials.gravity is {units.gravity:g} m/s²; usual is 9.81; 9.81 even where lengths were drawn in mm"
 
 
-def _named(scene: Scene) -> str:
+def _unit_names(scene: Scene) -> str:
     return f"{scene.units.length} and {scene.units.force}"
 
 
@@ -205,7 +205,9 @@ def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterat
             if not number:  # absent or zero: a model without this strength
                 continue
             value = pascals * number
-            stated = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_named(scene)}"
+            stated = (
+                f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_unit_names(scene)}"
+            )
             if value > _STRENGTH:
                 readings = {"it was turned into Pa twice": value / 1e6, "Pa are meant": number}
                 meant = _meant(readings, (pressure, _STRENGTH), first=True)

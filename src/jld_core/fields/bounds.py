@@ -591,7 +591,7 @@ class FieldRefinement:
                 simplices, took = self._times[True]
                 seconds_left = max(self._seconds - spent, 0.0)
                 most_simplices = min(most_simplices, int(simplices * (seconds_left / took) ** (1.0 / _GROWTH[3])))
-            layered = self._layered(fields) if self._adaptive and len(self._best.history) == 1 else None
+            layered = self._cut_in_layers(fields) if self._adaptive and len(self._best.history) == 1 else None
             if layered is not None and len(layered.coarse) <= most_simplices:
                 self._before, self._setting = (fields, self._setting), layered
                 return layered.coarse
@@ -603,7 +603,7 @@ class FieldRefinement:
         grown = len(finer) > _LEAST_GROWTH[self._dimension] * len(fields.mesh)
         return finer if grown and len(finer) <= most_simplices else None
 
-    def _layered(self, fields: Fields) -> FieldSetting | None:
+    def _cut_in_layers(self, fields: Fields) -> FieldSetting | None:
         """Return the setting with deforming long or flat cells cut in layers, None where none is."""
         if fields.velocity is None:
             return None

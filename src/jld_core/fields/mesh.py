@@ -393,7 +393,7 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
         split[lead[nonconforming]] = True
     middle = np.full(len(unique), -1, dtype=np.int64)
     middle[split] = len(mesh.points) + np.arange(int(split.sum()))
-    triangles, parent = _bisected(mesh, middle[number], longest)
+    triangles, parent = _bisect(mesh, middle[number], longest)
     tagged = mesh.side_tags != FREE
     whole, halves = np.flatnonzero(tagged & ~split), np.flatnonzero(tagged & split)
     pairs = [unique[whole], *(np.column_stack([unique[halves, end], middle[halves]]) for end in (0, 1))]
@@ -408,7 +408,7 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
     )
 
 
-def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, int, int]], list[int]]:
+def _bisect(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, int, int]], list[int]]:
     """Split triangles at middles (t, 3), −1 for none, edge `first` first; also the old triangle of each."""
     triangles: list[tuple[int, int, int]] = []
     parent: list[int] = []

@@ -292,7 +292,7 @@ def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float
     on_plane: list[Floats] = []
     for source, target in ((part.skin, skins), (part.caps, caps)):
         for name, outline in source:
-            for half, (piece, edge) in enumerate(_clipped(outline, normal, offset, reach)):
+            for half, (piece, edge) in enumerate(_cut_outline(outline, normal, offset, reach)):
                 on_plane.append(edge)
                 if len(piece) > 2:
                     target[half].append((name, piece))
@@ -303,7 +303,7 @@ def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float
     return [Part((*part.side, bool(half)), tuple(skins[half]), (*caps[half], (number, cap))) for half in (0, 1)]
 
 
-def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> list[tuple[Floats, Floats]]:
+def _cut_outline(outline: Floats, normal: Floats, offset: float, reach: float) -> list[tuple[Floats, Floats]]:
     """Cut a convex outline (c, 3) by a plane: pieces (c, 3) before and beyond it, with their points on it (j, 3)."""
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
@@ -587,14 +587,18 @@ def _add_pieces(
 ) -> Floats:
     """Add tractions of dead (kind 0) or live loads (1) to the pieces by facet; return the rest (n, 6) of the loads."""
     for traction in loads.tractions:
-        index, polygon = _pressed(assembly, surface, traction)
+        index, polygon = _pressed_facet(assembly, surface, traction)
         pieces.setdefault(index, []).append(_piece(surface.facets[index], polygon, traction, kind))
     points = loads.points
     on_face, inside = _forces_by_region(assembly, surface, points, patch)
     for (index, number), forces in on_face.items():
         facet = surface.facets[index]
         region = surface.free(facet)[number]
-        spread = [_stated(assembly, facet, region, force, surface.reach) for force in forces if force.width is not None]
+        spread = [
+            _square_of_width(assembly, facet, region, force, surface.reach)
+            for force in forces
+            if force.width is not None
+        ]
         without_width = [force for force in forces if force.width is None]
         if without_width:
             spread.append(_spread(assembly, facet, region, without_width))
@@ -632,7 +636,7 @@ def _piece(facet: Facet, polygon: shapely.Polygon, traction: Traction, kind: int
     return _Piece(polygon, mean, slope)
 
 
-def _pressed(assembly: Assembly, surface: Surface, traction: Traction) -> tuple[int, shapely.Polygon]:
+def _pressed_facet(assembly: Assembly, surface: Surface, traction: Traction) -> tuple[int, shapely.Polygon]:
     """Return the facet that a traction acts on, and its part in the plane; InputError if none."""
     corners = np.concatenate(traction.rings)
     reach = max(surface.reach, 2.0 * tolerances.ON_OUTLINE * assembly.size)
@@ -701,7 +705,7 @@ def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: l
     return part, _linear(facet, part, forces)
 
 
-def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Spread:
+def _square_of_width(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Spread:
     """Spread a force over a square of its width; InputError if that exceeds the region by more than `reach`."""
     assert force.width is not None
     x, y = facet.flat(force.place[None])[0]

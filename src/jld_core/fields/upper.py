@@ -524,10 +524,12 @@ class UpperBound:
         # strain rates are velocities over heights of simplices
         self._steep = max(1.0, float(abs(problem.mesh.gradient).max()))
         corner = problem.mesh.volume[:, None, None] / corners
-        self.live = np.repeat(problem.live[:, None, :] * corner, corners, axis=1) + self._pulled(problem.pull)
-        self.dead = np.repeat(problem.dead[:, None, :] * corner, corners, axis=1) + self._pulled(problem.dead_pull)
+        self.live = np.repeat(problem.live[:, None, :] * corner, corners, axis=1) + self._nodal_forces(problem.pull)
+        self.dead = np.repeat(problem.dead[:, None, :] * corner, corners, axis=1) + self._nodal_forces(
+            problem.dead_pull
+        )
 
-    def _pulled(self, pull: Floats) -> Floats:
+    def _nodal_forces(self, pull: Floats) -> Floats:
         """Return nodal forces (t, d + 1, d) of linear tractions (f, d, d) on linear velocities."""
         problem, sides, d = self.problem, self.problem.sides, self.problem.mesh.dimension
         forces = np.zeros((len(problem.mesh), d + 1, d))
@@ -614,15 +616,15 @@ class UpperBound:
 
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
         """Repair velocities (t, 3, 2) until every flow rule holds, and compute their upper bound."""
-        opened = self._opened(velocity, labels)
+        opened = self._open_until_valid(velocity, labels)
         if opened is not None and opened.factor - expected <= _CHEAP * abs(opened.factor):
             return opened
         if self._settling is None:
             self._settling = Settling(self.problem)
-        near = self._opened(self._settling.settled(velocity, self.problem.is_dry(labels)), labels)
+        near = self._open_until_valid(self._settling.settled(velocity, self.problem.is_dry(labels)), labels)
         return min((one for one in (near, opened) if one is not None), key=lambda one: one.factor, default=None)
 
-    def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
+    def _open_until_valid(self, velocity: Floats, labels: Bits) -> VelocityField | None:
         """Open velocities (t, 3, 2) until every flow rule holds, and compute their bound; or None."""
         rates = self.rates(velocity)
         worst, share, allowance = self._worst(rates, labels), 0.0, 0.0

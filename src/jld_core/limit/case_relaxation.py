@@ -402,7 +402,7 @@ class _Cases(Generic[_Kind]):
         self._order = sorted(self._order, key=lambda case: -refuted[case])
 
 
-def _raised(bound: float) -> float:
+def _raise_by_rounding(bound: float) -> float:
     """Raise a bound by the rounding error of a change of units."""
     return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
 
@@ -435,7 +435,7 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
             )
             for k, of_case in zip(open_ones.tolist(), answers, strict=True):
                 if of_case is not None:
-                    refutations[k] = replace(of_case, bound=_raised(of_case.bound * unit), case=case)
+                    refutations[k] = replace(of_case, bound=_raise_by_rounding(of_case.bound * unit), case=case)
                     counts[case] += 1
             open_ones = np.array([k for k in open_ones.tolist() if refutations[k] is None], dtype=np.int64)
         self._reorder(counts)
@@ -458,7 +458,7 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
                 if conflict.bound is None:
                     carried[labelling] &= conflict.carries or not conflict.drawn
                     continue
-                bound = _raised(conflict.bound * unit)
+                bound = _raise_by_rounding(conflict.bound * unit)
                 conflicts.append(replace(conflict, labelling=labelling, bound=bound, case=case))
                 if conflict.drawn:
                     refuted.add(labelling)
@@ -475,12 +475,12 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
         bounds = self._cases[case].evaluate_mechanisms(0, velocities, labellings, undecided) * self._units[case]
-        return np.array([_raised(bound) for bound in bounds.tolist()])
+        return np.array([_raise_by_rounding(bound) for bound in bounds.tolist()])
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
         found = [case.least_bound(labels, undecided) for case in self._cases]
         known = [
-            replace(one, bound=_raised(one.bound * unit), case=case)
+            replace(one, bound=_raise_by_rounding(one.bound * unit), case=case)
             for case, (one, unit) in enumerate(zip(found, self._units, strict=True))
             if one is not None
         ]
@@ -497,7 +497,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
         unit = self._units[mechanism.case]
         scaled = self._in_units(threshold, most, unit)
         found = self._cases[mechanism.case].evaluate(mechanism, allowed, *scaled)
-        bound = threshold if found.refuted else _raised(found.bound * unit)
+        bound = threshold if found.refuted else _raise_by_rounding(found.bound * unit)
         return replace(found, bound=min(most, bound), mechanisms=(mechanism,))
 
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
@@ -518,7 +518,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
                     counts[case] += 1
                     choices[k] = replace(of_case, bound=min(upper, threshold), useless=useless, mechanisms=proof)
                     continue
-                bound = min(upper, _raised(of_case.bound * unit))
+                bound = min(upper, _raise_by_rounding(of_case.bound * unit))
                 if before is None or bound < before.bound:
                     choices[k] = replace(of_case, bound=bound, useless=useless, mechanisms=proof)
                 else:
@@ -530,7 +530,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
     @staticmethod
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
         """Convert factors to scaled λ of a case: threshold rounded down, most rounded up, so that bounds hold."""
-        return (threshold - abs(threshold) * _ROUNDING) / unit, _raised(most) / unit
+        return (threshold - abs(threshold) * _ROUNDING) / unit, _raise_by_rounding(most) / unit
 
 
 AnyRelaxation = Relaxation | CaseRelaxation  # relaxation of partial labellings under one load or several load cases

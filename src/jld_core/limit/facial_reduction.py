@@ -77,11 +77,11 @@ class FacialReduction:
         # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
         # first with rays of the live load treated as self-stress.
         idle = not normalise and abs(motion.work) < _NO_WORK
-        return (self._repaired(motion, labels, normalise, idle, True) if idle else None) or self._repaired(
+        return (self._best_repair(motion, labels, normalise, idle, True) if idle else None) or self._best_repair(
             motion, labels, normalise, idle, False
         )
 
-    def _repaired(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
+    def _best_repair(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
         """Return the repaired motion of least bound; idle: no live work.
 
         loaded: self-stresses may balance live load.
@@ -404,7 +404,7 @@ class SelfStress:
         self.program = self.template.program(labels)
         self.columns = self.program.structure.shape[1] - 1
         small = self.template.matrix.shape[0] <= DENSE and set(self.program.structure.cones) == {3}
-        self.stages = list(self._reduced())[::-1] if small else []
+        self.stages = list(self._stages())[::-1] if small else []
 
     def ray(self) -> State | None:
         """Find a ray R₁, A R₁ + b_λ = 0, that is admissible in the rows which large self-stresses leave (3.14a).
@@ -436,10 +436,12 @@ class SelfStress:
         # Forces that are admissible in the rows that the self-stresses leave are blended with `inside`. Self-stresses
         # are then added until all rows hold.
         resultants = self.template.matrix.shape[1]
-        inner = self._balanced(inside)
+        inner = self._project_onto_equilibrium(inside)
         for stage, (tolerance, kept) in itertools.product(self.stages, _ACCURACIES):
             stated = program_of_rows(self.template.program(self.labels, kept), stage.left, right=True)
-            outer = self._balanced(ClarabelSolver(tolerance, proximal=(resultants, _CALM)).solve(stated).point)
+            outer = self._project_onto_equilibrium(
+                ClarabelSolver(tolerance, proximal=(resultants, _CALM)).solve(stated).point
+            )
             if inner is None or outer is None:
                 continue
             point = _blended(program_of_rows(self.program, stage.left, right=True), outer[0], inner[0])
@@ -449,7 +451,7 @@ class SelfStress:
                 error = max(error, _LAST_DIGITS * float(abs(forces).max()))
                 yield State(self._table(forces[:resultants]), float(point[-1]), 2.0 * error, error)
 
-    def _balanced(self, point: Floats) -> tuple[Floats, float] | None:
+    def _project_onto_equilibrium(self, point: Floats) -> tuple[Floats, float] | None:
         """Project a point (columns + 1,) onto equilibrium, with the error left; None if unusable."""
         if not usable(point):
             return None
@@ -475,7 +477,7 @@ class SelfStress:
                 return None
         return point
 
-    def _reduced(self) -> Iterator[_Stage]:
+    def _stages(self) -> Iterator[_Stage]:
         """Find self-stresses one after the other; yield each stage with a cone reduced to a ray."""
         # The search ends where no self-stress removes another row, or after `_ROUNDS` rounds.
         stage = _Stage((), (), kept_rows(self.program))

@@ -172,12 +172,12 @@ class Repair:
         program = largest_slack_program(self.template.program(labels), load_fixed=True)
         # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
         for gap in _GAPS if is_large(program.structure) else _GAPS[1:]:
-            proof = self._settled(solve_auxiliary(program, gap, until), labels)
+            proof = self._settle(solve_auxiliary(program, gap, until), labels)
             if proof is not None:
                 break
         return proof
 
-    def _settled(self, raw: RawSolution, labels: Bits) -> State | Motion | None:
+    def _settle(self, raw: RawSolution, labels: Bits) -> State | Motion | None:
         """Return a state that proves λ = 0 admissible, or a motion that proves it is not; None without proof."""
         # cheap repairs first
         point = np.append(raw.point[: self.template.columns - 1], 0.0)

@@ -389,7 +389,7 @@ def row_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending 
     InputError for joints that crush and unusable rows.
     """
     dry, inner = _of_stresses(assembly, inner_bending)
-    sets = _aligned(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
+    sets = _align_rows(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
     dry, inner, both = (rows.scaled(assembly.interfaces.area / scaling.force) for rows in sets)
     return RowYield(assembly.dimension, dry, inner, both, assembly.face_strengths.criteria)
 
@@ -402,7 +402,7 @@ def _of_stresses(assembly: Assembly, inner_bending: InnerBending) -> tuple[Label
         bending = bending_of(assembly.interfaces, none, inner_bending, np.isfinite(numbers.side(dry=False).crush))
     groups = [_rows(assembly, numbers, bending, label) for label in (True, False)]
     width = max(rows.C.shape[2] for group in groups for _, rows in group)
-    dry, inner = (_compiled(assembly, one, width, label) for one, label in zip(groups, (True, False), strict=True))
+    dry, inner = (_compile(assembly, one, width, label) for one, label in zip(groups, (True, False), strict=True))
     return dry, inner
 
 
@@ -431,10 +431,10 @@ def maps_criteria(assembly: Assembly, face_to: Ints, matrix: Floats) -> bool:
             core[:, 1:3, 1:3], core[:, 5, 5] = shear, turned
         bends = slice(1, 3) if core.shape[1] == 3 else slice(3, 5)
         core[:, bends, bends] = turned * shear
-    return all(_mapped(rows, face_to, core, shear) for rows in sets)
+    return all(_maps_onto_image(rows, face_to, core, shear) for rows in sets)
 
 
-def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
+def _maps_onto_image(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
     """Return True if maps of the core (m, q, q) and of shear (m, 2, 2) turn each set into that of its image."""
     for points in (sets.vertices, sets.rays):
         if not points.shape[1]:
@@ -499,7 +499,7 @@ def _taken(gauge: Gauge, faces: Bools) -> Gauge:
     return Gauge(None if gauge.shear is None else gauge.shear[faces], *numbers)
 
 
-def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: int, dry: bool) -> LabelRows:
+def _compile(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: int, dry: bool) -> LabelRows:
     """Return one label's sets in stresses: needed rows, vertices, rays, class of each face.
 
     width: resultants of the core. InputError for unusable rows.
@@ -520,7 +520,7 @@ def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: in
         # what an error names: the criterion of a face that has these rows
         names = ((criterion.key, criterion.name) for criterion in criteria if criterion.faces[face])
         cores.append(_core(distinct, *next(names, ("materials", "standard"))))
-    limits, vertices, rays = (_padded([core[k] for core in cores], repeat=k == 1)[table_of_face] for k in range(3))
+    limits, vertices, rays = (_pad([core[k] for core in cores], repeat=k == 1)[table_of_face] for k in range(3))
     shear, numbers, coupled = _gauges(groups, count)
     k, c, mu = numbers
     compiled = LabelRows(limits[..., :-1], limits[..., -1], shear, k, c, mu, coupled, vertices, rays, table_of_face)
@@ -553,7 +553,7 @@ def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Fl
     return shear, numbers, coupled
 
 
-def _padded(parts: list[Floats], *, repeat: bool) -> Floats:
+def _pad(parts: list[Floats], *, repeat: bool) -> Floats:
     """Return arrays (r, q) of several lengths as one (k, most, q), filled with zeros or with their first row."""
     most = max(len(part) for part in parts)
     found = np.zeros((len(parts), most, parts[0].shape[1]))
@@ -604,7 +604,7 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
     _, first, kind = np.unique(np.column_stack(facts), axis=0, return_index=True, return_inverse=True)
     parts = [_hull_of(dimension, dry, inner, face) for face in first.tolist()]
     kind = kind.ravel()
-    table = _padded(parts, repeat=False)[kind]
+    table = _pad(parts, repeat=False)[kind]
     ends = [(label.vertices[:, :, 0].min(axis=1), label.vertices[:, :, 0].max(axis=1)) for label in (dry, inner)]
     low = vertices[:, :, 0].min(axis=1)[:, None]
     steep = np.max([np.where(label.endless[:, None], label.mu, 0.0) for label in (dry, inner)], axis=0)
@@ -676,7 +676,7 @@ def _ends(one: LabelRows, face: int, part: list[int], ends: str) -> Floats:
     return np.column_stack([np.repeat(normal, len(around)), points.reshape(-1, around.shape[1])])
 
 
-def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
+def _align_rows(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
     """Return sets whose rows of bending, shear and others have places of their own, so that they share sparsity."""
     # Within a kind rows stand by falling N, in space by the angle of the moments, or of shear.
     ordered, kinds = [], []
@@ -708,11 +708,13 @@ def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
             first = np.argmax(kind == number, axis=1)[face]
             at = sum(slots[:number]) + place - first
             rows[face, at], constants[face, at] = c[face, place], d[face, place]
-        found.append(replace(one, C=rows, d=constants, vertices=_widened(one.vertices, p), rays=_widened(one.rays, q)))
+        found.append(
+            replace(one, C=rows, d=constants, vertices=_repeat_last(one.vertices, p), rays=_repeat_last(one.rays, q))
+        )
     return found
 
 
-def _widened(points: Floats, most: int) -> Floats:
+def _repeat_last(points: Floats, most: int) -> Floats:
     """Return points (m, p, q), the last repeated until there are `most`; zeros where there are none."""
     more = most - points.shape[1]
     last = points[:, -1:] if points.shape[1] else np.zeros((len(points), 1, points.shape[2]))

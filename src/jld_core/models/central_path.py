@@ -481,7 +481,7 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
             size = max(abs(point.load), analysis.load_scale)
             if point.gap <= min(_CLOSE * size, asked) and point.residual <= _BALANCED:
                 asked = point.gap if point.gap < 4.0 * analysis.gap * size else 0.1 * point.gap
-                found = _checked(analysis, labels, point, start + 1)
+                found = _check(analysis, labels, point, start + 1)
                 if best is None or found.width < best.width:
                     best = found
             if best is not None and best.width <= analysis.gap:
@@ -504,7 +504,7 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
     return best
 
 
-def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
+def _check(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
     """Evaluate an iterate of a central path as a fixed point, with a proven bracket of λ."""
     # The bracket is that of the problem whose effective areas are held at those of the iterate. Its width is inf if an
     # end is missing.

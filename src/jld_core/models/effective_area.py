@@ -98,7 +98,7 @@ def prove_effective_area(
         facts["starts"] = found.starts
     if found is not None and found.width <= analysis.gap:
         proof = _proof_of(analysis, labels, found)
-    elif (locked := _locked(analysis, labels, plain)) is not None:
+    elif (locked := _prove_locked(analysis, labels, plain)) is not None:
         proof = locked
         route.append("ray within its own areas")
     else:
@@ -133,7 +133,7 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
     return proof
 
 
-def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
+def _prove_locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
     """Prove that λ is unbounded, by a ray and forces within their own areas, or return None."""
     ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
     if ray is None or plain.state is None:

@@ -84,10 +84,10 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
         if face >= 0:
             acts[face] = len(np.unique(group[held])) > 1 and not support[group[held]].all()
     kept = np.flatnonzero(acts)
-    return RigidBlocks(_joined(assembly, labels, group, support, kept), group, kept)
+    return RigidBlocks(_condense(assembly, labels, group, support, kept), group, kept)
 
 
-def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
+def _condense(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
     """Build the condensed assembly: sum loads and weights per block `group` (n,), keep some interfaces."""
     elements, faces, d = assembly.elements, assembly.interfaces, assembly.dimension
     number = len(support)

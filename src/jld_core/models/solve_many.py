@@ -196,11 +196,11 @@ def _by_fields(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
 
     found = [solve_cracked(assembly, row, model) for row in labels]
     bounds = [[case_bounds_of(one) for one in each.cases.values()] for each in found if isinstance(each, FieldResult)]
-    each = [_collected(case, labels, model, [row[k] for row in bounds]) for k, case in enumerate(assembly.by_case)]
+    each = [_collect(case, labels, model, [row[k] for row in bounds]) for k, case in enumerate(assembly.by_case)]
     return _governing(assembly, labels, model, each)
 
 
-def _collected(assembly: Assembly, labels: Bits, model: Model, bounds: list[CaseBounds]) -> BatchResult:
+def _collect(assembly: Assembly, labels: Bits, model: Model, bounds: list[CaseBounds]) -> BatchResult:
     value, low, high = (
         np.array([getattr(one, name) for one in bounds], dtype=float) for name in ("load_factor", "low", "high")
     )

@@ -74,7 +74,7 @@ def _faces(
     points, owner = shapely.get_coordinates(pieces, return_index=True)
     node, place = _nodes(points, known - origin, rings, extent, size)
     if snap > 0.0:
-        node = _snapped(node, place, len(known), rings, _ON_LINE * extent, snap * size)
+        node = _snap_nodes(node, place, len(known), rings, _ON_LINE * extent, snap * size)
     continues = np.flatnonzero(owner[1:] == owner[:-1])
     ends = np.sort(np.column_stack([node[continues], node[continues + 1]]), axis=1)
     ends = np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
@@ -119,7 +119,7 @@ def _nodes(
     return node, every
 
 
-def _snapped(
+def _snap_nodes(
     node: Ints, place: Floats, corners: int, rings: Sequence[shapely.LinearRing], on: float, reach: float
 ) -> Ints:
     """Move nodes (k,) of places (r, 2), corners first, to near ones, so that few edges are short; new rows."""
@@ -154,7 +154,7 @@ def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polyg
             break
         part = min(small, key=lambda one: (one.area, one.bounds))
         others = [other for other in parts if other is not part]
-        joined = _joined(part, others)
+        joined = _join_to_neighbour(part, others)
         if joined is None:
             stuck.add(part.wkb)
             continue
@@ -164,7 +164,7 @@ def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polyg
     return parts
 
 
-def _joined(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
+def _join_to_neighbour(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
     """Join a polygon to the neighbour of longest common boundary: its index and the union, or None."""
     # Neighbours whose union with it would have a hole or two components are passed over.
     edges = _edges(part)

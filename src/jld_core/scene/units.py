@@ -126,7 +126,7 @@ def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     names = units if isinstance(units, dict) else {}
     own = _Names(str(names.get("force", "N")), str(names.get("length", "m")), _gravity(document.get("materials")))
     return {
-        key: value if key == "units" else _converted(value, own, key, QUANTITIES.get(key))
+        key: value if key == "units" else _convert(value, own, key, QUANTITIES.get(key))
         for key, value in document.items()
     }
 
@@ -151,17 +151,17 @@ def _gravity(materials: Any) -> float:
     return math.hypot(*numbers) if len(numbers) == len(parts) else GRAVITY
 
 
-def _converted(value: Any, own: _Names, where: str, powers: _Powers | None) -> Any:
+def _convert(value: Any, own: _Names, where: str, powers: _Powers | None) -> Any:
     """Convert the texts under keys of `QUANTITIES` in a value to numbers, recursively."""
     if isinstance(value, str) and powers is not None:
         return _number(value, own, where, powers)
     if isinstance(value, list) and powers is None and not any(isinstance(inner, dict) for inner in value):
         return value  # coordinates: most of a large scene
     if isinstance(value, list):
-        return [_converted(inner, own, f"{where}[{index}]", powers) for index, inner in enumerate(value)]
+        return [_convert(inner, own, f"{where}[{index}]", powers) for index, inner in enumerate(value)]
     if isinstance(value, dict):
         return {
-            key: _converted(inner, own, f"{where}.{key}", powers if key in _SPREAD else QUANTITIES.get(key))
+            key: _convert(inner, own, f"{where}.{key}", powers if key in _SPREAD else QUANTITIES.get(key))
             for key, inner in value.items()
         }
     return value

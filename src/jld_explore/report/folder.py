@@ -129,7 +129,7 @@ def _summary_facts(study: Study, reason: StopReason, results: pd.DataFrame, fron
     facts = tables.summary(results, study, reason, complete=complete)
     if study.assembly.has_low_values:
         facts |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
-    facts["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *_complaints(study), *_uncounted(results)]
+    facts["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *_complaints(study), *_blank_counts(results)]
     facts["warnings"] += without_parquet(len(results))
     facts["model"] = model.facts()
     if model.effective_area:
@@ -190,7 +190,7 @@ def _complaints(study: Study) -> list[str]:
     ]
 
 
-def _uncounted(results: pd.DataFrame) -> list[str]:
+def _blank_counts(results: pd.DataFrame) -> list[str]:
     """Return a warning for each count that is blank in some rows because time ran out."""
     missing = {count.name: int(results[count.name].isna().sum()) for count in registered()}
     text = "the time limit ended the counting; --resume with more time goes on with it"

@@ -85,7 +85,7 @@ class FieldStudy(Study):
     def _run_all(self) -> StopReason:
         pool: FieldPool | None = None
         try:
-            labellings = self._enumerated()
+            labellings = self._enumerate()
             pool = self._pool(labellings)
             self._race(pool)
         finally:
@@ -237,7 +237,7 @@ class FieldStudy(Study):
             return "the gap is of the discretisation: some layouts of better count have the finest mesh"
         return None
 
-    def _enumerated(self) -> Bits:
+    def _enumerate(self) -> Bits:
         """Return all layouts (k, m) of the driver, or those found until the deadline."""
         # The flag `_complete` becomes False if the deadline ended the enumeration.
         self.driver.start(self.deadline, lambda: None, self.records)

@@ -534,9 +534,9 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
                 )
         notes = Notes()
         with libraries.reading(file):
-            scene = _united(load_scene(file), notes)
+            scene = _unite_elements(load_scene(file), notes)
     else:
-        scene, notes = _imported(file, options)
+        scene, notes = _import(file, options)
     document = scene.model_dump(mode="json", exclude_defaults=True)
     document["materials"] = _materials(document["materials"], options, notes)
     search = dict(document.get("search", {}))
@@ -567,7 +567,7 @@ def _is_scene(file: File) -> bool:
     return not isinstance(document, dict) or "loads" in document or "elements" in document or "grid" in document
 
 
-def _united(scene: Scene, notes: Notes) -> Scene:
+def _unite_elements(scene: Scene, notes: Notes) -> Scene:
     """Unite the free elements of a planar scene of one material to outlines without holes; return others unchanged."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     # entries of `document`, changed in place
@@ -633,7 +633,7 @@ def _refuse_named_elements(scene: Scene, owners: list[dict[str, Any]]) -> None:
         raise InputError(where, problem, remedy)
 
 
-def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
+def _import(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
     """Convert a drawing or a file of solids to a scene, and collect what was assumed."""
     # Supports are added below it if the file has none.
     if options.load is not None and options.force("N") == options.force("kN"):

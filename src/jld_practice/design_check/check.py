@@ -166,7 +166,7 @@ def combinations_of(assembly: Assembly, factors: scene_design.PartialFactors) ->
     # that no factor between both ends gives a smaller λ. Stated dead loads of all load cases are one action.
     cases = assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
     weights = bool(np.any(assembly.elements.weight[assembly.elements.free]))
-    stated = any(_stated(assembly, case.dead_loads) for case in cases)
+    stated = any(_stated_dead_load(assembly, case.dead_loads) for case in cases)
     present = {
         "self_weight": weights,
         "dead": stated,
@@ -186,7 +186,7 @@ def at_design_loads(assembly: Assembly, factors: scene_design.PartialFactors, co
     chosen = combination.factors(factors)
 
     def dead_of(dead: Loads) -> Loads:
-        stated = chosen["dead"] * _stated(assembly, dead)
+        stated = chosen["dead"] * _stated_dead_load(assembly, dead)
         return replace(stated, body=stated.body + chosen["self_weight"] * _weights(assembly))
 
     cases = tuple(
@@ -206,7 +206,7 @@ def _weights(assembly: Assembly) -> Floats:
     return np.where(assembly.elements.support[:, None], 0.0, assembly.elements.weight)
 
 
-def _stated(assembly: Assembly, dead: Loads) -> Loads:
+def _stated_dead_load(assembly: Assembly, dead: Loads) -> Loads:
     """Return a dead load without self-weight and its rounding errors."""
     weight = _weights(assembly)
     rest = dead.body - weight
@@ -587,7 +587,7 @@ def design_check(
         if factors.by_parts:
             tried.append(_cases_by_parts(structure, cells, factors, combination))
             continue
-        solution = _solved(scene, structure, cells, seconds)
+        solution = _solve(scene, structure, cells, seconds)
         solutions.append(solution)
         tried.append(_cases(structure, cells, combination, solution, seconds))
     by_case = tuple(zip(*tried, strict=True))
@@ -638,7 +638,7 @@ def _structures(
     return structures
 
 
-def _solved(scene: Scene, structure: Assembly, labels: Bits, seconds: float) -> Solution:
+def _solve(scene: Scene, structure: Assembly, labels: Bits, seconds: float) -> Solution:
     """Solve a structure under all its load cases, by fields where the scene says so."""
     if isinstance(scene.cracks, cracks.FieldCracks):
         return solve_by_fields(structure, labels, gap=scene.cracks.gap, seconds=seconds)

@@ -712,7 +712,7 @@ def _drop(size: float) -> float:
     return 0.8 * size / 72.0 / _PAPER[1]
 
 
-def _wrapped(text: str, size: float) -> list[str]:
+def _wrap(text: str, size: float) -> list[str]:
     """Return the lines of a text on the sheet; size: of letters, points."""
     return textwrap.wrap(text, int(_PAPER[0] * 72.0 * (1.0 - 2.0 * _MARGIN) / (0.53 * size))) or [""]
 
@@ -722,10 +722,10 @@ def _fitting(content: Content, room: float) -> float:
     size = _SIZE
     while size > 3.5:
         lines = sum(
-            1.7 + len(table.rows) + 1.0 + 0.6 + (table.more > 0) + 1.2 * (len(_wrapped(table.title, 1.2 * size)) - 1)
+            1.7 + len(table.rows) + 1.0 + 0.6 + (table.more > 0) + 1.2 * (len(_wrap(table.title, 1.2 * size)) - 1)
             for table in content.tables
         )
-        lines += 1.2 + sum(len(_wrapped(f"– {note}", size)) for note in content.notes)
+        lines += 1.2 + sum(len(_wrap(f"– {note}", size)) for note in content.notes)
         if lines * _line(size) <= room:
             break
         size -= 0.1
@@ -734,7 +734,7 @@ def _fitting(content: Content, room: float) -> float:
 
 def _text(figure: Figure, top: float, text: str, size: float) -> float:
     """Write a wrapped text from the height `top` on; return the height below."""
-    for part in _wrapped(text, size):
+    for part in _wrap(text, size):
         figure.text(_MARGIN, top - _drop(size), part, fontsize=size, color=look.INK)
         top -= _line(size)
     return top

@@ -122,10 +122,10 @@ class Parts:
         key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
         if key not in self._known:
             checkpoint()
-            self._known[key] = self._solved(here, labels)
+            self._known[key] = self._least_props(here, labels)
         return self._known[key]
 
-    def _solved(self, here: Bools, labels: Bits) -> _Part:
+    def _least_props(self, here: Bools, labels: Bits) -> _Part:
         """Minimise the sum of prop forces of the part of elements `here` (n,)."""
         assembly, template = self.assembly, self.template
         elements, faces, q = assembly.elements, assembly.interfaces, assembly.freedoms

@@ -546,16 +546,16 @@ def explore_failures(function: LimitFunction, first: Form, samples: int, seed: i
     tried = np.zeros(len(failing), dtype=bool)
     in_vain = 0
     for _ in range(_SEARCHES):
-        unexplained = np.flatnonzero(_unexplained(failing, points) & ~tried)
+        unexplained = np.flatnonzero(_beyond_design_points(failing, points) & ~tried)
         if not len(unexplained) or in_vain == _VAIN:
             break
         start = unexplained[np.argmin((failing[unexplained] ** 2).sum(axis=1))]
         tried[start] = True
         form = design_point(function, failing[start])
-        new = form.found and form.beta > 0.0 and bool(_unexplained(form.point[None], points)[0])
+        new = form.found and form.beta > 0.0 and bool(_beyond_design_points(form.point[None], points)[0])
         points += [form] if new else []
         in_vain = 0 if new else in_vain + 1
-    count = int(_unexplained(failing, points).sum())
+    count = int(_beyond_design_points(failing, points).sum())
     share = min(1.0, _DOUBT * exact_interval(count, 0, samples)[1])
     return Exploration(tuple(sorted(points, key=lambda point: point.beta)), _unseen_probability(share, spread))
 
@@ -586,7 +586,7 @@ def _failing(function: LimitFunction, spread: float, samples: int, seed: int, jo
     return np.concatenate(in_threads(part, -(-samples // batch_solver.SAMPLES_OF_A_CALL), jobs))
 
 
-def _unexplained(samples: Floats, points: list[Form]) -> np.ndarray:
+def _beyond_design_points(samples: Floats, points: list[Form]) -> np.ndarray:
     """Return a mask (k,) of the samples (k, v) that lie beyond no design point."""
     if not points or not len(samples):
         return np.ones(len(samples), dtype=bool)

@@ -244,7 +244,7 @@ class _Measurement:
 
     def changed(self, *changes: tuple[int, float]) -> Assembly:
         """Return the assembly with some values, by position, multiplied by factors."""
-        document = _copied(self.document)
+        document = _copy(self.document)
         fresh = False
         for position, factor in changes:
             path, value = self.found[position]
@@ -398,12 +398,12 @@ def _unknown(path: uncertain.Path) -> InputError:
     )
 
 
-def _copied(part: Any) -> Any:
+def _copy(part: Any) -> Any:
     """Copy nested dicts and lists; lists of numbers are shared."""
     if isinstance(part, dict):
-        return {key: _copied(one) for key, one in part.items()}
+        return {key: _copy(one) for key, one in part.items()}
     if isinstance(part, list):
-        return [_copied(one) for one in part]
+        return [_copy(one) for one in part]
     return part
 
 

@@ -437,7 +437,7 @@ class BlockSearch:
         step = tree.step(threshold, formula.possible, time_is_up)
         if step.labelling is not None:
             return BlockStep(step.conflicts, complete=step.labelling)
-        promising = None if time_is_up() else self._rounded(tree, step.node, formula, threshold)
+        promising = None if time_is_up() else self._round_to_labelling(tree, step.node, formula, threshold)
         return BlockStep(step.conflicts, promising=promising)
 
     def note_inaccurate_bound(self) -> None:
@@ -446,7 +446,7 @@ class BlockSearch:
         if self._inaccurate_bounds >= _MOST_INACCURATE:
             self.abandon()
 
-    def _rounded(self, tree: BlockTree, node: Node, formula: Formula, threshold: float) -> Bits | None:
+    def _round_to_labelling(self, tree: BlockTree, node: Node, formula: Formula, threshold: float) -> Bits | None:
         """Round block shares to a labelling (m,) that may exceed a scaled λ; None if old or refuted."""
         labels = formula.next(*tree.rounded(node))
         if labels is None or labels.tobytes() in self._offered:

@@ -101,7 +101,7 @@ def check_proof(
     conflict_check.refute_again(used, end)
     better = conflict_check.corrected  # one that no claim rests on is no problem
     conflicts_left = [better.get(one.key, one) for one in used]
-    raised = [_raised(claim, used, conflicts_left) for claim in claims] if better else list(claims)
+    raised = [_raise_claim(claim, used, conflicts_left) for claim in claims] if better else list(claims)
     problem = (
         _find_contradiction(conflicts_left, context.space, *evaluated)
         or block_check.refute_again(conflicts_left, end)
@@ -114,7 +114,7 @@ def check_proof(
     return ProofCheck(problem, time.perf_counter() - start, len(used), done, tuple(better.values()), holds)
 
 
-def _raised(claim: Claim, used: Sequence[Conflict], left: Sequence[Conflict]) -> Claim:
+def _raise_claim(claim: Claim, used: Sequence[Conflict], left: Sequence[Conflict]) -> Claim:
     """Return a claim raised to the largest bound of the conflicts `used` for it, as corrected in `left`."""
     highest = _with_scaling_error(claim.threshold)
     bounds = [new.bound for old, new in zip(used, left, strict=True) if old.bound <= highest < new.bound]
@@ -287,10 +287,10 @@ def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
         propagation.add(literals)
         if not literals:
             break
-    return _trimmed(len(clauses), lemmas, reasons)
+    return _trim(len(clauses), lemmas, reasons)
 
 
-def _trimmed(count: int, lemmas: list[tuple[int, ...]], reasons: list[tuple[int, ...]]) -> Refutation:
+def _trim(count: int, lemmas: list[tuple[int, ...]], reasons: list[tuple[int, ...]]) -> Refutation:
     """Return the refutation with only the clauses and lemmas that the last lemma needs."""
     used = {count + len(lemmas) - 1}
     for place in range(len(lemmas) - 1, -1, -1):
