@@ -520,9 +520,9 @@ class RowYield:
         from_others = -np.einsum("mrj,mj->mr", c[:, :, 1:], core[:, 1:])
         ratios = np.maximum(used(from_others, d + from_normal, negligible), used(-from_normal, d, negligible))
         shares = np.where(self._of(labels, "idle"), 0.0, ratios).max(axis=1)
-        # Coulomb friction: shear and torsion use c + μ N.
-        cohesion, mu = (self._of(labels, name)[:, : shears.shape[1]] for name in ("c", "mu"))
-        shares = np.maximum(shares, used(shears, cohesion + mu * forces[:, :1], negligible).max(axis=1))
+        # shear and torsion use c + μ N
+        capacity, mu = (self._of(labels, name)[:, : shears.shape[1]] for name in ("c", "mu"))
+        shares = np.maximum(shares, used(shears, capacity + mu * forces[:, :1], negligible).max(axis=1))
         if self.crushing is not None:
             faces = self.crushing.faces
             crushed = np.maximum(shares[faces], self.crushing.share(forces[faces], negligible))
