@@ -88,14 +88,15 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
     parts = []
     for k, (group, whole, solid) in enumerate(zip(members, exact, solids, strict=True)):
         pieces = [one for one in pieces_of(solid) if one.volume() > _SPLINTER * whole.volume()]
-        if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
+        volume = sum(piece.volume() for piece in pieces)
+        if volume < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
             raise InputError("clearance", problem, "a smaller clearance")
-        left = sum(piece.volume() for piece in pieces)
-        one = (closed(pieces, left) if solid is not whole else None) or union(pieces)
-        parts.append(Part(k + 1, group, whole, one, density * whole.volume()))
-        cut_to = sum(cells[i].volume() for i in group)
-        parts[-1].error = max(abs(whole.volume() / cut_to - 1.0), abs(one.volume() / solid.volume() - 1.0))
+        joined = (closed(pieces, volume) if solid is not whole else None) or union(pieces)
+        part = Part(k + 1, group, whole, joined, density * whole.volume())
+        of_cells = sum(cells[i].volume() for i in group)
+        part.error = max(abs(whole.volume() / of_cells - 1.0), abs(joined.volume() / solid.volume() - 1.0))
+        parts.append(part)
     return parts
 
 

@@ -18,7 +18,7 @@ from jld_formats.cells import without_holes
 from jld_formats.drawn_loads import MOST
 from jld_formats.libraries import library, parsing, readable
 from jld_formats.options import ImportOptions, Notes, several
-from jld_formats.solids import Part, Solids, split
+from jld_formats.solids import Part, Solids, split, with_own_points
 
 PROPERTIES: Final = "Pset_MaterialCommon"  # name of the standard property set of a material that holds its density
 DENSITY: Final = "MassDensity"  # name of the density in that set
@@ -236,10 +236,7 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
     for item in dict.fromkeys(owner.tolist()):
         faces = tuple(triangles[k] for k in np.flatnonzero(owner == item).tolist())
         for part in split(points, faces, 1e-9 * float(np.ptp(points, axis=0).max())):
-            kept = [faces[k] for k in part.tolist()]
-            used = sorted({index for face in kept for index in face})
-            number = {old: new for new, old in enumerate(used)}
-            solids.append((points[used], tuple(tuple(number[index] for index in face) for face in kept)))
+            solids.append(with_own_points(points, (faces[k] for k in part.tolist())))
     return solids
 
 

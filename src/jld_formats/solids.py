@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -576,6 +576,14 @@ def _merge_coplanar(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple
         merged_vertices.append(np.array(list(place)))
         merged_faces.append(outlines)
     return merged_vertices, merged_faces
+
+
+def with_own_points(points: Floats, faces: Iterable[tuple[int, ...]]) -> tuple[Floats, Faces]:
+    """Return the points that faces use, and the faces by their indices among them."""
+    loops = list(faces)
+    used = sorted({index for loop in loops for index in loop})
+    index_of = {old: new for new, old in enumerate(used)}
+    return points[used], tuple(tuple(index_of[index] for index in loop) for loop in loops)
 
 
 def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:

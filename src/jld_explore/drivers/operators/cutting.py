@@ -213,12 +213,14 @@ class Cutter:
 
     def _choose(self, order: list[int], up: dict[int, tuple[int, float]], joined: dict[int, bool]) -> bool:
         """Decide for each atom of a forest whether it stays with its parent; False if impossible."""
+        # Dynamic programming from the leaves: least cost by the number of cells of the part that is still open at an
+        # atom. An atom closes its part there, or leaves it open to its parent's.
         cap, least = self._cap, self._least
-        capped = self._most == inf
+        capped = self._most == inf  # without a largest size all counts from `cap` on are alike
         cells = self.graph.cells
         table: dict[int, dict[int, float]] = {}
-        steps: dict[int, dict[int, tuple[int, int]]] = {}
-        close: dict[int, int] = {}
+        steps: dict[int, dict[int, tuple[int, int]]] = {}  # counts before and of the child, −1 where it closes
+        close: dict[int, int] = {}  # count at which a part is best closed at an atom, −1 if at none
         for a in order:
             own = cells[a]
             if own > cap:
