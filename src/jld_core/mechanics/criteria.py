@@ -678,7 +678,9 @@ def _ends(one: LabelRows, face: int, part: list[int], ends: str) -> Floats:
 
 def _align_rows(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
     """Return sets whose rows of bending, shear and others have places of their own, so that they share sparsity."""
-    # Within a kind rows stand by falling N, in space by the angle of the moments, or of shear.
+    # Kinds in the plane: 0 bending alone, 1 shear alone, 2 others; in space: 0 bending with a coefficient of N above 0, 1
+    # other bending, 2 with shear or torsion; 3 idle. Within a kind rows stand by falling N, in space by the angle of the
+    # moments.
     ordered, kinds = [], []
     for one in sets:
         c = one.C
@@ -700,18 +702,18 @@ def _align_rows(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
         kinds.append(np.take_along_axis(kind, order, 1))
     slots = [max(int((kind == number).sum(axis=1).max(initial=0)) for kind in kinds) for number in range(3)]
     p, q = (max(getattr(one, name).shape[1] for one in sets) for name in ("vertices", "rays"))
-    found = []
+    aligned = []
     for one, (c, d), kind in zip(sets, ordered, kinds, strict=True):
         rows, constants = np.zeros((*c.shape[:1], sum(slots), c.shape[2])), np.zeros((len(c), sum(slots)))
         for number in range(3):
             face, place = np.nonzero(kind == number)
             first = np.argmax(kind == number, axis=1)[face]
-            at = sum(slots[:number]) + place - first
-            rows[face, at], constants[face, at] = c[face, place], d[face, place]
-        found.append(
+            slot = sum(slots[:number]) + place - first
+            rows[face, slot], constants[face, slot] = c[face, place], d[face, place]
+        aligned.append(
             replace(one, C=rows, d=constants, vertices=_repeat_last(one.vertices, p), rays=_repeat_last(one.rays, q))
         )
-    return found
+    return aligned
 
 
 def _repeat_last(points: Floats, most: int) -> Floats:

@@ -36,22 +36,23 @@ def field_evaluation(
     nominal: float | None = None,
 ) -> Evaluation:
     """Return the evaluation of bounds by fields (c,) on λ under each case; λ is the lower bound."""
-    least, most = float((low / required).min()), min(most, float((high / required).min()))
+    lowest, most = float((low / required).min()), min(most, float((high / required).min()))
     several = len(low) > 1
     cases = tuple(float(value) if math.isfinite(value) else math.nan for value in low) if several else ()
     if nominal is not None:
         # with nominal values the entries of load cases and then that value are expected
         cases = (*cases, nominal if math.isfinite(nominal) else math.nan)
-    known = [
-        CaseBounds(Status.COLLAPSE, one, other, one) for one, other in zip(low.tolist(), high.tolist(), strict=True)
+    bounds = [
+        CaseBounds(Status.COLLAPSE, below, above, below)
+        for below, above in zip(low.tolist(), high.tolist(), strict=True)
     ]
-    case = governing(known, required.tolist()).case if several else -1
+    case = governing(bounds, required.tolist()).case if several else -1
     nan = math.nan
-    low_end, high_end = (end if math.isfinite(end) else nan for end in (least, most))
+    low_end, high_end = (end if math.isfinite(end) else nan for end in (lowest, most))
     if most < 0.0:
         status, low_end, high_end, value, settled = Status.UNSTABLE, nan, nan, nan, SOLVE
-    elif math.isfinite(least) and math.isfinite(most):
-        status, value, settled = Status.COLLAPSE, least, SOLVE
+    elif math.isfinite(lowest) and math.isfinite(most):
+        status, value, settled = Status.COLLAPSE, lowest, SOLVE
     else:
         status, value = Status.UNCERTIFIED, nan
         settled = BOUND if math.isnan(low_end) and most < best else SOLVE

@@ -347,31 +347,38 @@ def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
 
 def void_of(scene: Scene, assembly: Assembly) -> Void | None:
     """Return the cells that a scene's search may leave out, or None; InputError where it cannot."""
-    asked, elements = scene.search.void, assembly.elements
-    if asked is None:
+    stated, elements = scene.search.void, assembly.elements
+    if stated is None:
         return None
-    for key, odd in (("segmentation", not scene.search.segmentation), ("assemble", scene.search.assemble is not None)):
-        if odd:
+    for key, beside in (
+        ("segmentation", not scene.search.segmentation),
+        ("assemble", scene.search.assemble is not None),
+    ):
+        if beside:
             raise InputError("search.void", f"it is given together with search.{key}", "searches of blocks without it")
     assembly.members.refuse("a search that leaves cells out")
     cases = scene.loads.cases or []
-    lists = [scene.loads.dead, scene.loads.live or [], *(part for case in cases for part in (case.dead, case.live))]
+    lists = [
+        scene.loads.dead,
+        scene.loads.live or [],
+        *(entries for case in cases for entries in (case.dead, case.live)),
+    ]
     if scene.fill is not None:
         raise InputError("search.void", "fill rests on all elements", "a scene without fill, or no void cells")
-    if scene.loads.moving or any(isinstance(entry, FaceLoad) for part in lists for entry in part):
+    if scene.loads.moving or any(isinstance(entry, FaceLoad) for entries in lists for entry in entries):
         raise InputError("search.void", "a load moves or acts on faces", "loads on elements, or no void cells")
-    loaded = {entry.element for part in lists for entry in part if isinstance(entry, PointLoad)}
-    if asked.cells == "all":
+    loaded = {entry.element for entries in lists for entry in entries if isinstance(entry, PointLoad)}
+    if stated.cells == "all":
         chosen = [k for k in elements.free.tolist() if elements.ids[k] not in loaded]
     else:
-        for place, name in enumerate(asked.cells):
-            where = f"search.void.cells[{place}]"
+        for position, name in enumerate(stated.cells):
+            where = f"search.void.cells[{position}]"
             if name not in elements.index or elements.support[elements.index[name]]:
-                what = "is a support" if name in elements.index else "names no element"
-                raise InputError(where, f"{name!r} {what}", "the id of a free element")
+                fault = "is a support" if name in elements.index else "names no element"
+                raise InputError(where, f"{name!r} {fault}", "the id of a free element")
             if name in loaded:
                 raise InputError(where, f"{name!r} carries a load", "an element that no load names")
-        chosen = sorted({elements.index[name] for name in asked.cells})
+        chosen = sorted({elements.index[name] for name in stated.cells})
     if not chosen:
         raise InputError("search.void.cells", "no cell may be left out", "ids of free elements that no load names")
     return Void(assembly, np.array(chosen, dtype=np.int64))
