@@ -678,9 +678,9 @@ def _ends(one: LabelRows, face: int, part: list[int], ends: str) -> Floats:
 
 def _align_rows(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
     """Return sets whose rows of bending, shear and others have places of their own, so that they share sparsity."""
-    # Kinds in the plane: 0 bending alone, 1 shear alone, 2 others; in space: 0 bending with a coefficient of N above 0, 1
-    # other bending, 2 with shear or torsion; 3 idle. Within a kind rows stand by falling N, in space by the angle of the
-    # moments.
+    # Kinds in the plane: 0 bending alone, 1 shear alone, 2 others; in space: 0 bending with N of coefficient above 0,
+    # 1 other bending, 2 with shear or torsion; 3 idle. Within a kind rows stand by falling N, in space by the angle of
+    # the moments.
     ordered, kinds = [], []
     for one in sets:
         c = one.C
