@@ -142,7 +142,7 @@ def _tool(slide: Slide, kind: str, up: bool, cells: list[Any], size: float) -> t
     back = 1e-3 * depth
     sides = (*(end - start), depth + back)
     body = manifold3d().Manifold.cube(tuple(sides)).translate((*start, offset - back))
-    planes = [np.array([*way, corner[k]]) for k, way in enumerate((along, across)) for corner in (start, end)]
+    planes = [np.array([*axis, corner[k]]) for k, axis in enumerate((along, across)) for corner in (start, end)]
     planes.append(np.array([*normal, offset + depth]))
     return body.transform(np.column_stack([along, across, normal, np.zeros(3)])), planes
 

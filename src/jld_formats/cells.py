@@ -281,8 +281,10 @@ def _cells_of_outlines(
             crossing = [] if tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
             parts = [part for part in shapely.get_parts(ring) if part.geom_type == "Polygon"]
             parts = [part for part in parts if part.area > 1e-9 * size**2]
-            found = [_cut(part, crossing, paths[k].layer, size) or _pieces(part, paths[k].layer) for part in parts]
-            of_outline[k] = [cell for pieces in found for cell in pieces]
+            pieces_of_part = [
+                _cut(part, crossing, paths[k].layer, size) or _pieces(part, paths[k].layer) for part in parts
+            ]
+            of_outline[k] = [cell for pieces in pieces_of_part for cell in pieces]
             remark = ", without their areas" if parts else ", which fill it: no element"
             notes.found.append(f"an outline around {several(len(inside[k]), 'outline')}{remark}")
             continue

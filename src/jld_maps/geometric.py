@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -245,6 +246,7 @@ def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tu
     order = np.argsort([body.exterior.project(shapely.Point(one)) for one in points], kind="stable")
     again = np.linalg.norm(points[order] - np.roll(points[order], 1, axis=0), axis=1) <= near
     order = order[~(again & (owner[order] < 0))]
+    # a side runs from a contact to the other one
     stops, sides = np.flatnonzero(owner[order] >= 0), []
     for first, last in zip(stops, np.roll(stops, -1), strict=True):
         if owner[order[first]] != owner[order[last]]:
@@ -255,43 +257,62 @@ def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tu
         problem = "the corners of its two sides do not match: no middle line"
         raise InputError("elements", problem, "an arch or a frame on two supports")
     places = []
-    for side, own in zip(sides, corners, strict=True):
-        pieces = itertools.pairwise([0, *own, len(side) - 1])
+    for side, own_corners in zip(sides, corners, strict=True):
+        pieces = itertools.pairwise([0, *own_corners, len(side) - 1])
         parts = [k + _along(side[i : j + 1]) for k, (i, j) in enumerate(pieces)]
-        places.append(np.concatenate([parts[0], *(one[1:] for one in parts[1:])]))
-    marks = np.unique(np.concatenate(places))
+        places.append(np.concatenate([parts[0], *(part[1:] for part in parts[1:])]))
+    chords = _Chords(sides, places, near, near * body.length)
+    sizes = np.linalg.norm(np.subtract(*chords.ends(chords.marks)), axis=1)
 
-    def chord(place: Floats) -> tuple[Floats, Floats]:
-        """Return the points (k, 2) of both sides at places along them."""
-        one, two = (
-            np.column_stack([np.interp(place, own, side[:, axis]) for axis in (0, 1)])
-            for own, side in zip(places, sides, strict=True)
+    def middles(points: Floats) -> Floats:
+        return np.array([chords.middle(point) for point in points])
+
+    return middles, (float(sizes.min()), float(sizes.max()))
+
+
+@dataclass(frozen=True)
+class _Chords:
+    """Chords between both sides of an arch; a place on a side counts its corners, and shares of length between them."""
+
+    sides: list[Floats]  # (k, 2) points
+    places: list[Floats]  # (k,) their places
+    near: float  # distance of points that coincide
+    area: float  # area of a chord and a point that lie in line
+
+    @cached_property
+    def marks(self) -> Floats:
+        """Return the places of all points of either side, ascending."""
+        return np.unique(np.concatenate(self.places))
+
+    def ends(self, place: Floats) -> tuple[Floats, Floats]:
+        """Return the ends (k, 2) on both sides of chords at places (k,)."""
+        start, end = (
+            np.column_stack([np.interp(place, own_places, side[:, axis]) for axis in (0, 1)])
+            for own_places, side in zip(self.places, self.sides, strict=True)
         )
-        return one, two
+        return start, end
 
-    def halfway(point: Floats) -> Floats:
+    def _area(self, place: Floats, point: Floats) -> Floats:
+        """Return the signed area between chords and a point, zero where it lies in their line."""
+        start, end = self.ends(place)
+        chord, arm = end - start, point - start
+        return np.asarray(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0])
+
+    def middle(self, point: Floats) -> Floats:
         """Return the middle of the chord through a point; itself outside of the arch."""
-
-        def beside(place: Floats) -> Floats:
-            one, two = chord(place)
-            way, off = two - one, point - one
-            return np.asarray(way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0])
-
-        signs = beside(marks)
-        crossed = np.flatnonzero(signs[:-1] * signs[1:] <= 0.0)
-        low, high, sign = marks[crossed], marks[crossed + 1], np.sign(signs[crossed])
+        areas = self._area(self.marks, point)
+        crossed = np.flatnonzero(areas[:-1] * areas[1:] <= 0.0)
+        low, high, sign = self.marks[crossed], self.marks[crossed + 1], np.sign(areas[crossed])
         for _ in range(60):  # halving to rounding
             half = 0.5 * (low + high)
-            same = np.sign(beside(half)) == sign
+            same = np.sign(self._area(half, point)) == sign
             low, high = np.where(same, half, low), np.where(same, high, half)
-        one, two = chord(np.concatenate([low, high, marks[abs(signs) <= near * body.length]]))
-        part = np.clip(((point - one) * (two - one)).sum(axis=1) / ((two - one) ** 2).sum(axis=1), 0.0, 1.0)
-        off = np.linalg.norm(one + part[:, None] * (two - one) - point, axis=1)
-        best = int(off.argmin()) if len(off) else -1
-        return 0.5 * (one[best] + two[best]) if best >= 0 and off[best] <= 10.0 * near else point
-
-    sizes = np.linalg.norm(np.subtract(*chord(marks)), axis=1)
-    return lambda given: np.array([halfway(one) for one in given]), (float(sizes.min()), float(sizes.max()))
+        start, end = self.ends(np.concatenate([low, high, self.marks[abs(areas) <= self.area]]))
+        chord = end - start
+        share = np.clip(((point - start) * chord).sum(axis=1) / (chord**2).sum(axis=1), 0.0, 1.0)
+        distance = np.linalg.norm(start + share[:, None] * chord - point, axis=1)
+        best = int(distance.argmin()) if len(distance) else -1
+        return 0.5 * (start[best] + end[best]) if best >= 0 and distance[best] <= 10.0 * self.near else point
 
 
 def _corners(line: Floats) -> list[int]:
@@ -309,37 +330,37 @@ def _middles_of_prisms(assembly: Assembly, near: float) -> Middles:
     free, support = elements.free.tolist(), elements.support
     corners = np.concatenate([elements.shape[k] for k in free])
     body = elements.shape[free[0]]
-    tried = [
+    directions = [
         _unit(body[j] - body[i]) for face in elements.faces[free[0]] for i, j in itertools.pairwise((*face, face[0]))
     ]
     best: tuple[float, Floats] | None = None
-    for way in tried:
-        reach = float(np.ptp(corners @ way))
-        if (best is None or reach > best[0] * (1 + 1e-9)) and all(_end(assembly, k, way, near) for k in free):
-            best = reach, way
+    for direction in directions:
+        reach = float(np.ptp(corners @ direction))
+        if (best is None or reach > best[0] * (1 + 1e-9)) and all(_end(assembly, k, direction, near) for k in free):
+            best = reach, direction
     if best is None:
         raise InputError("elements", "they are no prisms along one direction", "prisms across the thickness")
-    reach, way = best
-    axis = np.eye(3)[int(abs(way).argmin())]
-    frame = np.array([_unit(axis - (axis @ way) * way), np.zeros(3)])
-    frame[1] = np.cross(way, frame[0])
-    own = np.flatnonzero((support[faces.a] | support[faces.b])[: assembly.faces]).tolist()
+    reach, direction = best
+    axis = np.eye(3)[int(abs(direction).argmin())]
+    frame = np.array([_unit(axis - (axis @ direction) * direction), np.zeros(3)])
+    frame[1] = np.cross(direction, frame[0])
+    on_supports = np.flatnonzero((support[faces.a] | support[faces.b])[: assembly.faces]).tolist()
     contacts = []
-    for face in own:
-        if abs(faces.normal[face] @ way) > _NEAR:
+    for face in on_supports:
+        if abs(faces.normal[face] @ direction) > _NEAR:
             raise InputError("elements", "a contact with a support is no strip along its prisms", "whole strips")
-        along = faces.polygon[face] @ np.cross(way, faces.normal[face])
+        along = faces.polygon[face] @ np.cross(direction, faces.normal[face])
         contacts.append(faces.polygon[face][[along.argmin(), along.argmax()]] @ frame.T)
-    outlines = [elements.shape[k][list(_end(assembly, k, way, near))] @ frame.T for k in free]
+    outlines = [elements.shape[k][list(_end(assembly, k, direction, near))] @ frame.T for k in free]
     middle_of, thickness, across = _of_body(outlines, contacts, near)
     length = shapely.union_all([shapely.LineString(contact) for contact in contacts], grid_size=1e-3 * near).length
-    if abs(faces.area[own].sum() - reach * length) > 1e-3 * reach * length:
+    if abs(faces.area[on_supports].sum() - reach * length) > 1e-3 * reach * length:
         raise InputError("elements", "it does not rest on supports all along: no middle line", "a straight wall")
     exact = _exact(middle_of, outlines, near)
     middle = []
-    for points, held in zip(elements.shape, support, strict=True):
+    for points, fixed in zip(elements.shape, support, strict=True):
         flat = points @ frame.T
-        moved = flat if held and across != "wall" else exact(flat)
+        moved = flat if fixed and across != "wall" else exact(flat)
         middle.append(points + (moved - flat) @ frame)
     return Middles(list(elements.shape), middle, thickness, across, near)
 
