@@ -62,7 +62,7 @@ class Gap:
 
 def with_holes(paths: list[Path]) -> tuple[list[Path], dict[int, list[int]]]:
     """Append the holes of paths as closed paths, and return the indices of the holes of each path that has some."""
-    rings = [(k, Path(hole, True, path.layer)) for k, path in enumerate(paths) for hole in path.holes]
+    rings = [(k, Path(hole, closed=True, layer=path.layer)) for k, path in enumerate(paths) for hole in path.holes]
     holes: dict[int, list[int]] = {}
     for number, (k, _) in enumerate(rings, len(paths)):
         holes.setdefault(k, []).append(number)

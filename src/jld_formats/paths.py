@@ -71,7 +71,7 @@ def without_repeats(path: Path, same: float) -> Path:
             onto = again[np.arange(k, count) % k]
             apart = np.hypot(*(points[k:, :2] - onto[:, :2]).T) > same
             if not apart[:-1].any() and (not apart[-1] or _between(points[-1], again, count - 1, same)):
-                return Path(again, True, path.layer, path.name, path.holes)
+                return Path(again, closed=True, layer=path.layer, name=path.name, holes=path.holes)
     return path
 
 

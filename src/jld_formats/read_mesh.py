@@ -333,6 +333,7 @@ def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
             points = points[:-1]
         if len(points) < 3:
             raise InputError(f"element {name!r}", f"it has {len(points)} corners", "at least 3")
-        paths.append(Path(np.column_stack([points, np.zeros(len(points))]), True, layers[name], name))
+        outline = np.column_stack([points, np.zeros(len(points))])
+        paths.append(Path(outline, closed=True, layer=layers[name], name=name))
     notes.found.append(f"{len(paths)} polygons")
     return Drawing(paths, [], None, {}, path.stem)

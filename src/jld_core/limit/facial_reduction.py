@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -77,11 +78,10 @@ class FacialReduction:
         # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
         # first with rays of the live load treated as self-stress.
         idle = not normalise and abs(motion.work) < _NO_WORK
-        return (self._best_repair(motion, labels, normalise, idle, True) if idle else None) or self._best_repair(
-            motion, labels, normalise, idle, False
-        )
+        repaired = self._best_repair(motion, labels, normalise, idle=True, loaded=True) if idle else None
+        return repaired or self._best_repair(motion, labels, normalise, idle=idle, loaded=False)
 
-    def _best_repair(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
+    def _best_repair(self, motion: Motion, labels: Bits, normalise: bool, *, idle: bool, loaded: bool) -> Motion | None:
         """Return the repaired motion of least bound; idle: no live work.
 
         loaded: self-stresses may balance live load.
@@ -95,14 +95,16 @@ class FacialReduction:
                     continue
                 step = self.prover.motion(inside, labels, normalise=False)
                 # A motion that needs a large share of the step inside is a poor bound: try all, and keep the best.
-                tried = [
-                    given and self._blended(given, step, program, reduced, labels, normalise, idle, turned)
-                    for given in (motion, self._motion_of_reduced(program, reduced, labels, normalise))
-                    for turned in ((False, True) if reduced.rays else (False,))
-                ]
-                repaired = [one for one in tried if one is not None]
+                blend = partial(
+                    self._blend_inward,
+                    step=step, program=program, reduced=reduced, labels=labels, normalise=normalise, idle=idle,
+                )  # fmt: skip
+                starts = [motion, self._motion_of_reduced(program, reduced, labels, normalise)]
+                turns = (False, True) if reduced.rays else (False,)
+                tried = [blend(start, turned=turned) for start in starts if start is not None for turned in turns]
+                repaired = [found for found in tried if found is not None]
                 if repaired:
-                    return min(repaired, key=lambda one: one.bound)
+                    return min(repaired, key=lambda found: found.bound)
         return None
 
     def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
@@ -111,7 +113,7 @@ class FacialReduction:
         rows = kept_rows(program).linear
         own = multipliers[rows]
         reduced = Reduced(rows[own > _POSITIVE * own.max(initial=0.0)], ())
-        return self._blended(motion, None, program, reduced, labels, True, False, False)
+        return self._blend_inward(motion, None, program, reduced, labels, normalise=True, idle=False, turned=False)
 
     def _motion_of_reduced(
         self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool
@@ -159,13 +161,14 @@ class FacialReduction:
                     states.append(self.prover.state(y, labels, passes=3))
         return states
 
-    def _blended(
+    def _blend_inward(
         self,
         motion: Motion,
         step: Motion | None,
         program: ConicProgram,
         reduced: Reduced,
         labels: Bits,
+        *,
         normalise: bool,
         idle: bool,
         turned: bool,
@@ -444,7 +447,7 @@ class SelfStress:
             )
             if inner is None or outer is None:
                 continue
-            point = _blended(program_of_rows(self.program, stage.left, right=True), outer[0], inner[0])
+            point = _move_inward(program_of_rows(self.program, stage.left, right=True), outer[0], inner[0])
             forces = None if point is None else self._with_stresses(point, stage)
             error = max(inner[1], outer[1])
             if point is not None and forces is not None and error <= 1e-3 * _LEFT:
@@ -528,7 +531,7 @@ def _without_last_digits(point: Floats) -> Floats:
     return np.where(abs(point) <= _LAST_DIGITS * abs(point).max(initial=0.0), 0.0, point)
 
 
-def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
+def _move_inward(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
     """Move a point towards an inner one until all rows have slack `_LEFT`; None if the inner one has less."""
     out, within = _row_position(rows, outer).least, _row_position(rows, inner).least
     if within <= _LEFT:
