@@ -168,14 +168,14 @@ def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
         mass = 0.0 if value is None else value * units.density
         if value is None or mass == 0.0 or low <= mass <= high:
             continue
-        meant = {
+        readings = {
             "kg/m³ are meant": np.nan if plain else value,
             "t/m³ or g/cm³ are meant": 1e3 * value if value < high / 1e3 else np.nan,
             "a unit weight in kN/m³ is meant": value * 1e3 / 9.81,
             "a unit weight in N/m³ is meant": value / 9.81,
         }
-        likely = _meant(meant, _DENSITY, first=True)
-        usual = next((one for one in meant.values() if _within(one, _DENSITY)), 2000.0)
+        likely = _meant(readings, _DENSITY, first=True)
+        usual = next((reading for reading in readings.values() if _within(reading, _DENSITY)), 2000.0)
         text = f"{value:g} kg/m³" if plain else f"{value:g}, which is {mass:.4g} kg/m³ in {_unit_names(scene)}"
         remedy = "" if plain else f'; write "density": "{usual:.4g} kg/m³", or {usual / units.density:.4g}'
         yield f"{where} is {text}; usual is {low:g} to {high:g}{likely}{remedy}"

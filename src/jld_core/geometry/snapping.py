@@ -395,15 +395,15 @@ def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, orig
     pairs = np.unique(loops.node * base + np.repeat(group, loops.count) + 1)
     pairs = pairs[pairs % base > 0]
     node, plane = pairs // base, pairs % base - 1
-    amount = np.bincount(node, minlength=len(place))
-    first = np.concatenate([[0], np.cumsum(amount)])[:-1]
+    planes_of_node = np.bincount(node, minlength=len(place))
+    first = np.concatenate([[0], np.cumsum(planes_of_node)])[:-1]
     moved = place.copy()
-    for count in np.unique(amount[amount > 0]).tolist():
-        which = np.flatnonzero(amount == count)
-        planes = plane[first[which, None] + np.arange(count)]
+    for count in np.unique(planes_of_node[planes_of_node > 0]).tolist():
+        nodes = np.flatnonzero(planes_of_node == count)
+        planes = plane[first[nodes, None] + np.arange(count)]
         rows = normal[planes]
-        off = np.einsum("nki,nki->nk", origin[planes] - place[which, None], rows)
-        step = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=_RANK), off)
+        distances = np.einsum("nki,nki->nk", origin[planes] - place[nodes, None], rows)
+        step = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=_RANK), distances)
         near = np.linalg.norm(step, axis=1) <= _FAR * tolerance  # others stay
-        moved[which[near]] += step[near]
+        moved[nodes[near]] += step[near]
     return moved

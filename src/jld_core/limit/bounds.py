@@ -657,17 +657,17 @@ FACES_WHERE_BATCH_IS_FASTER: Final = (48, 400)
 
 
 def offer_results(
-    found: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
+    results: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
 ) -> None:
     """Check the batch solver's bounds of one labelling, and add the valid ones to a proof."""
-    if found.forces is None:
+    if results.forces is None:
         return
-    if np.isfinite(found.low[0]):
-        proof.offer_state(prover.state(np.append(found.forces[0], found.low[0]), labels))
-    if found.verdict[0] == LOCKED and found.rays is not None:
-        ray = prover.ray(np.append(found.rays[0], 1.0), labels)
+    if np.isfinite(results.low[0]):
+        proof.offer_state(prover.state(np.append(results.forces[0], results.low[0]), labels))
+    if results.verdict[0] == LOCKED and results.rays is not None:
+        ray = prover.ray(np.append(results.rays[0], 1.0), labels)
         proof.ray = ray if prover.is_ray(ray) else proof.ray
-    elif found.velocity is not None and found.velocity[0].any():
-        motion = prover.motion(found.velocity[0], labels)
-        wider = opening() if motion.margin < 0.0 else None
-        proof.offer_motion(motion if wider is None else prover.add_opening(motion, wider, labels))
+    elif results.velocity is not None and results.velocity[0].any():
+        motion = prover.motion(results.velocity[0], labels)
+        widening = opening() if motion.margin < 0.0 else None
+        proof.offer_motion(motion if widening is None else prover.add_opening(motion, widening, labels))

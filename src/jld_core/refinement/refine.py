@@ -738,7 +738,7 @@ def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Int
     between: dict[tuple[int, int], list[int]] = {}
     for face, pair in enumerate(zip(joints.interfaces.a.tolist(), joints.interfaces.b.tolist(), strict=True)):
         between.setdefault((min(pair), max(pair)), []).append(face)
-    found = np.full(len(fine.interfaces), -1, dtype=np.int64)
+    joint_of_face = np.full(len(fine.interfaces), -1, dtype=np.int64)
     for k, (a, b) in enumerate(zip(element[fine.interfaces.a], element[fine.interfaces.b], strict=True)):
         if a == b:
             continue
@@ -750,5 +750,5 @@ def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Int
                 f"cells of {ids[a]!r} and {ids[b]!r} touch, and these elements do not",
                 "another size of cells",
             )
-        found[k] = face_of_piece(joints.interfaces, candidates, fine.interfaces, k)
-    return found
+        joint_of_face[k] = face_of_piece(joints.interfaces, candidates, fine.interfaces, k)
+    return joint_of_face

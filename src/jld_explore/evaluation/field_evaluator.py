@@ -222,13 +222,13 @@ class FieldPool:
 
     def take_from(self, other: FieldPool) -> None:
         """Take over the bounds and the number of programs of another pool of the same assembly."""
-        place = {labels.tobytes(): row for row, labels in enumerate(self.labellings)}
-        both = zip(other.low().tolist(), other.high().tolist(), strict=True)
-        for theirs, (labels, (low, high)) in enumerate(zip(other.labellings, both, strict=True)):
-            row = place.get(labels.tobytes())
+        row_of = {labels.tobytes(): row for row, labels in enumerate(self.labellings)}
+        ends = zip(other.low().tolist(), other.high().tolist(), strict=True)
+        for other_row, (labels, (low, high)) in enumerate(zip(other.labellings, ends, strict=True)):
+            row = row_of.get(labels.tobytes())
             if row is not None:
-                self._low[row] = np.maximum(self._low[row], other._low[theirs])
-                self._high[row] = np.minimum(self._high[row], other._high[theirs])
+                self._low[row] = np.maximum(self._low[row], other._low[other_row])
+                self._high[row] = np.minimum(self._high[row], other._high[other_row])
                 self._least[row], self._most[row] = max(self._least[row], low), min(self._most[row], high)
         self._steps.update(other._steps)
         self.programs += other.programs

@@ -694,15 +694,15 @@ def values_until(
     if not deadline.limited:
         return _values([count], assembly, labellings, graph, shapes)[count.name]
     # whoever has a layout also has its counts: the first one is never late
-    known, done = [count.of(Layouts(assembly, labellings[:1], graph, shapes))], min(1, len(labellings))
+    parts, counted = [count.of(Layouts(assembly, labellings[:1], graph, shapes))], min(1, len(labellings))
     try:
         with deadline.enforced():
-            while done < len(labellings):
-                known.append(count.of(Layouts(assembly, labellings[done : done + _SLICE], graph, shapes)))
-                done = min(done + _SLICE, len(labellings))
+            while counted < len(labellings):
+                parts.append(count.of(Layouts(assembly, labellings[counted : counted + _SLICE], graph, shapes)))
+                counted = min(counted + _SLICE, len(labellings))
     except DeadlinePassed:
-        known.append(np.full(len(labellings) - done, np.nan))
-    values: Floats = np.concatenate(known)
+        parts.append(np.full(len(labellings) - counted, np.nan))
+    values: Floats = np.concatenate(parts)
     return values
 
 

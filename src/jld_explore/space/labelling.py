@@ -390,7 +390,7 @@ def with_sink(void: Void) -> Assembly:
     elements, faces, d = real.elements, real.interfaces, real.dimension
     middle = elements.centroid.mean(axis=0)
     sink = len(elements)
-    more = replace(
+    with_sink_element = replace(
         elements,
         ids=(*elements.ids, ""),
         blocks=(*elements.blocks, None),
@@ -409,14 +409,14 @@ def with_sink(void: Void) -> Assembly:
         return np.concatenate([values, np.zeros((count, *values.shape[1:]), dtype=values.dtype)])
 
     places = elements.centroid[cells]
-    grown = replace(
+    with_sink_faces = replace(
         faces,
         a=np.concatenate([faces.a, cells]),
         b=np.concatenate([faces.b, np.full(count, sink)]),
         origin=np.vstack([faces.origin, places]),
         polygon=(*faces.polygon, *(np.repeat(place[None], 2, axis=0) for place in places)),
         rectangle=np.append(faces.rectangle, np.zeros(count, dtype=bool)),
-        **{name: longer(getattr(faces, name)) for name in ("normal", "e1", "e2", "l1", "l2", "area", "c_t")},
+        **{name: padded(getattr(faces, name)) for name in ("normal", "e1", "e2", "l1", "l2", "area", "c_t")},
     )
 
     cases: tuple[LoadCase, ...] = tuple(
@@ -424,8 +424,8 @@ def with_sink(void: Void) -> Assembly:
     )
     return replace(
         real,
-        elements=more,
-        interfaces=grown,
+        elements=with_sink_element,
+        interfaces=with_sink_faces,
         face_strengths=real.face_strengths.joined(Strengths(*np.zeros((7, count)))),
         dead_loads=real.dead_loads.padded(),
         live_loads=real.live_loads.padded(),

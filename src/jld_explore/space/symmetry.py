@@ -531,11 +531,11 @@ def _falls_on(one: Assembly, other: Assembly, to: Ints, matrix: Floats) -> bool:
     d = one.dimension
     reflect = np.linalg.det(matrix)
     turn = np.array([[reflect]]) if d == 2 else reflect * matrix
-    for loads, there in ((one.dead, other.dead), (one.live, other.live)):
+    for loads, target in ((one.dead, other.dead), (one.live, other.live)):
         total = np.linalg.norm(loads[:, :d], axis=1).sum() + np.linalg.norm(loads[:, d:], axis=1).sum() / one.size
-        for part, map_, arm in ((slice(0, d), matrix, 1.0), (slice(d, None), turn, one.size)):
+        for columns, turning, arm in ((slice(0, d), matrix, 1.0), (slice(d, None), turn, one.size)):
             if (
-                abs(loads[:, part] @ map_.T - there[to][:, part]).max(initial=0.0)
+                abs(loads[:, columns] @ turning.T - target[to][:, columns]).max(initial=0.0)
                 > 10.0 * tolerances.SYMMETRY * total * arm
             ):
                 return False
