@@ -404,7 +404,7 @@ def with_sink(void: Void) -> Assembly:
     )
     count = len(cells)
 
-    def longer(values: Floats) -> Floats:
+    def padded(values: Floats) -> Floats:
         """Return values (m, ...) with zeros appended for the faces to the sink."""
         return np.concatenate([values, np.zeros((count, *values.shape[1:]), dtype=values.dtype)])
 
