@@ -239,26 +239,27 @@ class _EliminationTree:
         flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
         updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
         out = []
-        for node, ((columns, rest), ends) in enumerate(zip(self._nodes, self._ends, strict=True)):
-            first, at = ends.first, ends.at
-            front = np.zeros((at[-1], at[-1]), order="F")
+        for node, ((columns, later), ends) in enumerate(zip(self._nodes, self._ends, strict=True)):
+            pivots, start = ends.first, ends.at  # number of pivots, and first row of each block
+            front = np.zeros((start[-1], start[-1]), order="F")
             for key, pairs, shares in self._parts[node]:
                 blocks = (shares @ flat[key]).reshape(len(pairs), *tables[key].shape[1:])
                 for (b, a), block in zip(pairs, blocks, strict=True):
-                    front[at[b] : at[b + 1], at[a] : at[a + 1]] = block
-            front[np.arange(first), np.arange(first)] += shift
-            places = {row: n for n, row in enumerate(columns + rest)}
-            for where, update, its in updates[node]:
-                _extend_add(front, update, [places[row] for row in where], at, its)
+                    front[start[b] : start[b + 1], start[a] : start[a + 1]] = block
+            front[np.arange(pivots), np.arange(pivots)] += shift
+            # add the Schur complements of the fronts below
+            position = {row: n for n, row in enumerate(columns + later)}
+            for rows, update, update_start in updates[node]:
+                _extend_add(front, update, [position[row] for row in rows], start, update_start)
             updates[node] = []
-            lower, failed = lapack.dpotrf(front[:first, :first], lower=1)
+            lower, failed = lapack.dpotrf(front[:pivots, :pivots], lower=1)
             if failed:
                 return None
-            below = np.zeros((0, first))
-            if rest:
-                below = blas.dtrsm(1.0, lower, front[first:, :first], side=1, lower=1, trans_a=1)
-                update = blas.dsyrk(-1.0, below, beta=1.0, c=front[first:, first:], lower=1)
-                updates[self._parent[node]].append((rest, update, at[len(columns) :] - first))
+            below = np.zeros((0, pivots))
+            if later:
+                below = blas.dtrsm(1.0, lower, front[pivots:, :pivots], side=1, lower=1, trans_a=1)
+                update = blas.dsyrk(-1.0, below, beta=1.0, c=front[pivots:, pivots:], lower=1)
+                updates[self._parent[node]].append((later, update, start[len(columns) :] - pivots))
             out.append((lower, below))
         return lambda rhs: self._solve(out, rhs)
 

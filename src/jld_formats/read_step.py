@@ -281,11 +281,13 @@ class _Reader:
                 yield owner[form], (pair[2], moved[2], moved[3])
 
     def _move(self, place: tuple[int, int, int] | None, shapes: list[int], alike: dict[int, list[int]]) -> Floats:
+        """Return the motion (4, 4) of a child with these shapes; place: first related shape, and a frame of either."""
         if place is None:
             return np.eye(4)
-        first, one, two = place
+        first, frame_of_first, frame_of_second = place
         own = {*shapes, *(other for shape in shapes for other in alike.get(shape, []))}
-        inner, outer = (one, two) if first in own else (two, one)
+        # the relation may name child or parent first
+        inner, outer = (frame_of_first, frame_of_second) if first in own else (frame_of_second, frame_of_first)
         return np.asarray(self._frame(outer) @ np.linalg.inv(self._frame(inner)))
 
     def _name(self, product: int) -> str:

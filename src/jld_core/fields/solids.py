@@ -252,29 +252,30 @@ def _nodes(surface: Surface, facets: list[int]) -> Floats:
     return surface.points[np.unique(np.concatenate(rings))]
 
 
-def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
+def _planes(surface: Surface, start: Facet, end: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
     """Return the planes, unit normal (3,) and offset, that cut a long or flat cell between two facets."""
 
     # Where the facets lean, all planes meet in one line; a plane close to a node is moved to it.
-    def share(places: Floats) -> Floats:  # of the way from one facet to the other
-        near, far = (one.origin - places) @ one.normal, (other.origin - places) @ other.normal
-        return np.asarray(near / (near + far))
+    def share_of_way(points: Floats) -> Floats:
+        """Return 0 at points (k, 3) on the first facet, 1 on the second one."""
+        from_start, to_end = (start.origin - points) @ start.normal, (end.origin - points) @ end.normal
+        return np.asarray(from_start / (from_start + to_end))
 
     middle = nodes.mean(axis=0)
-    width = float((one.origin - middle) @ one.normal + (other.origin - middle) @ other.normal)
-    side = max(_smaller_side(surface, one), _smaller_side(surface, other))
+    width = float((start.origin - middle) @ start.normal + (end.origin - middle) @ end.normal)
+    side = max(_smaller_side(surface, start), _smaller_side(surface, end))
     if width >= _THRICE * side:
-        places = [side / width, 1.0 - side / width]
+        shares = [side / width, 1.0 - side / width]
     else:
-        places = [0.5] if width >= _TWICE * side else []
-    known = np.unique(np.round(share(nodes), _DIGITS))
+        shares = [0.5] if width >= _TWICE * side else []
+    of_nodes = np.unique(np.round(share_of_way(nodes), _DIGITS))
     planes = []
-    for place in places:
-        nearest = float(known[np.argmin(np.round(abs(known - place), _DIGITS))])
-        at = nearest if abs(nearest - place) * width <= _SNAP * side else place
-        normal = at * other.normal - (1.0 - at) * one.normal
+    for wanted in shares:
+        nearest = float(of_nodes[np.argmin(np.round(abs(of_nodes - wanted), _DIGITS))])
+        share = nearest if abs(nearest - wanted) * width <= _SNAP * side else wanted
+        normal = share * end.normal - (1.0 - share) * start.normal
         size = float(np.linalg.norm(normal))
-        offset = at * float(other.origin @ other.normal) - (1.0 - at) * float(one.origin @ one.normal)
+        offset = share * float(end.origin @ end.normal) - (1.0 - share) * float(start.origin @ start.normal)
         planes.append((normal / size, offset / size))
     return planes
 

@@ -357,6 +357,7 @@ def _add_joint_rules(linear: Rows, problem: Problem, number: Ints, centre: Float
 
 def _add_cell_rules(linear: Rows, cones: Rows, sine: float, count: int, width: int) -> None:
     """Append slack ≤ e and g sin φ ≤ e − slack of each cell, with e and g of docs/method.md (9.2)."""
+    # Columns 6 c + 2 … 6 c + 5 are the velocity gradient of cell c, row by row; the last column is the slack.
     first, slack, ones = 6 * np.arange(count) + 2, np.full(count, width - 1), np.ones(count)
     trace = [(first, -ones), (first + 3, -ones), (slack, ones)]
     linear.add(trace, 0.0, count)

@@ -349,11 +349,12 @@ class Prover:
         table[abs(table).max(axis=1) <= _LAST_DIGIT * abs(table).max(initial=0.0)] = 0.0
         forces = table.ravel()
         residual = self.template.matrix @ forces + live
+        # a face with small forces must hold as exactly as others: its slack counts relative to them
         largest = abs(table).max(axis=1)
-        slack = self.template.yield_set.recession_slack(table, labels)
-        slack = np.where(largest > 0.0, slack / np.where(largest > 0.0, np.minimum(largest, 1.0), 1.0), slack)
-        share = self.imbalance(forces, live)
-        return State(table, 1.0, float(slack.min()), max(error_or_inf(error, residual, forces), share))
+        size = np.where(largest > 0.0, np.minimum(largest, 1.0), 1.0)
+        slack = self.template.yield_set.recession_slack(table, labels) / size
+        error = max(error_or_inf(error, residual, forces), self.imbalance(forces, live))
+        return State(table, 1.0, float(slack.min()), error)
 
     def imbalance(self, forces: Floats, load: Floats) -> float:
         """Return the largest residual of A F + load of an element, relative to its terms but at most 1."""

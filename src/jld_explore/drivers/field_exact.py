@@ -328,20 +328,18 @@ class FieldExact(ProvingDriver):
     def _work(self) -> None:
         """Take one step of the proof: begin, refine, draw labellings, or lower the bound."""
         # The caller repeats it, and evaluates `_waiting` labellings, until `_settled` or `_stopped`.
-        best = self.incumbents.best() if self._begun else {}
         if not self._begun:
             self._begin()
-        elif (
-            self._aim.goal(best) > self._aimed
-            or self._aimed >= self._left_open
-            or self._aim.target(best) != self._target
-        ):
+            return
+        best = self.incumbents.best()
+        goal_rose = self._aim.goal(best) > self._aimed
+        if goal_rose or self._aimed >= self._left_open or self._aim.target(best) != self._target:
             self._aim_formula()
-        elif (rows := self._open()).size:
+        elif (rows := self._open()).size:  # evaluated labellings that neither a conflict nor their fields refute
             self._refine(rows)
-        elif (rows := self._wide_rows()).size:
+        elif (rows := self._wide_rows()).size:  # strong ones whose lower bounds may still rise
             self._refine_lower(rows)
-        elif not self._draw():
+        elif not self._draw():  # the formula has no labelling left
             self._lower()
         elif self._schedule.is_stuck(len(self._state.conflicts) - self._began, self._left_open, self._aimed):
             self._aim_formula()
