@@ -70,7 +70,7 @@ def planar_feet(cells: list[Cell], tolerance: float, notes: Notes) -> list[Cell]
     skewbacks = _skewbacks(rings[0], size, near) if len(rings) == 1 else []
     if skewbacks:
         notes.assumed.append("supports beside the raked sides of a flat arch: the drawing names none")
-        return [_support(points) for points in skewbacks]
+        return [_support_cell(points) for points in skewbacks]
     springings = [line for ring in rings for line in _springings(ring)]
     if not springings and len(shapes) <= _RINGS:  # rings of an arch whose ends are no line
         of_ring = [_springings(_ring(shape)) for shape in shapes]
@@ -83,16 +83,16 @@ def planar_feet(cells: list[Cell], tolerance: float, notes: Notes) -> list[Cell]
     if spans and not any(line[:, 1].max() - lowest > near for line in springings):
         notes.assumed.append("supports below the lowest edges: the drawing names none")
         below = lowest - depth
-        return [_support(np.array([(x0, below), (x1, below), (x1, lowest), (x0, lowest)])) for x0, x1 in spans]
+        return [_support_cell(np.array([(x0, below), (x1, below), (x1, lowest), (x0, lowest)])) for x0, x1 in spans]
     springings = springings or [np.array(edge) for ring in rings for edge in _lowest_edges(ring)]
     if not springings:
         return []
     notes.assumed.append("supports at the springings: the drawing names none")
     feet = [shapely.Polygon([*line, *(line + depth * _normal(line[0], line[-1]))[::-1]]) for line in springings]
-    return [_support(_ring(foot)) for foot in _without(feet, structure)]
+    return [_support_cell(_ring(foot)) for foot in _without(feet, structure)]
 
 
-def _support(points: Floats) -> Cell:
+def _support_cell(points: Floats) -> Cell:
     return Cell(points, "supports", None, support=True)
 
 
