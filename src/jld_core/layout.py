@@ -107,7 +107,7 @@ class Layout:
     def regions(self) -> tuple[tuple[Region, ...], ...]:
         """Plane regions of each block, one per connected part, with holes; planar scenes only."""
         shapes = self.assembly.elements.shape
-        return tuple(tuple(union_outlines([shapes[k] for k in one.tolist()])) for one in self.members)
+        return tuple(tuple(union_outlines([shapes[k] for k in block.tolist()])) for block in self.members)
 
     @cached_property
     def openings(self) -> tuple[Floats, ...]:
@@ -121,9 +121,9 @@ class Layout:
         parts = [part for part in shapely.get_parts(empty) if part.area > 1e-8 * size**2]
         outlines = [hole for hole in holes if any(hole.covers(part.representative_point()) for part in parts)]
         # a hole that is empty as a whole keeps its exact corners
-        whole = [hole for hole in outlines if hole.area - empty.intersection(hole).area <= 1e-6 * hole.area]
-        rest = [part for part in parts if not any(hole.covers(part.representative_point()) for hole in whole)]
-        return tuple(shapely.get_coordinates(part.exterior)[:-1] for part in [*whole, *rest])
+        empty_holes = [hole for hole in outlines if hole.area - empty.intersection(hole).area <= 1e-6 * hole.area]
+        partial = [part for part in parts if not any(hole.covers(part.representative_point()) for hole in empty_holes)]
+        return tuple(shapely.get_coordinates(part.exterior)[:-1] for part in [*empty_holes, *partial])
 
     @cached_property
     def surfaces(self) -> tuple[tuple[Surface, ...], ...]:
@@ -133,8 +133,8 @@ class Layout:
             depth = self.thickness
             return tuple(tuple(extrude(region, depth) for region in regions) for regions in self.regions)
         return tuple(
-            (union_solids([elements.shape[k] for k in one.tolist()], [elements.faces[k] for k in one.tolist()]),)
-            for one in self.members
+            (union_solids([elements.shape[k] for k in block.tolist()], [elements.faces[k] for k in block.tolist()]),)
+            for block in self.members
         )
 
     @property

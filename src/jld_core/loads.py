@@ -110,8 +110,12 @@ class Loads:
             share * self.couples,
             replace(self.points, force=of_points * self.points.force),
             tuple(
-                replace(one, mean=factors[one.element] * one.mean, slope=factors[one.element] * one.slope)
-                for one in self.tractions
+                replace(
+                    traction,
+                    mean=factors[traction.element] * traction.mean,
+                    slope=factors[traction.element] * traction.slope,
+                )
+                for traction in self.tractions
             ),
         )
 
@@ -120,7 +124,7 @@ class Loads:
             self.body.any()
             or self.couples.any()
             or self.points.force.any()
-            or any(one.mean.any() or one.slope.any() for one in self.tractions)
+            or any(traction.mean.any() or traction.slope.any() for traction in self.tractions)
         )
 
     def take(self, rows: Ints) -> Loads:
@@ -132,7 +136,11 @@ class Loads:
             self.body[rows],
             self.couples[rows],
             replace(points, element=place[points.element]),
-            tuple(replace(one, element=int(place[one.element])) for one in self.tractions if place[one.element] >= 0),
+            tuple(
+                replace(traction, element=int(place[traction.element]))
+                for traction in self.tractions
+                if place[traction.element] >= 0
+            ),
         )
 
     def padded(self) -> Loads:
@@ -145,13 +153,13 @@ class Loads:
         d = self.body.shape[1]
         tractions = tuple(
             Traction(
-                one.element,
-                tuple(factor * ring for ring in one.rings),
-                factor * one.origin,
-                one.mean / factor ** (d - 1),
-                one.slope / factor**d,
+                traction.element,
+                tuple(factor * ring for ring in traction.rings),
+                factor * traction.origin,
+                traction.mean / factor ** (d - 1),
+                traction.slope / factor**d,
             )
-            for one in self.tractions
+            for traction in self.tractions
         )
         points = replace(self.points, at=factor * self.points.at, width=factor * self.points.width)
         return Loads(self.body, factor * self.couples, points, tractions)
@@ -169,18 +177,18 @@ class Loads:
             (int(k), at, force)
             for k, at, force in zip(self.points.element, self.points.at, self.points.force, strict=True)
         ]
-        found += [(one.element, one.origin, one.resultant()[0]) for one in self.tractions]
+        found += [(traction.element, traction.origin, traction.resultant()[0]) for traction in self.tractions]
         return [one for one in found if one[2].any()]
 
 
 def points_of(entries: Sequence[tuple[int, Floats, Floats, float | None, bool]], dimension: int) -> PointForces:
     """Return forces given by element, place, force, width or None, and whether the place is the centroid."""
     return PointForces(
-        element=np.array([one[0] for one in entries], dtype=np.int64),
-        at=np.array([one[1] for one in entries], dtype=float).reshape(-1, dimension),
-        force=np.array([one[2] for one in entries], dtype=float).reshape(-1, dimension),
-        width=np.array([np.nan if one[3] is None else one[3] for one in entries], dtype=float),
-        centred=np.array([one[4] for one in entries], dtype=bool),
+        element=np.array([entry[0] for entry in entries], dtype=np.int64),
+        at=np.array([entry[1] for entry in entries], dtype=float).reshape(-1, dimension),
+        force=np.array([entry[2] for entry in entries], dtype=float).reshape(-1, dimension),
+        width=np.array([np.nan if entry[3] is None else entry[3] for entry in entries], dtype=float),
+        centred=np.array([entry[4] for entry in entries], dtype=bool),
     )
 
 
@@ -209,9 +217,11 @@ def resultants(loads: Loads, elements: Bodies) -> Floats:
     # The moment of a force at p is (p − c) × f about centroid c. Supports have none. Sums within rounding of zero
     # become exactly zero.
     d = loads.body.shape[1]
-    points, parts = loads.points, [one.resultant() for one in loads.tractions]
-    element = np.concatenate([points.element, np.array([one.element for one in loads.tractions], dtype=np.int64)])
-    at = np.concatenate([points.at, np.array([one.origin for one in loads.tractions]).reshape(-1, d)])
+    points, parts = loads.points, [traction.resultant() for traction in loads.tractions]
+    element = np.concatenate(
+        [points.element, np.array([traction.element for traction in loads.tractions], dtype=np.int64)]
+    )
+    at = np.concatenate([points.at, np.array([traction.origin for traction in loads.tractions]).reshape(-1, d)])
     force = np.concatenate([points.force, np.array([one for one, _ in parts]).reshape(-1, d)])
     turn = np.zeros((len(element), loads.couples.shape[1]))
     for k, (_, moment) in enumerate(parts, len(points)):

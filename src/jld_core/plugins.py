@@ -30,7 +30,7 @@ GROUPS: Final = {  # group of entry points → what an object of it is
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name, sorted; raise InputError for a name given twice."""
-    points = list(_installed(tuple(sys.path)).select(group=group))
+    points = list(_installed_entry_points(tuple(sys.path)).select(group=group))
     checkout = _of_checkout()
     if checkout is not None:
         from importlib import metadata
@@ -38,7 +38,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
         points = [one for one in points if one.dist is None or one.dist.name != "jld"]
         points += [metadata.EntryPoint(name, value, group) for name, value in checkout.get(group, {}).items()]
     found: dict[str, EntryPoint] = {}
-    for point in sorted(points, key=lambda one: (one.name, one.value)):
+    for point in sorted(points, key=lambda point: (point.name, point.value)):
         other = found.setdefault(point.name, point)
         if other.value != point.value:
             packages = " and ".join(f"{package(one)} ({one.value})" for one in (other, point))
@@ -48,7 +48,7 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 @cache
-def _installed(path: tuple[str, ...]) -> Any:
+def _installed_entry_points(path: tuple[str, ...]) -> Any:
     """Return the entry points of all packages on a path, whose metadata are read once."""
     from importlib import metadata  # takes as long to import as a small scene to solve
 
@@ -119,7 +119,7 @@ def guarded(group: str, which: Any) -> Iterator[None]:
             raise
         calls = traceback.extract_tb(error.__traceback__)
         module = point.module.partition(".")[0]
-        own = [one for one in calls if module in (Path(one.filename).stem, *Path(one.filename).parts)] or calls
+        own = [call for call in calls if module in (Path(call.filename).stem, *Path(call.filename).parts)] or calls
         at = f"{Path(own[-1].filename).name}, line {own[-1].lineno}"
         problem = f"it raises {repr(error)[:_LONGEST]} ({at})"
         raise refuse_type(group, point.name, f"{GROUPS[group]} that ends without an error", problem) from error
@@ -143,11 +143,11 @@ def part(name: str) -> Any:
 
 
 def door(name: str) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a module that leads to a part of jld."""
+    """Return the `__getattr__` of a module with the attributes of a part of jld."""
 
-    def lead(attribute: str) -> Any:
-        if attribute.startswith("__"):
+    def attribute_of_part(attribute: str) -> Any:
+        if attribute.startswith("__"):  # as Python asks modules for, without a need for the part
             raise AttributeError(attribute)
         return getattr(part(name), attribute)
 
-    return lead
+    return attribute_of_part

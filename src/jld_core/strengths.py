@@ -94,11 +94,16 @@ class Strengths:
     @classmethod
     def of(cls, dry: Side, inner: Side) -> Strengths:
         """Return strengths from the numbers of either label; dry faces have no tension."""
-        return cls(**{one.field: getattr(dry if one.label == "dry" else inner, one.side) for one in PARAMETERS})
+        return cls(
+            **{
+                parameter.field: getattr(dry if parameter.label == "dry" else inner, parameter.side)
+                for parameter in PARAMETERS
+            }
+        )
 
     def side(self, *, dry: bool) -> Side:
         label = "dry" if dry else "inner"
-        found = {one.side: getattr(self, one.field) for one in PARAMETERS if one.label == label}
+        found = {parameter.side: getattr(self, parameter.field) for parameter in PARAMETERS if parameter.label == label}
         return Side(**{"tension": np.zeros(len(self.friction)), **found})
 
     def under(self, labels: Bits) -> Side:
@@ -109,13 +114,18 @@ class Strengths:
         self, stress: Callable[[Floats], Floats], friction: Callable[[Floats], Floats] = lambda mu: mu
     ) -> Strengths:
         """Return strengths with a function applied to all stresses, and one to friction coefficients."""
-        return Strengths(**{
-            one.field: (friction if one.side == "friction" else stress)(getattr(self, one.field)) for one in PARAMETERS
-        })  # fmt: skip
+        return Strengths(
+            **{
+                parameter.field: (friction if parameter.side == "friction" else stress)(getattr(self, parameter.field))
+                for parameter in PARAMETERS
+            }
+        )
 
     @property
     def stresses(self) -> dict[str, Floats]:
-        return {one.field: getattr(self, one.field) for one in PARAMETERS if one.side != "friction"}
+        return {
+            parameter.field: getattr(self, parameter.field) for parameter in PARAMETERS if parameter.side != "friction"
+        }
 
     @property
     def crushes(self) -> Bools:
@@ -132,7 +142,7 @@ class Strengths:
 
     def facts(self) -> dict[str, Bools]:
         """Return for each fact a mask (m,) of the interfaces that state it."""
-        values = [(one, getattr(self, one.field)) for one in PARAMETERS]
+        values = [(parameter, getattr(self, parameter.field)) for parameter in PARAMETERS]
         return {one.fact: np.isfinite(value) if one.field in ENDS else value > 0.0 for one, value in values}
 
 
@@ -198,7 +208,11 @@ class FaceStrengths:
         """Return the error of an unknown fact of the interfaces `taken` (m,)."""
         key, words = FACTS[fact]
         if fact in CRITERIA:
-            own = next(one for one in self.criteria if fact.startswith(one.label) and (one.faces & taken).any())
+            own = next(
+                criterion
+                for criterion in self.criteria
+                if fact.startswith(criterion.label) and (criterion.faces & taken).any()
+            )
             return InputError(own.key, f'"{own.name}" is unknown to {route.name}', "standard strengths in place of it")
         return InputError(key, f"the {words} (face {face}) is unknown to {route.name}", "faces without it")
 
@@ -218,13 +232,15 @@ class FaceStrengths:
 
     def take(self, rows: Ints) -> FaceStrengths:
         nominal = None if self._nominal_numbers is None else self._nominal_numbers.take(rows)
-        return FaceStrengths(self._stated_numbers.take(rows), nominal, tuple(one.take(rows) for one in self.criteria))
+        return FaceStrengths(
+            self._stated_numbers.take(rows), nominal, tuple(criterion.take(rows) for criterion in self.criteria)
+        )
 
     def joined(self, more: Strengths) -> FaceStrengths:
         """Return these strengths, followed by those of further interfaces of the standard criterion."""
         nominal = None if self._nominal_numbers is None else self._nominal_numbers.joined(more)
         none = np.zeros(len(more.friction), dtype=bool)
-        criteria = tuple(replace(one, faces=np.append(one.faces, none)) for one in self.criteria)
+        criteria = tuple(replace(criterion, faces=np.append(criterion.faces, none)) for criterion in self.criteria)
         return FaceStrengths(self._stated_numbers.joined(more), nominal, criteria)
 
     def scaled(self, factors: Mapping[str, float], faces: Bools) -> FaceStrengths:
@@ -240,8 +256,8 @@ class FaceStrengths:
     def table(self) -> Floats:
         """Return one row (m, k) for each interface, equal for equal strengths and criteria; NaN: no material."""
         parts = [self._stated_numbers, *([] if self._nominal_numbers is None else [self._nominal_numbers])]
-        columns = [column for one in parts for column in vars(one).values()]
-        columns += [one.faces.astype(float) for one in self.criteria]
+        columns = [column for part in parts for column in vars(part).values()]
+        columns += [criterion.faces.astype(float) for criterion in self.criteria]
         return np.column_stack(columns).reshape(len(self._stated_numbers.friction), -1)
 
 
@@ -282,7 +298,7 @@ def stated(label: str, name: str, parameters: Mapping[str, Any], key: str) -> An
         except ValidationError as error:
             found = first_complaint(error, model)
         raise InputError(f"{where}.{found.where}".rstrip("."), found.problem, found.expected)
-    known = {one.name: one for one in criterion.parameters}
+    known = {parameter.name: parameter for parameter in criterion.parameters}
     for given in parameters:
         if given not in known:
             near = difflib.get_close_matches(given, known, n=1) or known

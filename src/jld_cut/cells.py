@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -152,7 +153,7 @@ class Cutting:
         """Join slivers, and the smallest cells above the limits of numbers; return the joints."""
         joints = joints_of(self.cells, self.planes, self.size)
         for _ in range(6):
-            group = _joined(self.cells, joints, limits)
+            group = _join_small(self.cells, joints, limits)
             if len(set(group)) == len(self.cells):
                 return joints
             names = sorted(set(group))
@@ -193,42 +194,44 @@ def closed(bodies: list[Any], volume: float) -> Any | None:
     return None
 
 
-def _joined(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
-    group, volume = list(range(len(cells))), [cell.volume() for cell in cells]
+def _join_small(cells: list[Any], joints: list[Joint], limits: Limits) -> list[int]:
+    """Join slivers, and smallest cells of too many, to neighbours: the owner of each cell."""
+    owner, volume = list(range(len(cells))), [cell.volume() for cell in cells]
     boxes = [np.array(cell.bounding_box()) for cell in cells]
     area: dict[tuple[int, int], float] = {}
     pieces: dict[tuple[int, int], int] = {}
     for joint in joints:
         pair = min(joint.a, joint.b), max(joint.a, joint.b)
         area[pair], pieces[pair] = area.get(pair, 0.0) + joint.area, pieces.get(pair, 0) + 1
-    mean, alive = sum(volume) / len(volume), set(group)
+    mean, alive = sum(volume) / len(volume), set(owner)
     stuck: set[int] = set()
     while alive - stuck:
-        small = min(alive - stuck, key=lambda k: volume[k])
-        many = len(alive) > limits.cells or sum(pieces.values()) > limits.faces
-        if volume[small] >= SLIVER * mean and not many:
+        smallest = min(alive - stuck, key=lambda k: volume[k])
+        too_many = len(alive) > limits.cells or sum(pieces.values()) > limits.faces
+        if volume[smallest] >= SLIVER * mean and not too_many:
             break
-        beside = sorted(((size, pair) for pair, size in area.items() if small in pair), reverse=True)
-        for _, pair in beside:
-            other = pair[0] if pair[1] == small else pair[1]
+        beside = sorted(((size, pair) for pair, size in area.items() if smallest in pair), reverse=True)
+        for _, pair in beside:  # largest common area first
+            other = pair[0] if pair[1] == smallest else pair[1]
             box = np.concatenate(
-                [np.minimum(boxes[small][:3], boxes[other][:3]), np.maximum(boxes[small][3:], boxes[other][3:])]
+                [np.minimum(boxes[smallest][:3], boxes[other][:3]), np.maximum(boxes[smallest][3:], boxes[other][3:])]
             )
-            if limits.hold(box, volume[small] + volume[other]):
+            if limits.hold(box, volume[smallest] + volume[other]):
                 break
         else:
-            stuck.add(small)
+            stuck.add(smallest)
             continue
-        boxes[other], volume[other] = box, volume[other] + volume[small]
-        alive.remove(small)
-        group = [other if name == small else name for name in group]
-        for old in [one for one in area if small in one]:
-            third = old[0] if old[1] == small else old[1]
+        # the joints of the joined cell become those of its owner
+        boxes[other], volume[other] = box, volume[other] + volume[smallest]
+        alive.remove(smallest)
+        owner = [other if name == smallest else name for name in owner]
+        for old in [one for one in area if smallest in one]:
+            third = old[0] if old[1] == smallest else old[1]
             size, number = area.pop(old), pieces.pop(old)
             if third != other:
                 new = min(third, other), max(third, other)
                 area[new], pieces[new] = area.get(new, 0.0) + size, pieces.get(new, 0) + number
-    return group
+    return owner
 
 
 def basis(normal: Floats) -> Floats:
@@ -332,23 +335,24 @@ def convex_pieces(region: Any, tolerance: float, bent: float, corners: int | Non
 def _pieces(region: Any, tolerance: float, bent: float, corners: int | None) -> list[Any]:
     pieces = [region]
     if not _is_convex(region, bent):
-        pieces = [one for one in triangles_of(region) if one.area > 0.0]
+        pieces = [piece for piece in triangles_of(region) if piece.area > 0.0]
     merging = True
     while merging and len(pieces) > 1:
         merging = False
         shared = sorted(
             (
-                (shapely.intersection(p, q).length, a, b)
-                for a, p in enumerate(pieces)
-                for b, q in enumerate(pieces[:a])
-                if shapely.intersects(p, q)
+                (shapely.intersection(first, second).length, a, b)
+                for a, first in enumerate(pieces)
+                for b, second in enumerate(pieces[:a])
+                if shapely.intersects(first, second)
             ),
             reverse=True,
         )
         for length, a, b in shared:
-            both = shapely.union(pieces[a], pieces[b])
-            if length > 0.0 and both.geom_type == "Polygon" and _is_convex(both, bent):
-                pieces = [one for k, one in enumerate(pieces) if k not in (a, b)] + [shapely.simplify(both, tolerance)]
+            union = shapely.union(pieces[a], pieces[b])
+            if length > 0.0 and union.geom_type == "Polygon" and _is_convex(union, bent):
+                others = [piece for k, piece in enumerate(pieces) if k not in (a, b)]
+                pieces = [*others, shapely.simplify(union, tolerance)]
                 merging = True
                 break
     least = 1e-4 * region.area
@@ -404,23 +408,23 @@ def convex_parts(
     edges = [concave_edges(cell) for cell in cells]
     while len(pieces) < most:
         checkpoint()
-        turn, at = max((one[0][0], k) if one else (0.0, k) for k, one in enumerate(edges))
+        turn, at = max((concave[0][0], k) if concave else (0.0, k) for k, concave in enumerate(edges))
         if turn < least:
             break
         _, middle, first, second = edges[at].pop(0)
-        found: list[tuple[tuple[int, int, int], Cutting, list[Any]]] = []
+        cuts: list[tuple[tuple[int, int, int], Cutting, list[Any]]] = []  # rank, cut, concave edges of its pieces
         for across in (first - second, first, second):  # a bisector may graze a thin piece
             cutting = Cutting(pieces[at])
             across = across / np.linalg.norm(across)
             cutting.through(across, float(across @ middle))
-            if len(cutting.cells) > 1 and (few or not found):
+            if len(cutting.cells) > 1 and (few or not cuts):
                 left = [concave_edges(cell) for cell in cutting.cells]
-                # bodies that touch along an edge have no concave one
+                # bodies that touch along an edge are not convex and have no concave edge to split at
                 stuck = sum(not own and not _convex(cell) for own, cell in zip(left, cutting.cells, strict=True))
-                edgy = sum(one[0] >= least for own in left for one in own)
-                found.append(((stuck, edgy, len(left)), cutting, left))
-        if found:
-            _, cutting, left = min(found, key=lambda one: one[0])
+                sharp = sum(edge_turn >= least for edge_turn, *_ in itertools.chain(*left))
+                cuts.append(((stuck, sharp, len(left)), cutting, left))
+        if cuts:
+            _, cutting, left = min(cuts, key=lambda entry: entry[0])
             planes += cutting.planes
             pieces[at : at + 1], of[at : at + 1] = cutting.cells, [of[at]] * len(left)
             edges[at : at + 1] = left

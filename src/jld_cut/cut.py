@@ -223,14 +223,15 @@ def cut(
     _refuse_regions(solid, wish)
     moved = _to_origin(solid, scale)
     warnings += [*_of_size(solid, options), *_of_moved(moved, options)]
-    for line in warnings if warn else ():
-        warn(line)
+    if warn:
+        for line in warnings:
+            warn(line)
     families = search_all(solid, path.stem, wish, clock, say)
     out.mkdir(parents=True, exist_ok=True)
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
     with ExitStack() as beside:
         bracket = _begun(chosen, wish, out, clock, beside)
-        if options.keys and (with_keys := _keyed(chosen, wish, scale, options.clearance, clock)) is not chosen:
+        if options.keys and (with_keys := _with_keys(chosen, wish, scale, options.clearance, clock)) is not chosen:
             beside.close()
             chosen, bracket = with_keys, _begun(with_keys, wish, out, clock, beside)
         if chosen.laying is None:  # the search for others had the time of this one
@@ -345,7 +346,7 @@ def _choose(families: list[Family], wish: Wish, clearance: float, clock: Clock, 
     numbers = sorted({n for one in families for n, of in one.found.of.items() if len(of.low)})
     carrying = [n for n in numbers if max(_top(one, n) for one in families) >= wish.require * (1 - 1e-6)]
     for parts in carrying or numbers[-1:]:
-        for family, block, coarse, bracket in _judged(families, parts, wish, clock, say):
+        for family, block, coarse, bracket in _best_layouts(families, parts, wish, clock, say):
             if made and time.time() > end and not family.truth.order(block, 0.0):
                 continue
             # an order that is not known yet leaves time for those of others
@@ -366,13 +367,13 @@ def _top(family: Family, parts: int) -> float:
     return -np.inf if found is None or not len(found.low) else float(found.low[0])
 
 
-def _judged(
+def _best_layouts(
     families: list[Family], parts: int, wish: Wish, clock: Clock, say: Callable[[str], None]
 ) -> list[tuple[Family, Ints, float, Bracket]]:
     """Return the layouts of one number of parts that are best on the cells, the strongest on convex cells first."""
     judged: list[tuple[float, float, tuple[Family, Ints, float, Bracket]]] = []
     end = clock.at(CHOSEN)
-    for family in sorted(families, key=lambda one: -_top(one, parts)):
+    for family in sorted(families, key=lambda family: -_top(family, parts)):
         if not np.isfinite(_top(family, parts)) and _top(family, parts) < 0:
             continue
         if not family.truth:
@@ -431,7 +432,7 @@ def _chosen(
     return Chosen(family, family.truth, coarse, bracket, uncut, block, laying, locking, parts, large, (), plain)
 
 
-def _keyed(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Clock) -> Chosen:
+def _with_keys(chosen: Chosen, wish: Wish, scale: float, clearance: float, clock: Clock) -> Chosen:
     """Return a layout with keys in the joints on which its parts slide, where these raise λ and the parts are sound."""
     if not np.isfinite(chosen.low) or not chosen.laying:
         return chosen
@@ -475,7 +476,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "proven": found.proven(parts),
         "bound": finite(found.bound(parts)),
         "bound_by": found.kind(parts),
-        "layouts": sum(one.solved for one in found.of.values()),
+        "layouts": sum(layouts.solved for layouts in found.of.values()),
         "uncut": list(chosen.uncut[:2]),
         "require": options.require,
         "fits": not chosen.too_large,
@@ -485,7 +486,7 @@ def _summary(chosen: Chosen, families: list[Family], solid: Any, options: Option
         "can_be_laid": chosen.can_be_laid,
         "locked_parts": [one.number for one in chosen.parts if set(one.cells) & set(chosen.locking)],
         "family": chosen.family.name,
-        "families": [_facts(one, parts, options.require) for one in families],
+        "families": [_facts(family, parts, options.require) for family in families],
         "front": _front(families),
         "volume": solid.volume(),
         "volume_error": abs(sum(volumes) - solid.volume()) / solid.volume(),
@@ -505,7 +506,7 @@ def _facts(family: Family, parts: int, require: float) -> dict[str, Any]:
         "cells": len(family.cutting.cells),
         "joints": len(family.joints),
         "sets": found.sets,
-        "evaluated": sum(one.solved for one in found.of.values()),
+        "evaluated": sum(layouts.solved for layouts in found.of.values()),
         "parts": own,
         "load_factor_of_cells": None if own is None else finite(_top(family, own)),
         "proven": own is not None and found.proven(own),
@@ -526,20 +527,21 @@ def _true(family: Family, parts: int) -> list[float]:
 def _front(families: list[Family]) -> list[dict[str, Any]]:
     """Return the strongest layout of each number of parts on the cells of all families."""
     rows = []
-    for parts in sorted({n for one in families for n in one.found.of}):
-        best = max(families, key=lambda one: _top(one, parts))
+    for parts in sorted({n for family in families for n in family.found.of}):
+        best = max(families, key=lambda family: _top(family, parts))
         if _top(best, parts) >= 0.0:
             row = {"parts": parts, "load_factor_of_cells": finite(_top(best, parts)), "family": best.name}
             true = _true(best, parts)
-            proven = all(one.found.proven(parts) for one in families)
-            bound = finite(max(one.found.bound(parts) for one in families))
+            proven = all(family.found.proven(parts) for family in families)
+            bound = finite(max(family.found.bound(parts) for family in families))
             rows.append(row | {"load_factor": finite(max(true)) if true else None, "proven": proven, "bound": bound})
     return rows
 
 
 def verdict(summary: dict[str, Any]) -> str:
+    """Say what the parts carry, beside what, and what is unproven or faulty."""
     many = f"{summary['parts']} parts" if summary["parts"] > 1 else "1 part"
-    carry, low = _carried(summary), summary["bracket"][0]
+    carry, low = _carried_in_words(summary), summary["bracket"][0]
     keys = summary.get("keys") or []
     if keys:
         more = f" and {len(keys) - _NAMED} more" if len(keys) > _NAMED else ""
@@ -547,38 +549,38 @@ def verdict(summary: dict[str, Any]) -> str:
         carry += f"; with keys where parts slid ({named}; {summary['load_factor_without_keys']:.3g} without)"
     start, end = summary["uncut"]
     whole = "any multiple" if start is not None and end is None else "unknown" if start is None else f"{start:.3g}"
-    told = f"{many} {carry}; uncut {whole}"
+    text = f"{many} {carry}; uncut {whole}"
     if summary.get("only_crushing"):
-        told += "; only crushing limits it"
-    most = (summary.get("by_fields") or (None, None))[1]
+        text += "; only crushing limits it"
+    fields_high = (summary.get("by_fields") or (None, None))[1]
     above = low is not None and start is not None and end is not None and low > start * (1 + 1e-3)
     # where fields refute λ by cells, nothing is above the uncut solid
-    if above and (most is None or most >= low):
-        told += " (a dry joint opens over its whole depth, an uncut section cracks at its elastic limit)"
+    if above and (fields_high is None or fields_high >= low):
+        text += " (a dry joint opens over its whole depth, an uncut section cracks at its elastic limit)"
     if summary.get("proven"):
         of_cells, bound = summary.get("load_factor_of_cells"), summary.get("bound")
         below = of_cells is not None and bound is not None and of_cells < bound * (1 - 1e-3)
         last = f"exceeds {bound:.3g} on them, whether it goes together or not" if below else "is stronger on them"
         joints = " with plane joints," if keys else ""
-        told += f";{joints} no fewer parts of these cells do, and no layout of as many {last}"
+        text += f";{joints} no fewer parts of these cells do, and no layout of as many {last}"
     else:
-        told += _bounded(summary)
+        text += _bound_in_words(summary)
     if low is not None and not summary["meets"]:
-        told += f"; {summary['require']:g} was asked"
+        text += f"; {summary['require']:g} was asked"
     if summary["too_large"]:
-        told += "; parts that do not fit the box: " + ", ".join(str(k) for k in summary["too_large"])
+        text += "; parts that do not fit the box: " + ", ".join(str(k) for k in summary["too_large"])
     if summary["coarse_truth"]:
-        told += "; this is λ of the cells of the search, since no finer scene was valid: inner cracks are few"
+        text += "; this is λ of the cells of the search, since no finer scene was valid: inner cracks are few"
     if summary["faulty_files"]:
-        told += "; not watertight: " + ", ".join(summary["faulty_files"])
+        text += "; not watertight: " + ", ".join(summary["faulty_files"])
     if summary["can_be_laid"] is None:
-        told += "; time ended before an order of assembly was found"
+        text += "; time ended before an order of assembly was found"
     if summary["can_be_laid"] is False:
-        told += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
-    return told + "."
+        text += "; parts " + ", ".join(str(k) for k in summary["locked_parts"]) + " lock one another"
+    return text + "."
 
 
-def _bounded(summary: dict[str, Any]) -> str:
+def _bound_in_words(summary: dict[str, Any]) -> str:
     """Return in words what bounds λ of the layouts of a search that proved nothing stronger impossible."""
     bound = summary.get("bound")
     by = {"branches": "a bound on all that were not solved", "joints": "a bound with each joint open or whole"}
@@ -668,7 +670,7 @@ def _shown(value: Any) -> str:
     return "–" if value is None or value != value else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-def _carried(summary: dict[str, Any]) -> str:
+def _carried_in_words(summary: dict[str, Any]) -> str:
     """Return what parts carry in words, by the model that knows more."""
     low = low_of((*summary["bracket"], summary["locked"]))
     least, most = summary.get("by_fields") or (None, None)

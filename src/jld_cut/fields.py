@@ -67,12 +67,12 @@ def _pieces(bodies: list[Any], few: bool, joined: bool) -> tuple[list[Any], Ints
         else:
             problem = f"the parts are no union of {_PIECES} convex pieces"
             raise InputError("fields", problem, "fewer concave facets")
-        found = _joined(found) if joined else found
+        found = _join_convex(found) if joined else found
         pieces, of, planes = pieces + found, of + [part] * len(found), planes + cuts
     return pieces, np.array(of), planes
 
 
-def _joined(pieces: list[Any]) -> list[Any]:
+def _join_convex(pieces: list[Any]) -> list[Any]:
     # those whose union is convex
     made, volume = [piece.hull() for piece in pieces], [piece.volume() for piece in pieces]
     k = 1

@@ -75,22 +75,24 @@ def slides(family: Family, block: Ints, friction: float) -> list[Slide]:
     rubs &= size > _LEAST * np.linalg.norm(jumps[:, :3], axis=1).max()
     # cells of supports belong to no part
     part = np.append(block[truth.of], np.full(len(assembly.elements) - len(truth.of), -1))
-    first, second, at = part[faces.a], part[faces.b], np.asarray(faces.origin)
-    made = []
+    first, second, origins = part[faces.a], part[faces.b], np.asarray(faces.origin)
+    found_slides = []
     for plane in unique_planes(cutting.planes, cutting.size):
-        here = (np.abs(at @ plane[:3] - plane[3]) < 1e-6 * cutting.size) & (np.abs(faces.normal @ plane[:3]) > 1 - 1e-6)
+        in_plane = (np.abs(origins @ plane[:3] - plane[3]) < 1e-6 * cutting.size) & (
+            np.abs(faces.normal @ plane[:3]) > 1 - 1e-6
+        )
         regions: dict[tuple[int, int], list[Any]] = {}
         for a, b, region in sections(cutting.cells, plane, cutting.size):
             regions.setdefault((int(block[a]), int(block[b])), []).append(region)
         for (below, above), pieces in regions.items():
-            own = here & (((first == below) & (second == above)) | ((first == above) & (second == below)))
-            slid = own & rubs
-            if below == above or faces.area[slid].sum() <= _SLIDES * faces.area[own].sum():
+            between = in_plane & (((first == below) & (second == above)) | ((first == above) & (second == below)))
+            slid = between & rubs
+            if below == above or faces.area[slid].sum() <= _SLIDES * faces.area[between].sum():
                 continue
             sign = np.where(first[slid] == below, 1.0, -1.0)
             along = (sign * faces.area[slid]) @ slip[slid]
-            made.append(Slide(below, above, plane, shapely.union_all(pieces), along))
-    return sorted(made, key=lambda one: -float(np.linalg.norm(one.along)))
+            found_slides.append(Slide(below, above, plane, shapely.union_all(pieces), along))
+    return sorted(found_slides, key=lambda one: -float(np.linalg.norm(one.along)))
 
 
 def _way(region: Any, along: Floats) -> Floats:
@@ -140,7 +142,7 @@ def _tool(slide: Slide, kind: str, up: bool, cells: list[Any], size: float) -> t
     back = 1e-3 * depth
     sides = (*(end - start), depth + back)
     body = manifold3d().Manifold.cube(tuple(sides)).translate((*start, offset - back))
-    planes = [np.array([*way, one[k]]) for k, way in enumerate((along, across)) for one in (start, end)]
+    planes = [np.array([*axis, corner[k]]) for k, axis in enumerate((along, across)) for corner in (start, end)]
     planes.append(np.array([*normal, offset + depth]))
     return body.transform(np.column_stack([along, across, normal, np.zeros(3)])), planes
 
@@ -173,7 +175,7 @@ def _keyed_cells(
         names += [name] * len(rest) + [on] * len(taken)
         moved += len(taken)
     whole = sum(cell.volume() for cell in cells)
-    if not moved or abs(sum(one.volume() for one in made) - whole) > 1e-9 * whole:
+    if not moved or abs(sum(body.volume() for body in made) - whole) > 1e-9 * whole:
         return None
     return made, np.array(names, dtype=np.int64), planes
 
@@ -230,11 +232,11 @@ def keyed(family: Family, block: Ints, low: float, setting: Setting, sound: Call
     try:
         for _ in range(_ROUNDS):
             before, limit = best, least
-            found = slides(before.family, before.block, friction)
-            for one in variants(before.family, before.block, found, setting, least):
-                if low_of(one.bracket) > limit and sound(one):
-                    limit = _BETTER * low_of(one.bracket)
-                    best = replace(one, keys=(*before.keys, *one.keys))
+            sliding = slides(before.family, before.block, friction)
+            for variant in variants(before.family, before.block, sliding, setting, least):
+                if low_of(variant.bracket) > limit and sound(variant):
+                    limit = _BETTER * low_of(variant.bracket)
+                    best = replace(variant, keys=(*before.keys, *variant.keys))
             if best is before:
                 break
             least = _GAIN * low_of(best.bracket)

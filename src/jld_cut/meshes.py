@@ -71,32 +71,32 @@ def _without_shared(points: Floats, triangles: Ints, tolerance: float) -> tuple[
     back = cKDTree(-planes).sparse_distance_matrix(tree, _SAME, output_type="coo_matrix")
     like = tree.query_pairs(_SAME, output_type="ndarray")
     group = groups(np.concatenate([like, np.column_stack([back.row, back.col])]), len(triangles))
-    kept = np.ones(len(triangles), dtype=bool)
-    made = [np.zeros((0, 3, 3))]
-    for name in np.unique(group[back.row]).tolist():
-        members = np.flatnonzero(group == name)
+    remaining = np.ones(len(triangles), dtype=bool)
+    new_triangles = [np.zeros((0, 3, 3))]
+    for plane in np.unique(group[back.row]).tolist():
+        members = np.flatnonzero(group == plane)
         largest = members[np.argmax(length[members])]
         up, offset = normal[largest], float(planes[largest, 3]) * size
         first = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
         first /= np.linalg.norm(first)
         frame = np.array([first, np.cross(up, first)])
-        looks = normal[members] @ up > 0.0
+        faces_up = normal[members] @ up > 0.0
         plan = shapely.polygons(corners[members] @ frame.T)
         grid = 0.01 * tolerance
-        above, below = (shapely.union_all(plan[side], grid_size=grid) for side in (looks, ~looks))
+        above, below = (shapely.union_all(plan[side], grid_size=grid) for side in (faces_up, ~faces_up))
         if shapely.intersection(above, below, grid_size=grid).area < tolerance**2:
             continue
-        kept[members] = False
-        for one, other, sign in ((above, below, 1), (below, above, -1)):
-            rest = shapely.get_parts(shapely.difference(one, other, grid_size=grid))
-            rest = rest[shapely.get_type_id(rest) == 3]
-            flat = [triangle for region in rest for triangle in triangles_of(region)]
+        remaining[members] = False
+        for own_side, other, sign in ((above, below, 1), (below, above, -1)):
+            surplus = shapely.get_parts(shapely.difference(own_side, other, grid_size=grid))
+            surplus = surplus[shapely.get_type_id(surplus) == 3]
+            flat = [triangle for region in surplus for triangle in triangles_of(region)]
             if flat:
                 ring = shapely.get_coordinates(shapely.orient_polygons(flat)).reshape(-1, 4, 2)[:, :3][:, ::sign]
-                made.append(ring @ frame + offset * up)
-    new = np.concatenate(made)
+                new_triangles.append(ring @ frame + offset * up)
+    new = np.concatenate(new_triangles)
     numbers = np.arange(3 * len(new)).reshape(-1, 3) + len(points)
-    return np.concatenate([points, new.reshape(-1, 3)]), np.concatenate([triangles[kept], numbers])
+    return np.concatenate([points, new.reshape(-1, 3)]), np.concatenate([triangles[remaining], numbers])
 
 
 def triangles_of(region: Any) -> list[Any]:
@@ -104,7 +104,7 @@ def triangles_of(region: Any) -> list[Any]:
         return list(shapely.get_parts(shapely.constrained_delaunay_triangles(region)))
     except shapely.errors.GEOSException:  # a ring that touches itself
         within = shapely.intersection(shapely.get_parts(shapely.delaunay_triangles(region)), region)
-        return [one for one in shapely.get_parts(within) if one.geom_type == "Polygon"]
+        return [part for part in shapely.get_parts(within) if part.geom_type == "Polygon"]
 
 
 def _split_at(points: Floats, triangles: Ints, tolerance: float) -> Ints:
@@ -114,35 +114,39 @@ def _split_at(points: Floats, triangles: Ints, tolerance: float) -> Ints:
     length = np.linalg.norm(ray, axis=1)
     used = np.unique(triangles)
     near = cKDTree(points[used]).query_ball_point(start + ray / 2, length / 2 + tolerance)
-    on: dict[tuple[int, int], list[int]] = {}
-    for k, found in enumerate(near):
-        away = points[used[found]] - start[k]
-        along = away @ ray[k] / length[k]
-        off = np.linalg.norm(away - np.outer(along, ray[k] / length[k]), axis=1)
-        inside = (off <= tolerance) & (along > 0.0) & (along < length[k])
-        inside &= ~np.isin(used[found], edges[k])
-        if inside.any():
-            on[int(edges[k, 0]), int(edges[k, 1])] = used[found][inside][np.argsort(along[inside])].tolist()
-    done, todo = [], [tuple(one) for one in triangles.tolist()]
-    left = _SPLITS * (len(triangles) + 10)  # two points just apart may each lie on an edge to the other
+    points_on: dict[tuple[int, int], list[int]] = {}
+    for k, close in enumerate(near):
+        arm = points[used[close]] - start[k]
+        along = arm @ ray[k] / length[k]
+        distance = np.linalg.norm(arm - np.outer(along, ray[k] / length[k]), axis=1)
+        between_ends = (distance <= tolerance) & (along > 0.0) & (along < length[k])
+        between_ends &= ~np.isin(used[close], edges[k])
+        if between_ends.any():
+            points_on[int(edges[k, 0]), int(edges[k, 1])] = used[close][between_ends][
+                np.argsort(along[between_ends])
+            ].tolist()
+    whole, todo = [], [tuple(triangle) for triangle in triangles.tolist()]
+    splits_left = _SPLITS * (len(triangles) + 10)  # two points just apart may each lie on an edge to the other
     while todo:
-        left -= 1
-        if left < 0:
+        splits_left -= 1
+        if splits_left < 0:
             raise ValueError("edges that cannot be split")
         a, b, c = todo.pop()
         for p, q, r in ((a, b, c), (b, c, a), (c, a, b)):
-            if between := on.get((min(p, q), max(p, q)), []):
+            if between := points_on.get((min(p, q), max(p, q)), []):
                 # parts of an edge hold the points between them; a third corner among them: it encloses nothing
                 chain = [min(p, q), *between, max(p, q)]
-                at = len(chain) // 2
-                for part in (chain[: at + 1], chain[at:]):
-                    ends, inner = (part[0], part[-1]), part[1:-1]
-                    on[min(ends), max(ends)] = inner if ends[0] < ends[1] else inner[::-1]
-                todo += [one for one in ((p, chain[at], r), (chain[at], q, r)) if len(set(one)) == 3]
+                middle = len(chain) // 2
+                for part in (chain[: middle + 1], chain[middle:]):
+                    end_points, inner = (part[0], part[-1]), part[1:-1]
+                    points_on[min(end_points), max(end_points)] = (
+                        inner if end_points[0] < end_points[1] else inner[::-1]
+                    )
+                todo += [one for one in ((p, chain[middle], r), (chain[middle], q, r)) if len(set(one)) == 3]
                 break
         else:
-            done.append((a, b, c))
-    return np.array(done, dtype=np.int64).reshape(-1, 3)
+            whole.append((a, b, c))
+    return np.array(whole, dtype=np.int64).reshape(-1, 3)
 
 
 ENDINGS: Final = ("stl", "obj", "3mf")
@@ -271,7 +275,7 @@ def _read(path: Path, kind: str) -> list[tuple[Floats, Ints]]:
         if np.isfinite(points).all():
             points, triangles = merged(points, triangles, 1e-7 * float(np.ptp(points, axis=0).max()))
             name = groups(triangles[:, [0, 1, 1, 2]].reshape(-1, 2), len(points))[triangles[:, 0]]
-            return [(points, triangles[name == one]) for one in np.unique(name)]
+            return [(points, triangles[name == number]) for number in np.unique(name)]
     read = formats.readers()[kind].read
     assert read is not None
     found = read(path, ImportOptions(), Notes())
@@ -317,11 +321,13 @@ def _read_3mf(path: Path) -> list[tuple[Floats, Ints]]:
     with _readable(), _model(path) as stream:
         root = ElementTree.fromstring(stream.read())
         scale = UNITS[_UNITS[root.get("unit", "millimeter")]]
-        objects = {one.get("id", ""): one for one in root.iter(f"{{{_NAMESPACE}}}object")}
+        objects = {node.get("id", ""): node for node in root.iter(f"{{{_NAMESPACE}}}object")}
         items = root.findall(f"{{{_NAMESPACE}}}build/{{{_NAMESPACE}}}item")
         # what is not built is not part of the model; a file that builds nothing holds it all
-        named = [(one.get("objectid", ""), _placing(one)) for one in items] or [(name, np.eye(4)) for name in objects]
-        found = [one for name, placing in named for one in _placed(objects, name, placing, _DEEP)]
+        named = [(item.get("objectid", ""), _placing(item)) for item in items] or [
+            (name, np.eye(4)) for name in objects
+        ]
+        found = [one for name, placing in named for one in _meshes_of(objects, name, placing, _DEEP)]
         found = [(scale * points, faces) for points, faces in found]
     if not found or not all(len(faces) and faces.max() < len(points) for points, faces in found):
         raise InputError("", "it holds no whole mesh", "one closed mesh")
@@ -336,7 +342,7 @@ def _placing(item: ElementTree.Element) -> Floats:
     return matrix
 
 
-def _placed(
+def _meshes_of(
     objects: dict[str, ElementTree.Element], name: str, placing: Floats, deep: int
 ) -> Iterator[tuple[Floats, Ints]]:
     """Yield the meshes of an object of a 3MF file and of its components, as points and triangles."""
@@ -349,7 +355,7 @@ def _placed(
         turn = 1 if np.linalg.det(placing[:3, :3]) > 0.0 else -1
         yield np.array(points).reshape(-1, 3) @ placing[:3, :3] + placing[3, :3], np.array(faces)[:, ::turn]
     for one in objects[name].iterfind(f"{{{_NAMESPACE}}}components/{{{_NAMESPACE}}}component"):
-        yield from _placed(objects, one.get("objectid", ""), _placing(one) @ placing, deep - 1)
+        yield from _meshes_of(objects, one.get("objectid", ""), _placing(one) @ placing, deep - 1)
 
 
 def _checked(points: Floats, triangles: Ints, shown: float) -> tuple[Any, bool]:

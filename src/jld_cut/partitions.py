@@ -85,7 +85,7 @@ class Boxes:
         return cls(np.array([one.min(axis=0) for one in seen]), np.array([one.max(axis=0) for one in seen]), moments)
 
     def grouped(self, groups: list[int]) -> Boxes:
-        cells = [[e for e in range(len(self.low)) if one >> e & 1] for one in groups]
+        cells = [[e for e in range(len(self.low)) if group >> e & 1] for group in groups]
         low = np.array([self.low[own].min(axis=0) for own in cells])
         high = np.array([self.high[own].max(axis=0) for own in cells])
         return Boxes(low, high, np.array([self.moments[own].sum(axis=0) for own in cells]))
@@ -145,7 +145,7 @@ def _joined(boxes: Boxes, around: list[int], limits: Limits, least: int) -> Iter
 
 
 def _around(groups: list[int], around: list[int]) -> list[int]:
-    cells = [[e for e in range(len(around)) if one >> e & 1] for one in groups]
+    cells = [[e for e in range(len(around)) if group >> e & 1] for group in groups]
     reach = [int(np.bitwise_or.reduce(np.array([around[e] for e in own], dtype=object))) for own in cells]
     return [sum(1 << k for k, two in enumerate(groups) if k != j and one & two) for j, one in enumerate(reach)]
 
@@ -155,7 +155,7 @@ def _sets_of_groups(
 ) -> list[int]:
     found = connected_sets(boxes.grouped(groups), _around(groups, around), limits, [], until)
     sets = [sum(one for k, one in enumerate(groups) if name >> k & 1) for name in found]
-    return [one for one in sets if all(one & whole in (0, whole) for whole in together)]
+    return [group for group in sets if all(group & whole in (0, whole) for whole in together)]
 
 
 class Ways:
@@ -165,9 +165,9 @@ class Ways:
         self, sets: list[int], count: int, kind: Callable[[int], Hashable] = hash, alike: int | None = None
     ) -> None:
         self.count, self.known, self._kind, self._alike = count, set(sets), kind, alike
-        self._holding = [[one for one in sets if one >> e & 1] for e in range(count)]
+        self._holding = [[group for group in sets if group >> e & 1] for e in range(count)]
         self._order = sorted(range(count), key=lambda e: len(self._holding[e]))
-        self._largest = max((one.bit_count() for one in sets), default=0)
+        self._largest = max((group.bit_count() for group in sets), default=0)
         self._reach = [0] * count  # cells that may be in one part with this one
         self._fewest: dict[int, int] = {0: 0}
         for e, own in enumerate(self._holding):
@@ -347,7 +347,7 @@ def search(
         _search(found, Ways(sets, count, kind, asked.alike), bounds, asked)
     else:
         found.problem = "too many sets of cells fit the box" if time.time() < asked.last else "time ended"
-    if not any(len(one.low) for one in found.of.values()) and time.time() > asked.until:
+    if not any(len(layouts.low) for layouts in found.of.values()) and time.time() > asked.until:
         chain = [[1 << e for e in range(count)], *_joined(boxes, around, limits, 1)]
         chain = [groups for groups in chain if len(groups) <= asked.most]
         _add_joined(found, Ways([], count, kind, asked.alike), chain, bounds, together)
@@ -357,16 +357,17 @@ def search(
 
 
 def _search(found: Found, ways: Ways, bounds: Bounds, asked: Asked) -> None:
+    """Search the strongest layouts of 1, 2, … parts, up to a few more than needed."""
     fewest = ways.count + 1
     for parts in range(1, min(asked.most, ways.count) + 1):
         if parts > fewest + _MORE:
             break
         last = asked.last if parts < fewest else asked.until
-        one = strongest(
+        layouts = strongest(
             ways, parts, bounds, found.whole, replace(asked, last=last), LAYOUTS if parts < fewest else _FURTHER
         )
-        found.of[parts] = one
-        if len(one.low) and one.low[0] >= found.require:
+        found.of[parts] = layouts
+        if len(layouts.low) and layouts.low[0] >= found.require:
             fewest = min(fewest, parts)
         if time.time() > (asked.until if fewest <= ways.count else asked.last):
             found.problem = "" if fewest <= ways.count else "time ended"
@@ -374,21 +375,22 @@ def _search(found: Found, ways: Ways, bounds: Bounds, asked: Asked) -> None:
 
 
 def _add_joined(found: Found, ways: Ways, chain: list[list[int]], bounds: Bounds, together: list[int]) -> None:
-    # to a search that time ended before it had one that stands
-    rows = [
-        tuple(groups)
-        for groups in chain
-        if ways.few(tuple(groups)) and all(any(one & whole == whole for one in groups) for whole in together)
-    ]
+    """Add layouts of a chain that stand, where time ended the search; sets are bits of cells."""
+
+    def joins(groups: list[int]) -> bool:
+        """Return whether cells that must stay together are in one group."""
+        return all(any(group & cells == cells for group in groups) for cells in together)
+
+    rows = [tuple(groups) for groups in chain if ways.few(tuple(groups)) and joins(groups)]
     if not rows:
         return
     blocks = ways.blocks(rows)
     low, _, locked = bounds(blocks)
-    for row, block, own in zip(rows, blocks, np.where(locked, np.inf, low), strict=True):
-        if own >= 0.0:
+    for row, block, load_factor in zip(rows, blocks, np.where(locked, np.inf, low), strict=True):
+        if load_factor >= 0.0:
             before = found.of.get(len(row))
             high = found.whole if before is None else before.high
-            found.of[len(row)] = Layouts(False, 1, 0, block[None], np.array([own]), high)
+            found.of[len(row)] = Layouts(False, 1, 0, block[None], np.array([load_factor]), high)
 
 
 class Solver(Protocol):
@@ -419,7 +421,7 @@ class _Strongest:
     @property
     def top(self) -> float:
         # what no layout that was not solved exceeds
-        return max((one.high for one in self._open), default=-np.inf)
+        return max((branch.high for branch in self._open), default=-np.inf)
 
     @property
     def best(self) -> float:
@@ -441,23 +443,23 @@ class _Strongest:
     def go_on(self, size: int, deep: bool) -> None:
         # of those of the highest bounds, or of the deepest; DeadlinePassed leaves what is bounded
         order = sorted(self._open, key=lambda one: (len(one.chosen), one.high) if deep else (one.high, len(one.chosen)))
-        found: list[tuple[tuple[int, ...], int, float]] = []
+        nodes: list[tuple[tuple[int, ...], int, float]] = []
         ended: set[_Branch] = set()
-        while order and len(found) < size:
-            taken = list(islice(order[-1].further, size - len(found)))
-            found += [(chosen, left, order[-1].high) for chosen, left in taken]
-            if len(found) < size:
+        while order and len(nodes) < size:
+            taken = list(islice(order[-1].further, size - len(nodes)))
+            nodes += [(chosen, left, order[-1].high) for chosen, left in taken]
+            if len(nodes) < size:
                 ended.add(order.pop())
-        leaf = [len(chosen) == self._parts - 1 for chosen, _, _ in found]
-        rest = [one for one, last in zip(found, leaf, strict=True) if not last]
-        if rest:
-            free = self._ways.blocks([(0, left) for _, left, _ in rest]) > 0
-            high = self._solve.relaxed(self._ways.blocks([(*chosen, left) for chosen, left, _ in rest]), free)
-        self._settle([one for one, last in zip(found, leaf, strict=True) if last])
-        for (chosen, left, most), own in zip(rest, high if rest else (), strict=True):
-            self._add(chosen, left, min(most, float(own)))
-        self._open = [one for one in self._open if one not in ended]
-        self.branches += len(rest)
+        is_leaf = [len(chosen) == self._parts - 1 for chosen, _, _ in nodes]
+        inner = [one for one, last in zip(nodes, is_leaf, strict=True) if not last]
+        if inner:
+            free = self._ways.blocks([(0, left) for _, left, _ in inner]) > 0
+            high = self._solve.relaxed(self._ways.blocks([(*chosen, left) for chosen, left, _ in inner]), free)
+        self._settle([one for one, last in zip(nodes, is_leaf, strict=True) if last])
+        for (chosen, left, most), bound in zip(inner, high if inner else (), strict=True):
+            self._add(chosen, left, min(most, float(bound)))
+        self._open = [branch for branch in self._open if branch not in ended]
+        self.branches += len(inner)
 
     def _settle(self, leaves: list[tuple[tuple[int, ...], int, float]]) -> None:
         if not leaves:

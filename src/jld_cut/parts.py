@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -86,18 +85,19 @@ def parts_of(cells: list[Any], block: Ints, joints: list[Joint], density: float,
         move = 0.5 * clearance * joint.normal
         solids[a] -= exact[b].translate(tuple(-move))
         solids[b] -= exact[a].translate(tuple(move))
-    found = []
+    parts = []
     for k, (group, whole, solid) in enumerate(zip(members, exact, solids, strict=True)):
         pieces = [one for one in pieces_of(solid) if one.volume() > _SPLINTER * whole.volume()]
-        if sum(piece.volume() for piece in pieces) < _LOST * whole.volume():
+        volume = sum(piece.volume() for piece in pieces)
+        if volume < _LOST * whole.volume():
             problem = f"part {k + 1} is thinner than a clearance of {clearance:g} m leaves whole"
             raise ParameterError("clearance", problem, "a smaller clearance")
-        left = sum(piece.volume() for piece in pieces)
-        one = (closed(pieces, left) if solid is not whole else None) or union(pieces)
-        found.append(Part(k + 1, group, whole, one, density * whole.volume()))
-        cut_to = sum(cells[i].volume() for i in group)
-        found[-1].error = max(abs(whole.volume() / cut_to - 1.0), abs(one.volume() / solid.volume() - 1.0))
-    return found
+        joined = (closed(pieces, volume) if solid is not whole else None) or union(pieces)
+        part = Part(k + 1, group, whole, joined, density * whole.volume())
+        of_cells = sum(cells[i].volume() for i in group)
+        part.error = max(abs(whole.volume() / of_cells - 1.0), abs(joined.volume() / solid.volume() - 1.0))
+        parts.append(part)
+    return parts
 
 
 def different(parts: list[Part]) -> int:
@@ -149,19 +149,19 @@ def plain_surface(solid: Any) -> unions.Surface:
     checkpoint()
     points, triangles = surface_of(solid)
     try:
-        found = unions.union_solids([points], [triangles.tolist()])
+        surface = unions.union_solids([points], [triangles.tolist()])
     except (shapely.errors.GEOSException, InputError, ValueError):  # regions that touch themselves
-        found = None
-    if found is not None:
-        fans = np.array([(f[0], f[k], f[k + 1]) for f in found.faces for k in range(1, len(f) - 1)])
-        held = [volume_of(found.points, corners) for corners in (fans, np.array(found.triangles))]
+        surface = None
+    if surface is not None:
+        fans = np.array([(f[0], f[k], f[k + 1]) for f in surface.faces for k in range(1, len(f) - 1)])
+        held = [volume_of(surface.points, corners) for corners in (fans, np.array(surface.triangles))]
         if not len(open_edges(fans)) and np.allclose(held, volume_of(points, triangles), rtol=1e-6, atol=0.0):
-            return found
+            return surface
     faces = tuple((a, b, c) for a, b, c in triangles.tolist())
     return unions.Surface(points, faces, faces)
 
 
-def write_parts(folder: Path, parts: list[Part], unit: float, moved: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+def write_parts(folder: Path, parts: list[Part], unit: float, moved: Floats | tuple[float, ...] = (0.0, 0.0, 0.0)) -> None:
     """Write each part as STL, OBJ and 3MF where it stands, moved, as STL on its bed, all as one 3MF; read STL again."""
     for name in ("parts", "bed"):
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -230,10 +230,10 @@ class Spot:
 
 def _spot(region: Any, plane: Floats) -> Spot | None:
     """Return the largest circle in a region of a plane, that faces along its normal."""
-    polygons = [one for one in shapely.get_parts(region).tolist() if one.geom_type == "Polygon"]
+    polygons = [part for part in shapely.get_parts(region).tolist() if part.geom_type == "Polygon"]
     if not polygons:
         return None
-    line = shapely.maximum_inscribed_circle(max(polygons, key=lambda one: one.area))
+    line = shapely.maximum_inscribed_circle(max(polygons, key=lambda polygon: polygon.area))
     normal, frame = plane[:3], basis(plane[:3])
     centre = np.array(line.coords[0]) @ frame + plane[3] * normal
     up = np.array([0.0, 0.0, 1.0]) - normal[2] * normal
@@ -301,7 +301,7 @@ def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float
     """Put a square tenon on the part that comes later at each joint along its way, where one fits; return how many."""
     place = {int(block[part.cells[0]]): part for part in parts}
     made: set[tuple[int, int]] = set()
-    for joint in sorted(joints, key=lambda one: -one.area):
+    for joint in sorted(joints, key=lambda joint: -joint.area):
         if time_left() <= 0.0:
             break
         one, other = place[int(block[joint.a])], place[int(block[joint.b])]
@@ -316,6 +316,7 @@ def tenons(parts: list[Part], block: Ints, joints: list[Joint], clearance: float
 
 
 def _tenon(comes: Part, stays: Part, joint: Joint, into: Floats, clearance: float, fit: Floats, unit: float) -> bool:
+    """Add a tenon and its hole if both parts stay sound and fit; True if done."""
     plane = np.array([*into, float(joint.polygon[0] @ into)])
     spot = _spot(shapely.Polygon(joint.polygon @ basis(into).T), plane)
     side = _TENON * np.sqrt(joint.area)
@@ -339,15 +340,15 @@ def _tenon(comes: Part, stays: Part, joint: Joint, into: Floats, clearance: floa
         return False
     longer, holed = comes.solid + pin, stays.solid - hole
     grown, cut = longer.volume() - comes.solid.volume(), stays.solid.volume() - holed.volume()
-    far = 1 + 1e-9
-    if not (0.0 < grown <= far * pin.volume() and 0.0 < cut <= far * hole.volume()):
+    slack = 1 + 1e-9
+    if not (0.0 < grown <= slack * pin.volume() and 0.0 < cut <= slack * hole.volume()):
         return False
     if (longer ^ holed).volume() > 1e-9 * cut:
         return False
     if not all(_sound(body, body.volume(), cut, unit) for body in (longer, holed)):
         return False
-    tried = Part(comes.number, comes.cells, longer, longer, comes.mass)
-    if not lay(tried, fit, comes.bed[None]):
+    lengthened = Part(comes.number, comes.cells, longer, longer, comes.mass)
+    if not lay(lengthened, fit, comes.bed[None]):
         return False
-    comes.solid, stays.solid, comes.box, comes.bed = longer, holed, tried.box, tried.bed
+    comes.solid, stays.solid, comes.box, comes.bed = longer, holed, lengthened.box, lengthened.bed
     return True

@@ -32,8 +32,8 @@ def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
         faces = points[triangles]
         normal, length = normals_of(faces)
         normal = normal / np.maximum(length, 1e-300)[:, None]
-        seen = normal @ eye > 0.0
-        faces, normal = faces[seen], normal[seen]
+        visible = normal @ eye > 0.0
+        faces, normal = faces[visible], normal[visible]
         shade = 0.55 + 0.45 * np.clip(normal @ light, 0.0, 1.0)
         corners.append(faces)
         paints.append(np.column_stack([colour[:3] * shade[:, None], np.ones(len(faces))]))
@@ -54,8 +54,8 @@ def _draw(axes: Any, parts: list[Part], moves: Floats, numbers: bool) -> None:
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     sides = np.maximum(high - low, 1e-9)
     # the longest diagonal has one length in any picture: what stands upright is drawn smaller
-    tall = sides[2] * np.cos(np.radians(22)) + np.linalg.norm(sides[:2]) * np.sin(np.radians(22))
-    axes.set_box_aspect(sides, zoom=0.9 * min(1.0, 0.66 * np.linalg.norm(sides) / tall))
+    drawn_height = sides[2] * np.cos(np.radians(22)) + np.linalg.norm(sides[:2]) * np.sin(np.radians(22))
+    axes.set_box_aspect(sides, zoom=0.9 * min(1.0, 0.66 * np.linalg.norm(sides) / drawn_height))
     axes.view_init(22, -62)
     axes.set_axis_off()
 

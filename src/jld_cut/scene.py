@@ -69,20 +69,21 @@ def numbers(name: str, text: str, count: int) -> Floats:
 
 
 def _clip(polygon: Floats, box: Floats) -> Floats:
+    """Return the part (k, 3) of a convex polygon inside a box (6,)."""
     for axis in range(3):
         for sign, bound in ((1.0, box[axis]), (-1.0, -box[axis + 3])):
-            away = sign * polygon[:, axis] - bound
-            kept = []
+            inside = sign * polygon[:, axis] - bound
+            clipped = []
             for k in range(len(polygon)):
                 j = (k + 1) % len(polygon)
-                if away[k] >= 0.0:
-                    kept.append(polygon[k])
-                if (away[k] >= 0.0) != (away[j] >= 0.0):
-                    share = away[k] / (away[k] - away[j])
-                    kept.append(polygon[k] + share * (polygon[j] - polygon[k]))
-            if len(kept) < 3:
+                if inside[k] >= 0.0:
+                    clipped.append(polygon[k])
+                if (inside[k] >= 0.0) != (inside[j] >= 0.0):
+                    share = inside[k] / (inside[k] - inside[j])
+                    clipped.append(polygon[k] + share * (polygon[j] - polygon[k]))
+            if len(clipped) < 3:
                 return np.zeros((0, 3))
-            polygon = np.array(kept)
+            polygon = np.array(clipped)
     return polygon
 
 
@@ -254,6 +255,7 @@ def _prism(ground: Ground, depth: float) -> dict[str, Any]:
 def scene_of(
     name: str, cutting: Cutting, joints: list[Joint], setting: Setting, bent: float, cut_planes: list[Floats]
 ) -> dict[str, Any]:
+    """Return the scene document of the cells of a cut."""
     size, cells = cutting.size, cutting.cells
     names = [f"c{k + 1}" for k in range(len(cells))]
     elements: list[dict[str, Any]] = []

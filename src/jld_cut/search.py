@@ -287,7 +287,7 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
             said.append(f"{family.name:<8} {len(family.cutting.cells)} cells: {told(family, wish.require)}")
     if not families:
         raise InputError("jld cut", f"the solid cannot be cut by {', '.join(wish.families)}", "a further family")
-    if not any(len(one.low) for family in families for one in family.found.of.values()):
+    if not any(len(layouts.low) for family in families for layouts in family.found.of.values()):
         reasons = "; ".join(f"{one.name}: {told(one, wish.require)}" for one in families)
         raise InputError(
             "jld cut", f"no layout was found ({reasons})", "a larger box, more parts, more time or other supports"
@@ -300,7 +300,7 @@ def search_all(solid: Any, title: str, wish: Wish, clock: Clock, say: Callable[[
 def told(family: Family, require: float) -> str:
     """Return in words what was found on the cells of a family."""
     found = family.found
-    solved, branches = (sum(getattr(one, name) for one in found.of.values()) for name in ("solved", "branches"))
+    solved, branches = (sum(getattr(layouts, name) for layouts in found.of.values()) for name in ("solved", "branches"))
     best = next((n for n, one in sorted(found.of.items()) if len(one.low) and one.low[0] >= require), None)
     best = best or max((n for n, one in found.of.items() if len(one.low)), default=None)
     if best is None:
@@ -331,7 +331,9 @@ def explored(family: Family, block: Ints, out: Path, seconds: float) -> Explorat
     """Return the best layouts of a family as a search, with its tables and records in a folder."""
     scene = parse_scene(family.document | {"search": {"front": {"count": "blocks", "sense": "min"}}})
     assembly = build_assembly(scene)
-    rows = np.concatenate([block[None], *(one.blocks[:BEST] for one in family.found.of.values() if len(one.low))])
+    rows = np.concatenate(
+        [block[None], *(layouts.blocks[:BEST] for layouts in family.found.of.values() if len(layouts.low))]
+    )
     labels, first = np.unique(labels_of(assembly, rows), axis=0, return_index=True)
     driver = Listed(search_space(scene, assembly), labels[np.argsort(first)])
     return explore(scene, out, ExploreSettings(check_fields=0, pictures=False), driver=driver, seconds=seconds)

@@ -99,10 +99,10 @@ class FixedPointSearch:
             max(_GAP, residual), proximal=(self.count, models_effective_area.HOLDING_WEIGHT)
         )
         self.solver = ClarabelSolver(residual)
-        self.shared: Template = template
+        self.shared: Template = template  # its rows are renumbered for the N of each step
         self.load_scale = load_scale(template.assembly) / template.scaling.load
-        self.last_feasible = np.zeros(self.count)
-        self.solves = self.program_limit = 0
+        self.last_feasible = np.zeros(self.count)  # forces to return towards where a step finds none
+        self.solves = self.program_limit = 0  # programs solved so far, and at most
         self.history: list[Step] | None = None  # a list here receives every step
 
     # --- frozen problems ----------------------------------------------------------------------------------
@@ -191,11 +191,11 @@ class FixedPointSearch:
         """
         template, _ = self.freeze_friction(0.0, self.normals(forces), self.areas(forces))
         program = template.program(self.labels, self.margin)
-        s, rhs = program.structure, program.rhs.copy()
+        structure, rhs = program.structure, program.rhs.copy()
         if raised is not None:
-            rhs[s.equalities : s.equalities + s.linear] += raised
+            rhs[structure.equalities : structure.equalities + structure.linear] += raised
         self.solves += 1
-        return self.solver.solve(ConicProgram(s, program.data, rhs, program.objective))
+        return self.solver.solve(ConicProgram(structure, program.data, rhs, program.objective))
 
     def repaired_state(
         self, point: Floats, template: Template, areas: prescribed_friction.EffectiveAreas | None
@@ -240,7 +240,9 @@ class FixedPointSearch:
         largest = float(np.abs(state.forces[:, 0]).max(initial=0.0)) or 1.0
         violation = float(max(0.0, sets.excess(state.forces, labels).max(initial=0.0))) / largest
         if locked or motion.margin < 0.0 or not motion.work > 0.0:
-            return PrimalDualPair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.load_scale, False)
+            return PrimalDualPair(
+                state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.load_scale, settled=False
+            )
         jumps = motion.jumps
         dilation = self._dilation(sets, jumps, state.forces)
         dissipation = float(sets.dissipation(jumps, labels).sum())
@@ -255,7 +257,16 @@ class FixedPointSearch:
         size = max(abs(motion.bound), abs(state.load), self.load_scale)
         settled = abs(gap) <= tolerances.SETTLED * size
         return PrimalDualPair(
-            state, motion, False, violation, dilation, gap, dissipation, area_change, self.load_scale, settled
+            state,
+            motion,
+            locked=False,
+            violation=violation,
+            dilation=dilation,
+            gap=gap,
+            dissipation=dissipation,
+            area_change=area_change,
+            load_scale=self.load_scale,
+            settled=settled,
         )
 
     # --- the search ----------------------------------------------------------------------------------------
@@ -480,17 +491,19 @@ class AlternatingPrograms:
 
     def ascending_path(self, point: Floats, seed: int, steps: int, idle: int) -> list[Floats]:
         """Return the points of a path of solutions with increasing λ, the given one first."""
-        # Each step maximises λ for one random mechanism.
+        # Each step maximises λ for one random mechanism, of the modes without slack in the last point. idle: steps
+        # without a larger λ after which the path ends.
         rng = np.random.default_rng(seed)
-        goal = np.append(np.zeros(len(point) - 1), -1.0)
+        objective = np.append(np.zeros(len(point) - 1), -1.0)
         closed, path, missed = self._start(point, rng), [point], 0
         for _ in range(steps):
             checkpoint()
-            z = None if closed is None else self.mechanism(closed, rng.exponential(size=len(self.modes.constants)))
-            found = None if z is None else self.forces(z > _MOVING, goal)
-            if found is not None and found[-1] > path[-1][-1] + 1e-6 * abs(path[-1][-1]):
-                path.append(found)
-                closed, missed = self.modes.slacks_of(found[:-1]) < _CLOSED[1], 0
+            rates = None if closed is None else self.mechanism(closed, rng.exponential(size=len(self.modes.constants)))
+            next_point = None if rates is None else self.forces(rates > _MOVING, objective)
+            load, last_load = -np.inf if next_point is None else next_point[-1], path[-1][-1]
+            if next_point is not None and load > last_load + 1e-6 * abs(last_load):
+                path.append(next_point)
+                closed, missed = self.modes.slacks_of(next_point[:-1]) < _CLOSED[1], 0
             else:
                 missed += 1
             if missed > idle:

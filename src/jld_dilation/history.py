@@ -85,8 +85,8 @@ def figure_of_history(
     figure = Figure(figsize=(8.0, 7.0), dpi=110)
     FigureCanvasAgg(figure)
     top, middle, last = figure.subplots(3, 1, sharex=True, gridspec_kw={"height_ratios": (2.2, 1, 1)})
-    x = np.array([one["step"] for one in steps])
-    each = np.array([one["kind"] == "least gap" for one in steps])
+    x = np.array([step["step"] for step in steps])
+    each = np.array([step["kind"] == "least gap" for step in steps])
     low, high = interval["lowest_found"], interval["highest_found"]
     if low is not None and high is not None:
         top.axhspan(low, high, color=look.TINTS[0], label=f"solutions found: {low:.5g} to {high:.5g}", lw=0)
@@ -101,7 +101,7 @@ def figure_of_history(
         (middle, "friction_violation", "violation of friction"),
         (last, "dilation", "dilation / slip"),
     ):
-        y = np.array([np.nan if one[key] is None else one[key] for one in steps], dtype=float)
+        y = np.array([np.nan if step[key] is None else step[key] for step in steps], dtype=float)
         y = y if ax is top else np.maximum(y, 1e-14)
         ax.plot(x, y, color=look.PRESS, lw=1.0)
         ax.plot(x[~each], y[~each], "o", color=look.PRESS, ms=4, label="frozen friction" if ax is top else None)

@@ -65,27 +65,28 @@ class NormalEquations:
             return z + live * float((space.unit * x[0]).sum()) * space.unit, t
 
         def solve(rhs: Point, exact: float, most: int) -> Point:
-            x = direction = old = (np.zeros_like(rhs[0]), np.zeros_like(rhs[1]))
-            rest, goal = rhs, exact * length(rhs)
-            product = 1.0
+            """Correct by conjugate gradients, preconditioned by the factor; plain: by iterative refinement."""
+            x = direction = old_residual = (np.zeros_like(rhs[0]), np.zeros_like(rhs[1]))
+            residual, goal = rhs, exact * length(rhs)
+            old_product = 1.0
             best, least = x, length(rhs)
             for turn in range(most + 1):
-                near = once(rest)
-                after = _dot(near, rest)
-                share = (after - _dot(near, old)) / product if turn and not plain else 0.0
-                direction = (near[0] + share * direction[0], near[1] + share * direction[1])
-                pushed = applied(direction)
-                bent = _dot(direction, pushed)
-                if not plain and not (after > 0.0 and bent > _FLAT * _dot(direction, direction)):
+                solved = once(residual)
+                product = _dot(solved, residual)
+                share = (product - _dot(solved, old_residual)) / old_product if turn and not plain else 0.0
+                direction = _add(solved, share, direction)
+                image = applied(direction)
+                curvature = _dot(direction, image)
+                if not plain and not (product > 0.0 and curvature > _FLAT * _dot(direction, direction)):
                     break  # The residual is rounding.
-                step = 1.0 if plain else _dot(direction, rest) / bent
-                x = (x[0] + step * direction[0], x[1] + step * direction[1])
-                old, product = rest, after
-                rest = (rest[0] - step * pushed[0], rest[1] - step * pushed[1])
-                left = length(rest)
-                if left < least or turn == 0:
-                    best, least = x, left
-                if left <= goal or not left < _AWAY * least:
+                step = 1.0 if plain else _dot(direction, residual) / curvature
+                x = _add(x, step, direction)
+                old_residual, old_product = residual, product
+                residual = _add(residual, -step, image)
+                size = length(residual)
+                if size < least or turn == 0:
+                    best, least = x, size
+                if size <= goal or not size < _AWAY * least:
                     break
             return best
 
@@ -154,6 +155,10 @@ def length(point: Point) -> float:
     return float(np.hypot(np.linalg.norm(point[0]), np.linalg.norm(point[1])))
 
 
+def _add(point: Point, share: float, other: Point) -> Point:
+    return point[0] + share * other[0], point[1] + share * other[1]
+
+
 def _dot(one: Point, other: Point) -> float:
     """Return the scalar product of two points (Z, T), see `ProductSpace`."""
     return float((one[0] * other[0]).sum() + (one[1] * other[1]).sum())
@@ -169,23 +174,29 @@ class _EliminationTree:
         order, later = _minimum_degree_order((touches.T @ touches) > 0.0)
         place = np.empty(len(order), dtype=np.int64)
         place[order] = np.arange(len(order))
-        # Groups and their later neighbours, by place in the order. Chains without additional fill are merged.
+        # Groups eliminated in one front, and the later groups that it couples, by place in the order. Chains without
+        # additional fill are merged.
         reach = [sorted(int(place[k]) for k in later[int(j)]) for j in order]
-        nodes: list[tuple[list[int], list[int]]] = []
-        of_group = []
+        eliminated: list[list[int]] = []
+        coupled: list[list[int]] = []
+        front_of = []
         for j in range(len(order)):
-            last = nodes[-1] if nodes else None
-            if last is not None and last[1] and last[1][0] == j and len(last[1]) == len(reach[j]) + 1:
-                last[0].append(j)
-                nodes[-1] = (last[0], reach[j])
+            if coupled and coupled[-1] and coupled[-1][0] == j and len(coupled[-1]) == len(reach[j]) + 1:
+                eliminated[-1].append(j)
+                coupled[-1] = reach[j]
             else:
-                nodes.append(([j], reach[j]))
-            of_group.append(len(nodes) - 1)
-        self._parent = [of_group[rest[0]] if rest else -1 for _, rest in nodes]
+                eliminated.append([j])
+                coupled.append(reach[j])
+            front_of.append(len(eliminated) - 1)
+        self._parent = [front_of[later_groups[0]] if later_groups else -1 for later_groups in coupled]
         columns_of = [np.flatnonzero(groups == j) for j in order]
         order = self._order = np.concatenate([*columns_of, np.zeros(0, dtype=np.int64)]).astype(np.int64)
         ends = np.cumsum([0] + [len(columns) for columns in columns_of])
-        self._nodes = [tuple([k for j in part for k in range(ends[j], ends[j + 1])] for part in node) for node in nodes]
+
+        def columns_in(places: list[int]) -> list[int]:
+            return [k for j in places for k in range(ends[j], ends[j + 1])]
+
+        self._nodes = [(columns_in(now), columns_in(then)) for now, then in zip(eliminated, coupled, strict=True)]
         self._of, self._sizes = of[order], sizes[of[order]]
         self._starts = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
         self._ends = [_FrontPositions(columns, rest, self._sizes, self._starts) for columns, rest in self._nodes]
@@ -193,61 +204,62 @@ class _EliminationTree:
 
     def _couplings(self, forms: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
         """List the forms that couple each pair of bases, and the blocks of each front."""
-        found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
-        wanted: dict[tuple[int, int], dict[int, int]] = {}
+        fronts: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
+        forms_of: dict[tuple[int, int], dict[int, int]] = {}
         for columns, rest in self._nodes:
             rows = columns + rest
-            here: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
+            blocks_of: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
             for a, j in enumerate(columns):
                 for b in range(a, len(rows)):
-                    both = np.flatnonzero((forms[:, j] != 0.0) & (forms[:, rows[b]] != 0.0))
-                    if len(both):
+                    common = np.flatnonzero((forms[:, j] != 0.0) & (forms[:, rows[b]] != 0.0))
+                    if len(common):
                         key = int(self._of[rows[b]]), int(self._of[j])
-                        number = wanted.setdefault(key, {})
+                        number = forms_of.setdefault(key, {})
                         shares = {
                             number.setdefault(int(form), len(number)): forms[form, j] * forms[form, rows[b]]
-                            for form in both
+                            for form in common
                         }
-                        here.setdefault(key, {})[b, a] = shares
-            found.append(here)
+                        blocks_of.setdefault(key, {})[b, a] = shares
+            fronts.append(blocks_of)
         parts = []
-        for here in found:
-            part: list[_Part] = []
-            for key, blocks in here.items():
+        for blocks_of in fronts:
+            blocks_in_front: list[_Part] = []
+            for key, blocks in blocks_of.items():
                 row = [n for n, shares in enumerate(blocks.values()) for _ in shares]
                 form = [k for shares in blocks.values() for k in shares]
                 share = [value for shares in blocks.values() for value in shares.values()]
-                part.append(
-                    (key, list(blocks), sp.csr_array((share, (row, form)), shape=(len(blocks), len(wanted[key]))))
+                blocks_in_front.append(
+                    (key, list(blocks), sp.csr_array((share, (row, form)), shape=(len(blocks), len(forms_of[key]))))
                 )
-            parts.append(part)
-        return {key: list(number) for key, number in wanted.items()}, parts
+            parts.append(blocks_in_front)
+        return {key: list(number) for key, number in forms_of.items()}, parts
 
     def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
         """Factor tables (forms, k, k′) + shift, and return the solver of (k, w); None if not positive definite."""
         flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
         updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
         out = []
-        for node, ((columns, rest), ends) in enumerate(zip(self._nodes, self._ends, strict=True)):
-            first, at = ends.first, ends.at
-            front = np.zeros((at[-1], at[-1]), order="F")
+        for node, ((columns, later), ends) in enumerate(zip(self._nodes, self._ends, strict=True)):
+            pivots, start = ends.first, ends.at  # number of pivots, and first row of each block
+            front = np.zeros((start[-1], start[-1]), order="F")
             for key, pairs, shares in self._parts[node]:
                 blocks = (shares @ flat[key]).reshape(len(pairs), *tables[key].shape[1:])
                 for (b, a), block in zip(pairs, blocks, strict=True):
-                    front[at[b] : at[b + 1], at[a] : at[a + 1]] = block
-            front[np.arange(first), np.arange(first)] += shift
-            places = {row: n for n, row in enumerate(columns + rest)}
-            for where, update, its in updates[node]:
-                _extend_add(front, update, [places[row] for row in where], at, its)
+                    front[start[b] : start[b + 1], start[a] : start[a + 1]] = block
+            front[np.arange(pivots), np.arange(pivots)] += shift
+            # add the Schur complements of the fronts below
+            position = {row: n for n, row in enumerate(columns + later)}
+            for rows, update, update_start in updates[node]:
+                _extend_add(front, update, [position[row] for row in rows], start, update_start)
             updates[node] = []
-            lower, failed = lapack.dpotrf(front[:first, :first], lower=1)
+            lower, failed = lapack.dpotrf(front[:pivots, :pivots], lower=1)
             if failed:
                 return None
-            below = np.zeros((0, first))
-            if rest:
-                below = blas.dtrsm(1.0, lower, front[first:, :first], side=1, lower=1, trans_a=1)
-                update = blas.dsyrk(-1.0, below, beta=1.0, c=front[first:, first:], lower=1)
-                updates[self._parent[node]].append((rest, update, at[len(columns) :] - first))
+            below = np.zeros((0, pivots))
+            if later:
+                below = blas.dtrsm(1.0, lower, front[pivots:, :pivots], side=1, lower=1, trans_a=1)
+                update = blas.dsyrk(-1.0, below, beta=1.0, c=front[pivots:, pivots:], lower=1)
+                updates[self._parent[node]].append((later, update, start[len(columns) :] - pivots))
             out.append((lower, below))
         return lambda rhs: self._solve(out, rhs)
 

@@ -258,7 +258,8 @@ def modes_of(template: Template, labels: Bits) -> Modes | None:
     rows = np.zeros((count, 4, count, 3))
     rows[np.arange(count), :, np.arange(count)] = of_face
     jumps = matrix.T.reshape(count, 3, -1)
-    beta = of_face[:, 1, 2][:, None]
+    # Rates of the four rows of each face: β δn ∓ δθ of bending, then slip s⁻, a variable of its own, and s⁺ = δs + s⁻.
+    beta = of_face[:, 1, 2][:, None]  # 1 for dry faces, 3 for inner ones
     rates = np.zeros((count, 4, matrix.shape[0] + count))
     rates[:, 0, : matrix.shape[0]] = beta * jumps[:, 0] - jumps[:, 2]
     rates[:, 1, : matrix.shape[0]] = beta * jumps[:, 0] + jumps[:, 2]
@@ -383,15 +384,15 @@ def bound_velocities(statics: Statics) -> Floats | None:
     # the loose ones, which open nothing. A group of faces that slide alike in loose motions bounds one of them: its
     # capacities together are at least `least`, so that slip ≤ cost (1 + spread) / least. `spread` is what openings add
     # to the differences of slips in the group, `drift` what rounding does.
-    modes, m = statics.modes, statics.modes.faces
+    modes, faces = statics.modes, statics.modes.faces
     width = len(modes.dead)
-    jumps = modes.matrix.T.reshape(m, 3, width)
+    jumps = modes.matrix.T.reshape(faces, 3, width)
     openings = np.concatenate([jumps[:, 0], jumps[:, 2]])
     _, values, basis = np.linalg.svd(openings)
     rank = int((values > 1e-9 * values.max(initial=0.0)).sum())
     loose = basis[rank:].T
     inverse = np.linalg.pinv(openings, rcond=1e-10)
-    rows, shares = [openings], [np.full(2 * m, 1.0)]
+    rows, shares = [openings], [np.full(2 * faces, 1.0)]
     sizes, drift = statics.force_bounds, 0.0
     if not np.isfinite(sizes).all():
         return None  # self-stress is unbounded
@@ -425,7 +426,7 @@ def bound_velocities(statics: Statics) -> Floats | None:
         return None  # rounding has spoiled the inverse
     # The openings and rotations of all faces together cost at most one. The factor 2 covers rounding, which the test
     # below keeps small.
-    velocity = 2.0 * (abs(back[:, : 2 * m]).max(axis=1) + abs(back[:, 2 * m :]) @ per_cost[2 * m :])
+    velocity = 2.0 * (abs(back[:, : 2 * faces]).max(axis=1) + abs(back[:, 2 * faces :]) @ per_cost[2 * faces :])
     if drift * float(velocity.max(initial=0.0)) > 1e-3:
         return None
     slips = abs(jumps[:, 1]) @ velocity

@@ -144,14 +144,14 @@ def solve_rlt(bounded: BoundedModes, region: Region, options: RltOptions) -> Rlt
     row, form = np.nonzero(included)
     zero_k, zero_l = zero_product_pairs(held, moving)
     by_live = live[None]
-    none = np.zeros(len(facts) - 1, dtype=np.int64)
+    slacks = np.arange(len(facts) - 1)  # all facts but the last, which is 1
     blocks = [
-        product_rows(statics, np.eye(width), *_all(len(statics), width)),
-        product_rows(facts, rates, zero_k, zero_l),
-        product_rows(facts, forms, row, form),
-        product_rows(facts, forms, *_all(3, len(alive), count, alive)),
-        product_rows(facts, by_live, np.arange(len(facts) - 1), none),
-        product_rows(facts, by_live, np.array([len(facts) - 1]), np.array([0])),
+        product_rows(statics, np.eye(width), *_all(len(statics), width)),  # equilibrium times any velocity: 0
+        product_rows(facts, rates, zero_k, zero_l),  # complementary products: 0
+        product_rows(facts, forms, row, form),  # included products of slacks and rates: ≥ 0
+        product_rows(facts, forms, *_all(3, len(alive), count, alive)),  # the last three facts times rates: ≥ 0
+        product_rows(facts, by_live, slacks, np.zeros_like(slacks)),  # slacks at unit live work: ≥ 0, held ones 0
+        product_rows(facts, by_live, np.array([len(slacks)]), np.array([0])),  # 1 at unit live work: 1
     ]
     sizes = [block.shape[0] for block in blocks]
     high = np.concatenate([np.zeros(sizes[0] + sizes[1]), np.full(sum(sizes[2:4]), np.inf), np.zeros(sizes[4]), [1.0]])
@@ -162,14 +162,16 @@ def solve_rlt(bounded: BoundedModes, region: Region, options: RltOptions) -> Rlt
     answer = solve_products(objective, sp.vstack(blocks, format="csr"), high, options.seconds)
     if answer is None:
         return None
-    dual = np.split(wide * answer.dual[:-1], np.cumsum(sizes)[:-1])
-    over = np.zeros((len(facts), len(forms)))
-    over[zero_k, zero_l] = dual[1]
-    over[row, form] = np.maximum(dual[2], 0.0)
-    over[count:, alive] = np.maximum(dual[3].reshape(3, len(alive)), 0.0)
+    duals = np.split(wide * answer.dual[:-1], np.cumsum(sizes)[:-1])
+    _, of_zero, of_included, of_last, of_slacks, of_one = duals
+    of_products = np.zeros((len(facts), len(forms)))
+    of_products[zero_k, zero_l] = of_zero
+    of_products[row, form] = np.maximum(of_included, 0.0)
+    of_products[count:, alive] = np.maximum(of_last.reshape(3, len(alive)), 0.0)
     sign_free = np.append(region.held, [False, False])
-    by_live_ = np.where(sign_free, dual[4], np.maximum(dual[4], 0.0))
-    multipliers = Multipliers(over / largest[:, None], by_live_ / largest[:-1], region.low + float(dual[5][0]))
+    of_slacks = np.where(sign_free, of_slacks, np.maximum(of_slacks, 0.0))
+    load = region.low + float(of_one[0])
+    multipliers = Multipliers(of_products / largest[:, None], of_slacks / largest[:-1], load)
     x = unit @ answer.point[:-1].reshape(columns, width)
     states, z, y, violated = _read(modes, region, x, forms, live, included)
     return RltSolution(multipliers, states, z, y, violated, answer.found)

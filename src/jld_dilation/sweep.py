@@ -241,14 +241,14 @@ def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
     # λ moves from the unknowns of equilibrium to its right-hand side; its free column is minimised alone.
     template = search.analysis.template
     program = template.program(search.labels, search.margin)
-    s = program.structure
-    data, objective, rhs = program.data.copy(), np.zeros(s.shape[1]), program.rhs.copy()
-    column = slice(s.indptr[-2], s.indptr[-1])
-    data[column] = np.where(s.indices[column] < s.equalities, 0.0, data[column])
-    rhs[: s.equalities] -= load * template.live
+    structure = program.structure
+    data, objective, rhs = program.data.copy(), np.zeros(structure.shape[1]), program.rhs.copy()
+    column = slice(structure.indptr[-2], structure.indptr[-1])
+    data[column] = np.where(structure.indices[column] < structure.equalities, 0.0, data[column])
+    rhs[: structure.equalities] -= load * template.live
     objective[-1] = 1.0
     search.solves += 1
-    return ConicProgram(s, data, rhs, objective)
+    return ConicProgram(structure, data, rhs, objective)
 
 
 def forces_of_decreasing_friction(search: FixedPointSearch, forces: Floats) -> Floats:
@@ -394,7 +394,7 @@ class MultiStartSearch:
         for _ in range(_LITTLE if self.alternation is not None else 0):
             if self.found.lowest is not None:
                 break
-            closed = self.close_gap(self._mixed(nothing, 1.0, rng))
+            closed = self.close_gap(self._mix(nothing, 1.0, rng))
             if closed is not None:
                 self.improve(closed)
 
@@ -427,7 +427,7 @@ class MultiStartSearch:
         rng, idle = np.random.default_rng(0), 0
         while idle < _IDLE and self.found.lowest is not None and self.found.lowest_load > sufficient_load:
             low, state = self.found.lowest_load, self.found.lowest.state
-            point = self._mixed(np.append(state.forces.ravel(), low), float(rng.choice(_SHARES)), rng)
+            point = self._mix(np.append(state.forces.ravel(), low), float(rng.choice(_SHARES)), rng)
             closed = None if point is None else self.alternation.close_gap(point, self._seed)
             end = None if closed is None else self.alternation.descend(closed, self._seed, _TRIES)
             if end is not None:
@@ -435,7 +435,7 @@ class MultiStartSearch:
             self._seed += 1
             idle = 0 if self.found.lowest_load < low - _LOWER * abs(low) else idle + 1
 
-    def _mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
+    def _mix(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
         """Mix a point with a random state of low compression; None if there is none, or in space."""
         return None if self.alternation is None else self.alternation.mix_with_low_compression(point, share, rng)
 

@@ -282,7 +282,7 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
         nx, ny = c * frame[f, 0] - s * frame[f, 1], s * frame[f, 0] + c * frame[f, 1]
         ax, ay = plane.centre[a, 0] + moved[a, 0], plane.centre[a, 1] + moved[a, 1]
         bx, by = plane.centre[b, 0] + moved[b, 0], plane.centre[b, 1] + moved[b, 1]
-        ks, own = law[f, 1], numbers_of(law, f)
+        ks, numbers = law[f, 1], numbers_of(law, f)
         for k in range(first[f], first[f + 1]):
             px = ax + ca * plane.near[k, 0] - sa * plane.near[k, 1]
             py = ay + sa * plane.near[k, 0] + ca * plane.near[k, 1]
@@ -292,9 +292,9 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
             e = overlap[k] - (gap - plane.gap[k])
             q = shear[k, 0] - ks * (slid - plane.slid[k])
             plane.gap[k], plane.slid[k] = gap, slid
-            trial, was = (own[0] * e, abs(q)), broken[k]
+            trial, was = (numbers[0] * e, abs(q)), broken[k]
             start = (pressure[k], shear[k, 0] if q > 0.0 else -shear[k, 0])
-            e, p, size, broken[k] = sub_contact(e, abs(q), own, brittle[f], gaps[f], was)
+            e, p, size, broken[k] = sub_contact(e, abs(q), numbers, brittle[f], gaps[f], was)
             q = size if q > 0.0 else -size
             overlap[k], pressure[k], shear[k, 0] = e, p, q
             deepest = max(deepest, e)
@@ -307,7 +307,7 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
             if area == 0.0:
                 continue
             if size < trial[1] or p != trial[0]:
-                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
+                record_loss(motion.work, numbers, area, (dry[f], was, broken[k]), start, trial, (p, size))
             at = kept_b / (kept_a + kept_b)
             x, y = px + at * (qx - px), py + at * (qy - py)
             force[b, 0] += fx
@@ -585,7 +585,7 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
         mean_axes(bench, space, f, axes)
         for i in range(3):
             between[i] = space.centre[b, i] - space.centre[a, i] + moved[b, i] - moved[a, i]
-        ks, own = law[f, 1], numbers_of(law, f)
+        ks, numbers = law[f, 1], numbers_of(law, f)
         low, high = space.rim_first[f], space.rim_first[f + 1]
         for k in range(first[f], first[f + 1]):
             turned(space.turn[a], space.near[k], near)
@@ -597,24 +597,24 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
             q1 = shear[k, 0] - ks * (slid1 - space.slid[k, 0])
             q2 = shear[k, 1] - ks * (slid2 - space.slid[k, 1])
             space.gap[k], space.slid[k, 0], space.slid[k, 1] = gap, slid1, slid2
-            trial, was = (own[0] * e, np.sqrt(q1 * q1 + q2 * q2)), broken[k]
+            trial, was = (numbers[0] * e, np.sqrt(q1 * q1 + q2 * q2)), broken[k]
             start = (pressure[k], (shear[k, 0] * q1 + shear[k, 1] * q2) / max(trial[1], 1e-300))
-            e, p, size, broken[k] = sub_contact(e, trial[1], own, brittle[f], gaps[f], was)
+            e, p, size, broken[k] = sub_contact(e, trial[1], numbers, brittle[f], gaps[f], was)
             if size < trial[1]:
                 q1 *= size / trial[1]
                 q2 *= size / trial[1]
             overlap[k], pressure[k] = e, p
             shear[k, 0], shear[k, 1] = q1, q2
             deepest = max(deepest, e)
-            x1, x2, left = place[k, 0], place[k, 1], space.share[k]
-            kept_b = max(0.0, 1.0 - beyond(x1 + slid1, x2 + slid2, low, high, space.rim) / left)
-            kept_a = max(0.0, 1.0 - beyond(x1 - slid1, x2 - slid2, low, high, space.rim) / left)
+            x1, x2, width = place[k, 0], place[k, 1], space.share[k]
+            kept_b = max(0.0, 1.0 - beyond(x1 + slid1, x2 + slid2, low, high, space.rim) / width)
+            kept_a = max(0.0, 1.0 - beyond(x1 - slid1, x2 - slid2, low, high, space.rim) / width)
             space.kept[k] = 0.5 * (kept_a + kept_b)
             area = space.kept[k] * place[k, 2]
             if area == 0.0:
                 continue
             if size < trial[1] or p != trial[0]:
-                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
+                record_loss(motion.work, numbers, area, (dry[f], was, broken[k]), start, trial, (p, size))
             at = kept_b / (kept_a + kept_b)
             for i in range(3):
                 part[i] = area * (p * axes[0, i] + q1 * axes[1, i] + q2 * axes[2, i])

@@ -192,7 +192,7 @@ def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: boo
     share = share * size / float(share.sum())
     if scheme == "limit":
         ends = triangles if np.any(triangles[:, 0]) else triangles[:, 1:]
-        points, areas = _merged(ends.reshape(-1, 2), np.repeat(share / ends.shape[1], ends.shape[1]))
+        points, areas = _merge_nodes(ends.reshape(-1, 2), np.repeat(share / ends.shape[1], ends.shape[1]))
         points = points if dry else points / 3.0
     elif scheme == "midpoint":
         points = np.concatenate([_triangle_middles(base, one, two, segments) for base, one, two in triangles])
@@ -200,7 +200,7 @@ def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: boo
     else:
         # Split each triangle into segments² equal ones; the nodes have tributary areas.
         points, areas = _split(triangles, share, segments, scheme == "simpson")
-    return np.column_stack([points, _balanced(points, areas)])
+    return np.column_stack([points, _balance_areas(points, areas)])
 
 
 def _triangles(corners: Floats) -> Floats:
@@ -244,10 +244,10 @@ def _split(triangles: Floats, share: Floats, segments: int, middles: bool) -> tu
                         nodes = [0.5 * (nodes[x] + nodes[(x + 1) % 3]) for x in range(3)]
                     points += nodes
                     areas += [small / 3.0] * 3
-    return _merged(np.array(points), np.array(areas))
+    return _merge_nodes(np.array(points), np.array(areas))
 
 
-def _merged(points: Floats, areas: Floats) -> tuple[Floats, Floats]:
+def _merge_nodes(points: Floats, areas: Floats) -> tuple[Floats, Floats]:
     """Merge nodes that coincide and add their areas."""
     size = float(np.abs(points).max())
     keys = np.round(points / size, 9)
@@ -257,7 +257,7 @@ def _merged(points: Floats, areas: Floats) -> tuple[Floats, Floats]:
     return points[order][fresh], np.bincount(group, weights=areas[order]).astype(float)
 
 
-def _balanced(points: Floats, areas: Floats) -> Floats:
+def _balance_areas(points: Floats, areas: Floats) -> Floats:
     """Return areas with zero first moments about the centroid, changed as little as possible."""
     rows = np.vstack([np.ones(len(areas)), points.T])
     off = rows @ areas - np.array([areas.sum(), 0.0, 0.0])

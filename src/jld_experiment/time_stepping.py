@@ -95,7 +95,7 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
             twist += jump[i, 1] * frame[f, i]
             turn1 += jump[i, 1] * frame[f, 3 + i]
             turn2 += jump[i, 1] * frame[f, 6 + i]
-        ks, own = law[f, 1], numbers_of(law, f)
+        ks, numbers = law[f, 1], numbers_of(law, f)
         normal, along1, along2, moment1, moment2, torsion = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(first[f], first[f + 1]):
             x1, x2, area = place[k, 0], place[k, 1], place[k, 2]
@@ -103,11 +103,11 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
             q1 = shear[k, 0] - ks * (slip1 - twist * x2)
             q2 = shear[k, 1] - ks * (slip2 + twist * x1)
             sheared, was = np.sqrt(q1 * q1 + q2 * q2), broken[k]
-            trial = (own[0] * e, sheared)
-            e, p, size, broken[k] = sub_contact(e, sheared, own, brittle[f], gaps[f], was)
+            trial = (numbers[0] * e, sheared)
+            e, p, size, broken[k] = sub_contact(e, sheared, numbers, brittle[f], gaps[f], was)
             if size < sheared or p != trial[0]:
                 start = (pressure[k], (shear[k, 0] * q1 + shear[k, 1] * q2) / max(sheared, 1e-300))
-                record_loss(motion.work, own, area, (dry[f], was, broken[k]), start, trial, (p, size))
+                record_loss(motion.work, numbers, area, (dry[f], was, broken[k]), start, trial, (p, size))
             if size < sheared:
                 q1 *= size / sheared
                 q2 *= size / sheared
@@ -173,16 +173,16 @@ def driven(
     most = dead[0] + (dead[1] - dead[0]) * share
     factor = factors[0] + (factors[1] - factors[0]) * share
     rate = rates[0] + (rates[1] - rates[0]) * share
-    weight, given, speed = 0.0, 0.0, 0.0
+    live_mass, live_force, live_speed = 0.0, 0.0, 0.0
     if push:
         for i in range(count):
             for j in range(q):
                 own = live[i, j] * inverse[i, 0 if j < d else 1]
-                weight += live[i, j] * own
-                given += own * force[i, j]
-                speed += live[i, j] * velocity[i, j]
-        factor = (rate - speed - given) / weight
-    lost, worst, fastest = 0.0, 0.0, 0.0
+                live_mass += live[i, j] * own
+                live_force += own * force[i, j]
+                live_speed += live[i, j] * velocity[i, j]
+        factor = (rate - live_speed - live_force) / live_mass
+    damped, worst, fastest = 0.0, 0.0, 0.0
     for i in range(count):
         if inverse[i, 0] == 0.0:
             continue
@@ -200,23 +200,24 @@ def driven(
             drag_on(part, i, bench, motion, force, drive, drag)
             for j in range(low, high):
                 force[i, j] -= drag[i, j]
-                lost += live[i, j] * drag[i, j] * inverse[i, part]
-    held = lost / weight if push else 0.0
-    done, used, against, half = 0.0, 0.0, 0.0, 0.0
+                damped += live[i, j] * drag[i, j] * inverse[i, part]
+    # damping changes the rate of live·u: a change of λ by `correction` restores the prescribed one
+    correction = damped / live_mass if push else 0.0
+    dead_work, live_work, damping_work, half_work = 0.0, 0.0, 0.0, 0.0
     for i in range(count):
         for j in range(q):
-            change = (force[i, j] + held * live[i, j]) * inverse[i, 0 if j < d else 1]
+            change = (force[i, j] + correction * live[i, j]) * inverse[i, 0 if j < d else 1]
             mean = velocity[i, j] + 0.5 * change
             velocity[i, j] += change
             contact = force[i, j] + drag[i, j] - factor * live[i, j] - most * bench.dead[i, j]
-            half += 0.5 * contact * velocity[i, j]
-            done += bench.dead[i, j] * mean
-            used += live[i, j] * mean
-            against += drag[i, j] * mean
-    motion.work[DEAD] += most * done
-    motion.work[HALF] = half
-    motion.work[LIVE] += factor * used
-    motion.work[DAMPING] += against - held * used
+            half_work += 0.5 * contact * velocity[i, j]
+            dead_work += bench.dead[i, j] * mean
+            live_work += live[i, j] * mean
+            damping_work += drag[i, j] * mean
+    motion.work[DEAD] += most * dead_work
+    motion.work[HALF] = half_work
+    motion.work[LIVE] += factor * live_work
+    motion.work[DAMPING] += damping_work - correction * live_work
     return factor, worst, fastest
 
 

@@ -62,7 +62,7 @@ class Gap:
 
 def with_holes(paths: list[Path]) -> tuple[list[Path], dict[int, list[int]]]:
     """Append the holes of paths as closed paths, and return the indices of the holes of each path that has some."""
-    rings = [(k, Path(hole, True, path.layer)) for k, path in enumerate(paths) for hole in path.holes]
+    rings = [(k, Path(hole, closed=True, layer=path.layer)) for k, path in enumerate(paths) for hole in path.holes]
     holes: dict[int, list[int]] = {}
     for number, (k, _) in enumerate(rings, len(paths)):
         holes.setdefault(k, []).append(number)
@@ -122,33 +122,33 @@ def _touching(paths: list[Path], size: float) -> bool:
 
 def find_gaps(points: list[Floats], paths: list[Path], options: ImportOptions, reach: float) -> list[Gap]:
     """Return the ends of lines, before snapping, that nearly meet another line or their own other end."""
-    plain = [k for k, path in enumerate(paths) if options.role(path.layer) in (None, "support") and len(points[k]) > 1]
-    if not any(not paths[k].closed for k in plain):
+    chosen = [k for k, path in enumerate(paths) if options.role(path.layer) in (None, "support") and len(points[k]) > 1]
+    if not any(not paths[k].closed for k in chosen):
         return []
-    lines = [line_of(paths[k], points[k]) for k in plain]
+    lines = [line_of(paths[k], points[k]) for k in chosen]
     tree = shapely.STRtree(lines)
-    ends = [(n, side) for n, k in enumerate(plain) if not paths[k].closed for side in (0, -1)]
-    at = np.array([points[plain[n]][side] for n, side in ends])
-    least = 1e-12 * float(np.abs(at).max())
-    number, other = tree.query(shapely.points(at), predicate="dwithin", distance=reach)
-    away = shapely.distance(shapely.points(at[number]), np.array(lines, dtype=object)[other])
-    own = other == np.array([n for n, _ in ends])[number]
+    ends = [(n, side) for n, k in enumerate(chosen) if not paths[k].closed for side in (0, -1)]
+    places = np.array([points[chosen[n]][side] for n, side in ends])
+    touching = 1e-12 * float(np.abs(places).max())
+    number, other = tree.query(shapely.points(places), predicate="dwithin", distance=reach)
+    distance = shapely.distance(shapely.points(places[number]), np.array(lines, dtype=object)[other])
+    same_line = other == np.array([n for n, _ in ends])[number]
     best = np.full(len(ends), np.inf)
-    np.minimum.at(best, number[~own], away[~own])
+    np.minimum.at(best, number[~same_line], distance[~same_line])
     for index, (n, _) in enumerate(ends):
-        line = points[plain[n]]
+        line = points[chosen[n]]
         if len(line) > 2:
             best[index] = min(best[index], float(np.hypot(*(line[0] - line[-1]))))
     # a line that goes on past the one that it meets leaves no gap
-    near = np.flatnonzero((least < best) & (best <= reach)).tolist()
-    pieces = [points[plain[n]][:2] if side == 0 else points[plain[n]][-2:] for n, side in (ends[k] for k in near)]
-    piece, other = tree.query([shapely.LineString(one) for one in pieces], predicate="crosses") if near else ([], [])
-    best[[near[p] for p, j in zip(piece, other, strict=True) if j != ends[near[p]][0]]] = np.inf
-    found: dict[tuple[float, ...], Gap] = {}
-    for width, place in zip(best.tolist(), at, strict=True):
-        if least < width <= reach and not any(np.hypot(*(place - gap.at)) <= 1.01 * width for gap in found.values()):
-            found[tuple(place)] = Gap(width, place)
-    return list(found.values())
+    narrow = np.flatnonzero((touching < best) & (best <= reach)).tolist()
+    pieces = [points[chosen[n]][:2] if side == 0 else points[chosen[n]][-2:] for n, side in (ends[k] for k in narrow)]
+    piece, other = tree.query([shapely.LineString(one) for one in pieces], predicate="crosses") if narrow else ([], [])
+    best[[narrow[p] for p, j in zip(piece, other, strict=True) if j != ends[narrow[p]][0]]] = np.inf
+    gaps: dict[tuple[float, ...], Gap] = {}
+    for width, place in zip(best.tolist(), places, strict=True):
+        if touching < width <= reach and not any(np.hypot(*(place - gap.at)) <= 1.01 * width for gap in gaps.values()):
+            gaps[tuple(place)] = Gap(width, place)
+    return list(gaps.values())
 
 
 def find_cells(
@@ -186,7 +186,7 @@ def find_cells(
         cells += [Cell(snapped.paths[k], paths[k].layer, paths[k].name) for k in used]
     else:
         shapes = {k: _shape(k, snapped, holes) for k in used}
-        cells, nested = _outlined(shapes, paths, snapped, segments + rings, options, size, notes)
+        cells, nested = _cells_of_outlines(shapes, paths, snapped, segments + rings, options, size, notes)
         own = [(s, paths[k].layer) for s, k in zip(segments, lines, strict=True) if role[k] in (None, "support")]
         cells += _beside(cells, own, options, size, notes)
     if not empty.is_empty:
@@ -260,7 +260,7 @@ def _openings(rings: list[shapely.LineString], notes: Notes) -> shapely.Geometry
     return shapely.union_all(found)
 
 
-def _outlined(
+def _cells_of_outlines(
     shapes: dict[int, shapely.Geometry],
     paths: list[Path],
     snapped: snapping.Snapped,
@@ -277,18 +277,20 @@ def _outlined(
     inside = _inside(shapes)
     for k, shape in shapes.items():
         if k in inside:
-            held = shapely.difference(shape, shapely.union_all([shapes[j] for j in inside[k]]))
-            near = [] if tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
-            parts = [part for part in shapely.get_parts(held) if part.geom_type == "Polygon"]
+            ring = shapely.difference(shape, shapely.union_all([shapes[j] for j in inside[k]]))
+            crossing = [] if tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
+            parts = [part for part in shapely.get_parts(ring) if part.geom_type == "Polygon"]
             parts = [part for part in parts if part.area > 1e-9 * size**2]
-            found = [_cut(part, near, paths[k].layer, size) or _pieces(part, paths[k].layer) for part in parts]
-            of_outline[k] = [cell for pieces in found for cell in pieces]
-            rest = ", without their areas" if parts else ", which fill it: no element"
-            notes.found.append(f"an outline around {several(len(inside[k]), 'outline')}{rest}")
+            pieces_of_part = [
+                _cut(part, crossing, paths[k].layer, size) or _pieces(part, paths[k].layer) for part in parts
+            ]
+            of_outline[k] = [cell for pieces in pieces_of_part for cell in pieces]
+            remark = ", without their areas" if parts else ", which fill it: no element"
+            notes.found.append(f"an outline around {several(len(inside[k]), 'outline')}{remark}")
             continue
         uncut = tree is None or options.role(paths[k].layer) == "support"
-        near = [] if uncut or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
-        pieces = _cut(shape, near, paths[k].layer, size) if near and shape.is_valid else []
+        crossing = [] if uncut or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
+        pieces = _cut(shape, crossing, paths[k].layer, size) if crossing and shape.is_valid else []
         if len(pieces) > 1:
             cut, pieces_in_all = cut + 1, pieces_in_all + len(pieces)
         elif shapely.Polygon(snapped.paths[k]).area > (1.0 + 1e-12) * shape.area > 0.0:  # it has holes
@@ -350,7 +352,7 @@ def _beside(
         for face, share, onto in zip(faces, own_share, grounded, strict=True)
         if share > _DRAWN
     ]
-    found = [cell for face, layer in _reached(kept, covered) for cell in _pieces(face, layer)]
+    found = [cell for face, layer in _drop_unconnected(kept, covered) for cell in _pieces(face, layer)]
     if found:
         notes.found.append(f"{several(len(found), 'cell')} that lines enclose beside the outlines")
     return found
@@ -369,7 +371,9 @@ def _share_on(faces: list[shapely.Polygon], lines: list[shapely.LineString], nea
     return [float(lengths[a:b][on[a:b]].sum() / lengths[a:b].sum()) for a, b in itertools.pairwise(stops.tolist())]
 
 
-def _reached(faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry) -> list[tuple[shapely.Polygon, str]]:
+def _drop_unconnected(
+    faces: list[tuple[shapely.Polygon, str]], covered: shapely.Geometry
+) -> list[tuple[shapely.Polygon, str]]:
     """Drop the faces that are not connected to an area, directly or through other faces."""
     shapes = [face for face, _ in faces]
     reached = set(np.flatnonzero(shapely.intersects(shapes, covered)).tolist()) if shapes else set()
@@ -501,7 +505,7 @@ def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
 
 
 def without_holes(points: Floats, loops: Sequence[Sequence[int]], title: str) -> Faces:
-    """Return a plane face as loops (k, 3) without holes; InputError unless coplanar and inside the outline."""
+    """Return a plane face as its outline or, with holes, as triangles; InputError if not plane, or loops cross."""
     if len(loops) == 1:
         return (tuple(loops[0]),)
     areas = [area_vector(points[list(loop)]) for loop in loops]

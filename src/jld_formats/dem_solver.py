@@ -31,13 +31,15 @@ def solve_document(document: dict[str, Any], **options: Any) -> dict[str, Any]:
             "displacements", "limit analysis knows no prescribed movement", "loads alone, or jld settlement"
         )
     cases = written["loads"].pop("cases", [])
-    written["loads"].setdefault("live", []).extend(one for case in cases for one in case["live"])  # all act together
+    written["loads"].setdefault("live", []).extend(
+        entry for case in cases for entry in case["live"]
+    )  # all act together
     scene = parse_scene(written, "the model")
     assembly = build_assembly(scene)
     labels = assembly.labels | True
     layout = Layout(scene, assembly, labels, solve_rigid(assembly, labels, Model(**options)))
     nodes = {part.name: part.group for part in found.parts}
-    results = Dem(layout, True, nodes).results()
+    results = Dem(layout, cells=True, nodes=nodes).results()
     model, problems = model_and_problems(document)
     results["data"]["model_id"] = str(model.get("guid", ""))
     stated = data_of(document).get("problems") or [{}]

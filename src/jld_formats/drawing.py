@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Final
@@ -60,34 +61,40 @@ _RISING: Final = 0.6  # largest upward component of the outer normal of a spring
 
 def planar_feet(cells: list[Cell], tolerance: float, notes: Notes) -> list[Cell]:
     """Return supports for the cells of a drawing that names none; none where nothing is level or raked."""
-    own = [shapely.Polygon(cell.points) for cell in cells if not cell.support]
-    whole = shapely.union_all([shapely.make_valid(shape) for shape in own])
-    rings = [_ring(part) for part in shapely.get_parts(whole) if part.geom_type == "Polygon"]
-    every = np.concatenate(rings)
-    size, low = float(np.ptp(every, axis=0).max()), float(every[:, 1].min())
-    out = _FOOT * size
+    shapes = [shapely.Polygon(cell.points) for cell in cells if not cell.support]
+    structure = shapely.union_all([shapely.make_valid(shape) for shape in shapes])
+    rings = [_ring(part) for part in shapely.get_parts(structure) if part.geom_type == "Polygon"]
+    corners = np.concatenate(rings)
+    size, lowest = float(np.ptp(corners, axis=0).max()), float(corners[:, 1].min())
+    depth = _FOOT * size
     near = max(_LEVEL * size, tolerance)
-    if len(rings) == 1 and (found := _skewbacks(rings[0], size, near)):
+    skewbacks = _skewbacks(rings[0], size, near) if len(rings) == 1 else []
+    if skewbacks:
         notes.assumed.append("supports beside the raked sides of a flat arch: the drawing names none")
-        return [Cell(points, "supports", None, True) for points in found]
-    ends = [end for ring in rings for end in _springings(ring)]
-    if not ends and len(own) <= _RINGS:  # rings of an arch whose ends are no line
-        bands = [_springings(_ring(shape)) for shape in own]
-        ends = [end for band in bands for end in band] if all(bands) else []
-    level = [
-        (a, b) for ring in rings for a, b in _edges(ring) if max(a[1], b[1]) - low <= near and abs(b[0] - a[0]) > near
+        return [_support_cell(points) for points in skewbacks]
+    springings = [line for ring in rings for line in _springings(ring)]
+    if not springings and len(shapes) <= _RINGS:  # rings of an arch whose ends are no line
+        of_ring = [_springings(_ring(shape)) for shape in shapes]
+        springings = list(itertools.chain(*of_ring)) if all(of_ring) else []
+    spans = [
+        sorted((float(a[0]), float(b[0])))
+        for a, b in itertools.chain(*map(_edges, rings))
+        if max(a[1], b[1]) - lowest <= near and abs(b[0] - a[0]) > near
     ]
-    if level and not any(line[:, 1].max() - low > near for line in ends):
+    if spans and not any(line[:, 1].max() - lowest > near for line in springings):
         notes.assumed.append("supports below the lowest edges: the drawing names none")
-        spans = [sorted((float(a[0]), float(b[0]))) for a, b in level]
-        boxes = [[(x0, low - out), (x1, low - out), (x1, low), (x0, low)] for x0, x1 in spans]
-        return [Cell(np.array(box), "supports", None, True) for box in boxes]
-    ends = ends or [np.array(edge) for ring in rings for edge in _lowest_edges(ring)]
-    if not ends:
+        below = lowest - depth
+        return [_support_cell(np.array([(x0, below), (x1, below), (x1, lowest), (x0, lowest)])) for x0, x1 in spans]
+    springings = springings or [np.array(edge) for ring in rings for edge in _lowest_edges(ring)]
+    if not springings:
         return []
     notes.assumed.append("supports at the springings: the drawing names none")
-    feet = [shapely.Polygon([*line, *(line + out * _normal(line[0], line[-1]))[::-1]]) for line in ends]
-    return [Cell(_ring(foot), "supports", None, True) for foot in _without(feet, whole)]
+    feet = [shapely.Polygon([*line, *(line + depth * _normal(line[0], line[-1]))[::-1]]) for line in springings]
+    return [_support_cell(_ring(foot)) for foot in _without(feet, structure)]
+
+
+def _support_cell(points: Floats) -> Cell:
+    return Cell(points, "supports", None, support=True)
 
 
 def _ring(shape: shapely.Polygon) -> Floats:

@@ -234,6 +234,6 @@ class _Loads:
             if shapely.length(shapely.intersection(shapely.get_exterior_ring(self._shapes[k]), along)) > 4.0 * reach
         ]
         where = " to ".join(f"({x:.9g}, {y:.9g})" for x, y in ends)
-        told = f"{kind} pressure {pressure:.9g} {self._unit}/{self._structure.unit}² on elements {listed(touched)}"
-        self._notes.found.append(f"{told} from {where}, {mark.text!r} along a line")
+        text = f"{kind} pressure {pressure:.9g} {self._unit}/{self._structure.unit}² on elements {listed(touched)}"
+        self._notes.found.append(f"{text} from {where}, {mark.text!r} along a line")
         return {"face": {"along": points.tolist()}, "pressure": pressure}

@@ -100,9 +100,9 @@ def _without_pressures(entries: list[dict[str, Any]], parsed: Sequence[Any], lay
     found = []
     for entry, load in zip(entries, parsed, strict=True):
         if "face" in entry:
-            for one in boundary.loads([load], "loads").tractions:
-                force, moment = one.resultant()
-                place = {"element": assembly.elements.ids[one.element], "at": one.origin.tolist()}
+            for traction in boundary.loads([load], "loads").tractions:
+                force, moment = traction.resultant()
+                place = {"element": assembly.elements.ids[traction.element], "at": traction.origin.tolist()}
                 turn = moment.tolist() if assembly.dimension == 3 else float(moment[0])
                 found.append({**place, "force": force.tolist(), **({"moment": turn} if moment.any() else {})})
         else:
@@ -128,14 +128,14 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
     if (body := scene_loads.body_of(entry)) is not None:
-        return {"body": _lifted(body) if lift else body}
+        return {"body": _to_space(body) if lift else body}
     element = layout.assembly.elements.index[entry["element"]]
     found: dict[str, Any] = {"element": names(entry["element"])}
     if entry.get("force") is not None:
         # explicit, since the centroid of a block differs from that of its cell
         at = entry.get("at") or layout.assembly.elements.centroid[element].tolist()
-        found["force"] = _lifted(entry["force"]) if lift else entry["force"]
-        found["at"] = _lifted(at, 0.5 * layout.thickness) if lift else at
+        found["force"] = _to_space(entry["force"]) if lift else entry["force"]
+        found["at"] = _to_space(at, 0.5 * layout.thickness) if lift else at
     if np.any(entry.get("moment", 0.0)):
         # counter-clockwise in the x–z plane is about −y
         found["moment"] = [0.0, -float(entry["moment"]), 0.0] if lift else entry["moment"]
@@ -144,7 +144,7 @@ def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, li
     return found
 
 
-def _lifted(vector: list[float], y: float = 0.0) -> list[float]:
+def _to_space(vector: list[float], y: float = 0.0) -> list[float]:
     """Convert a planar vector (x, y) to (x, y0, y)."""
     return [vector[0], y, vector[1]]
 
@@ -201,22 +201,22 @@ def lost(layout: Layout, kind: str, *, cells: bool = False) -> list[str]:
     form, state = formats()[kind], (layout.assembly.dimension, cells)
     if state in form.whole:
         return []
-    known = form.keeps + (form.keeps_of_cells if cells else ())
+    kept_keys = form.keeps + (form.keeps_of_cells if cells else ())
     document = document_of(layout)
     document.pop("labels", None)  # the labels of the layout are those that count
     inner = int(np.count_nonzero(~layout.labels[: layout.assembly.faces]))
     stated = dict.fromkeys(_paths(document))
-    kept = [path for path in stated if any(path == one or path.startswith(f"{one}.") for one in known)]
-    gone: dict[str, None] = {}
+    kept = [path for path in stated if any(path == key or path.startswith(f"{key}.") for key in kept_keys)]
+    lost_keys: dict[str, None] = {}
     for path in stated:
         if path not in kept:
             parts = path.split(".")
             heads = [".".join(parts[: k + 1]) for k in range(len(parts))]
             # the highest key of which nothing is kept stands for all below it
-            gone[next(head for head in heads if not any(f"{one}.".startswith(f"{head}.") for one in kept))] = None
+            lost_keys[next(head for head in heads if not any(f"{key}.".startswith(f"{head}.") for key in kept))] = None
     if inner and state not in form.labels:
-        gone[f"labels ({inner} inner face{'s' if inner > 1 else ''})"] = None
-    return list(gone)
+        lost_keys[f"labels ({inner} inner face{'s' if inner > 1 else ''})"] = None
+    return list(lost_keys)
 
 
 def _paths(value: Any, head: str = "") -> Iterator[str]:
@@ -273,10 +273,10 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
     order = _order(layout)
     factor = None if layout.result is None else layout.result.load_factor
     a, b = layout.block_of[faces.a], layout.block_of[faces.b]
-    found = []
+    facts = []
     for k, block in enumerate(layout.blocks):
         beside = {int(other) for other in np.concatenate([b[labels & (a == k)], a[labels & (b == k)]])} - {k}
-        found.append(
+        facts.append(
             BlockFacts(
                 block=block.name,
                 elements=tuple(ids[e] for e in block.elements),
@@ -290,7 +290,7 @@ def block_facts(layout: Layout) -> list[BlockFacts]:
                 inner=int((~labels & (a == k) & (b == k)).sum()),
             )
         )
-    return found
+    return facts
 
 
 def _order(layout: Layout) -> dict[int, int]:

@@ -68,9 +68,11 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
     if distributed and (whole := _FORCE.fullmatch(stripped)) and whole["per"] and whole["unit"]:
         length = _PER.fullmatch(whole["per"])
         if length is None or length[1] not in units.METRES:
-            raise _refused(text, f"no unit of length is named {whole['per'].strip(' /')!r}")
+            raise _refusal(text, f"no unit of length is named {whole['per'].strip(' /')!r}")
         _, value, _ = _part(whole, text, unit, distributed=True)
-        return WrittenForce((value,), False, True, (units.METRES[length[1]], 2 if length[2] else 1))
+        return WrittenForce(
+            (value,), components=False, has_unit=True, per=(units.METRES[length[1]], 2 if length[2] else 1)
+        )
     while place < len(stripped) or not parts:
         if parts:
             gap = _BETWEEN.match(stripped, place)
@@ -78,10 +80,10 @@ def parse_force(text: str, unit: str = "N", *, distributed: bool = False, dimens
         found = _FORCE.match(stripped, place) if not parts or gap else None
         if found is None:
             rest = stripped[place:].strip() or "nothing"
-            raise _refused(text, f"{rest!r} is no part of a force" if parts else "it is no force")
+            raise _refusal(text, f"{rest!r} is no part of a force" if parts else "it is no force")
         parts.append(_part(found, text, unit))
         place = found.end()
-    return _joined(parts, text, dimension)
+    return _join_components(parts, text, dimension)
 
 
 def is_force(text: str) -> bool:
@@ -135,42 +137,42 @@ def _part(found: re.Match[str], text: str, unit: str, *, distributed: bool = Fal
     number, given = found["number"], found["unit"]
     if found["per"] and not distributed:
         problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"
-        raise _refused(text, problem, "a line along the edge that it acts on, or a force")
+        raise _refusal(text, problem, "a line along the edge that it acts on, or a force")
     if _THOUSANDS.fullmatch(number):
-        raise _refused(text, f"the comma in {number!r} may separate thousands or decimals", "a point for decimals")
+        raise _refusal(text, f"the comma in {number!r} may separate thousands or decimals", "a point for decimals")
     value = float(number.replace(",", "."))
     if not math.isfinite(value):
-        raise _refused(text, "its number is out of range")
+        raise _refusal(text, "its number is out of range")
     if given is None:
         return found["name"] or "", value, False
     known = _SPELLINGS.get(given, given)
     if known not in units.NEWTONS:
-        raise _refused(text, f"no unit of force is named {given!r}")
+        raise _refusal(text, f"no unit of force is named {given!r}")
     target = _SPELLINGS.get(unit, unit)
     if target not in units.NEWTONS:
-        raise _refused(text, f"no unit of force is named {unit!r}, that of the scene", "a number alone")
+        raise _refusal(text, f"no unit of force is named {unit!r}, that of the scene", "a number alone")
     return found["name"] or "", value if known == target else value * units.NEWTONS[known] / units.NEWTONS[target], True
 
 
-def _joined(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
+def _join_components(parts: list[tuple[str, float, bool]], text: str, dimension: int) -> WrittenForce:
     """Combine parsed numbers into one magnitude or all components of a force."""
     if len(parts) > dimension:
-        raise _refused(text, f"it has {len(parts)} numbers")
+        raise _refusal(text, f"it has {len(parts)} numbers")
     axes = [match[1].casefold() if (match := _COMPONENT.fullmatch(name)) else "" for name, _, _ in parts]
     if len({has_unit for _, _, has_unit in parts}) > 1:
-        raise _refused(text, "not all of its numbers have a unit")
+        raise _refusal(text, "not all of its numbers have a unit")
     values = [value for _, value, _ in parts]
     if "z" in axes and dimension == 2:
-        raise _refused(text, "a force in the plane has no component along z")
+        raise _refusal(text, "a force in the plane has no component along z")
     if any(axes):
         if "" in axes or len(set(axes)) < len(axes):
-            raise _refused(text, "some of its numbers name no component, or the same one")
+            raise _refusal(text, "some of its numbers name no component, or the same one")
         stated = dict(zip(axes, values, strict=True))
         values = [stated.get(axis, 0.0) for axis in "xyz"[:dimension]]
     elif len(values) not in (1, dimension):
-        raise _refused(text, f"it has {len(values)} numbers for {dimension} components")
+        raise _refusal(text, f"it has {len(values)} numbers for {dimension} components")
     return WrittenForce(tuple(values), len(values) > 1, parts[0][2])
 
 
-def _refused(text: str, problem: str, expected: str = _EXPECTED) -> InputError:
+def _refusal(text: str, problem: str, expected: str = _EXPECTED) -> InputError:
     return InputError(f"the text {text!r}", problem, expected)

@@ -135,7 +135,7 @@ def in_own_process(
         made = Path(folder) / "made"
         # whether a copy of this process may read: one made beside a running thread waits for ever for its locks
         may_copy = sys.platform == "linux" and threading.current_thread() is threading.main_thread()
-        child = (_forked if may_copy else _sent)(made, function, arguments)
+        child = (_fork if may_copy else _sent)(made, function, arguments)
         end = time.monotonic() + seconds
         try:
             while (left := end - time.monotonic()) > 0.0 and not child(min(left, _POLL)):
@@ -160,7 +160,7 @@ _POLL: Final = 0.1  # time between two looks at a reading process, s
 _Child = Callable[[float | None], bool]
 
 
-def _forked(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
+def _fork(made: Path, function: Callable[..., Any], arguments: tuple[Any, ...]) -> _Child:
     """Begin to call a function in a copy of this process, which has all modules loaded."""
     child = multiprocessing.get_context("fork").Process(target=store_result, args=(str(made), function, arguments))
     with warnings.catch_warnings():

@@ -71,7 +71,7 @@ def without_repeats(path: Path, same: float) -> Path:
             onto = again[np.arange(k, count) % k]
             apart = np.hypot(*(points[k:, :2] - onto[:, :2]).T) > same
             if not apart[:-1].any() and (not apart[-1] or _between(points[-1], again, count - 1, same)):
-                return Path(again, True, path.layer, path.name, path.holes)
+                return Path(again, closed=True, layer=path.layer, name=path.name, holes=path.holes)
     return path
 
 
@@ -113,7 +113,7 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
         problem = f"its arcs are {chords:.3g} chords within {facet:.3g} of them"
         raise InputError("", problem, f"a larger `facet`: at most {_MOST_CHORDS} chords")
     regular = {
-        which: _divided(np.array(ends), arcs[int(np.argmax(circle == which))].radius, facet, same)
+        which: _dividing_angles(np.array(ends), arcs[int(np.argmax(circle == which))].radius, facet, same)
         for which, ends in stops.items()
     }
     inside: dict[tuple[int, int], Floats] = {}
@@ -158,7 +158,7 @@ def _step(radius: float, facet: float) -> float:
     return float(max(2.0 * np.arccos(np.clip(1.0 - facet / radius, np.cos(np.pi / 8.0), 1.0)), 1e-3))
 
 
-def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
+def _dividing_angles(stops: Floats, radius: float, facet: float, same: float) -> Floats:
     """Return ascending angles (j,) that divide a circle at the ends (k,) of its arcs and between, radians."""
     # The steps between two ends are equal, so that the division has every symmetry of the ends.
     apart = max(same / radius, 1e-9)
@@ -179,7 +179,7 @@ def _divided(stops: Floats, radius: float, facet: float, same: float) -> Floats:
 
 def _arcs(number: int, path: Path) -> list[_Arc]:
     """Return the arcs of a path; edges with a bulge below 1e-9 are straight."""
-    found = []
+    arcs = []
     points = path.points
     for edge in range(len(points) if path.closed else len(points) - 1):
         bulge = float(points[edge, 2])
@@ -192,5 +192,5 @@ def _arcs(number: int, path: Path) -> list[_Arc]:
         centre = 0.5 * (start + end) + (1.0 - bulge**2) / (4.0 * bulge) * np.array([-chord[1], chord[0]])
         radius = length * (1.0 + bulge**2) / (4.0 * abs(bulge))
         first = float(np.arctan2(*(start - centre)[::-1]))
-        found.append(_Arc(number, edge, centre, radius, first, 4.0 * float(np.arctan(bulge))))
-    return found
+        arcs.append(_Arc(number, edge, centre, radius, first, 4.0 * float(np.arctan(bulge))))
+    return arcs

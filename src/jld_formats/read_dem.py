@@ -39,7 +39,7 @@ def _is_mesh(value: Any) -> bool:
 def _as_assembly(document: Any) -> Any:
     """Return lists of meshes, and the files of the first versions of compas_assembly, as an assembly by nodes."""
     meshes = (
-        [one[0] if isinstance(one, list) and len(one) == 1 else one for one in document if one]
+        [entry[0] if isinstance(entry, list) and len(entry) == 1 else entry for entry in document if entry]
         if isinstance(document, list)
         else []
     )

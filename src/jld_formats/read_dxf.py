@@ -210,7 +210,7 @@ class _Reader:
             path = self.paths[fresh[0]]
             self.paths[fresh[0]] = Path(path.points, path.closed, path.layer, names[0], path.holes)
 
-    def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = (), side: int = 1) -> bool:
+    def _add(self, points: Any, layer: str, holes: tuple[Any, ...] = (), side: int = 1, *, closed: bool) -> bool:
         """Add a path (k, 3); False if inclined or of too few points. InputError: not finite, or too many lines."""
         if side == 0:
             return False
@@ -235,19 +235,20 @@ class _Reader:
     def _lwpolyline(self, entity: Any, layer: str) -> bool:
         """Read a polyline with bulges; return False if it is unusable, see `_add`."""
         points = np.array(entity.get_points("xyb"), dtype=float).reshape(-1, 3)
-        return self._add(points, bool(entity.closed), layer, side=_side(entity))
+        return self._add(points, layer, side=_side(entity), closed=bool(entity.closed))
 
     def _polyline(self, entity: Any, layer: str) -> bool:
         """Read an old-style polyline; return False for a mesh, or if it is unusable."""
         if not (entity.is_2d_polyline or entity.is_3d_polyline):
             return False
         points = [(v.dxf.location.x, v.dxf.location.y, v.dxf.get("bulge", 0.0)) for v in entity.vertices]
-        return self._add(points, bool(entity.is_closed), layer, side=_side(entity) if entity.is_2d_polyline else 1)
+        side = _side(entity) if entity.is_2d_polyline else 1
+        return self._add(points, layer, side=side, closed=bool(entity.is_closed))
 
     def _line(self, entity: Any, layer: str) -> bool:
         """Read a line; return False if it has no length in the plane."""
         start, end = entity.dxf.start, entity.dxf.end
-        return self._add([(start.x, start.y, 0.0), (end.x, end.y, 0.0)], False, layer)
+        return self._add([(start.x, start.y, 0.0), (end.x, end.y, 0.0)], layer, closed=False)
 
     def _arc(self, entity: Any, layer: str) -> bool:
         """Read an arc; return False if it is unusable, see `_add`."""
@@ -255,24 +256,25 @@ class _Reader:
         sweep = np.mod(np.radians(entity.dxf.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
         centre = entity.dxf.center
         points = arc_points((centre.x, centre.y), entity.dxf.radius, first, sweep)
-        return self._add(points, False, layer, side=_side(entity))
+        return self._add(points, layer, side=_side(entity), closed=False)
 
     def _circle(self, entity: Any, layer: str) -> bool:
         """Read a circle; return False if it is unusable, see `_add`."""
         centre = entity.dxf.center
         points = arc_points((centre.x, centre.y), entity.dxf.radius, 0.0, 2.0 * np.pi)[:-1]
-        return self._add(points, True, layer, side=_side(entity))
+        return self._add(points, layer, side=_side(entity), closed=True)
 
     def _curve(self, entity: Any, layer: str) -> bool:
         """Read an ellipse or spline as chords; return False if it is unusable, see `_add`."""
         points = self._chords(entity.construction_tool(), 8)
-        return self._add(np.column_stack([points, 0.0 * points[:, 0]]), bool(getattr(entity, "closed", False)), layer)
+        flat = np.column_stack([points, 0.0 * points[:, 0]])
+        return self._add(flat, layer, closed=bool(getattr(entity, "closed", False)))
 
     def _chords(self, curve: Any, pieces: int) -> Any:
         """Return points (k, 2) of a curve whose chords are a facet off; pieces: at least between two knots."""
-        size = float(np.ptp(_flattened(curve, 1e30, 2 * pieces), axis=0).max())
+        size = float(np.ptp(_flatten(curve, 1e30, 2 * pieces), axis=0).max())
         facet = FACET * size if self.options.facet is None else self.options.facet
-        return _flattened(curve, max(facet, 1e-6 * size), pieces)
+        return _flatten(curve, max(facet, 1e-6 * size), pieces)
 
     _ellipse = _spline = _curve
 
@@ -280,7 +282,7 @@ class _Reader:
         """Read a filled triangle or quadrilateral; return False if it is unusable, see `_add`."""
         side = 1 if entity.dxftype() == "3DFACE" else _side(entity)
         corners = entity.wcs_vertices() if side == 1 else entity.vertices()
-        return self._add([(p.x, p.y, 0.0) for p in corners], True, layer, side=side)
+        return self._add([(p.x, p.y, 0.0) for p in corners], layer, side=side, closed=True)
 
     _trace = _3dface = _solid
 
@@ -291,7 +293,9 @@ class _Reader:
         self.notes.skip(f"boundaries of hatches on layer {layer}", lost, "open, or of other curves")
         areas = _areas([loop for loop in loops if loop is not None], int(entity.dxf.get("hatch_style", 0)))
         side = _side(entity)
-        return bool(areas) and all(self._add(outline, True, layer, tuple(holes), side) for outline, holes in areas)
+        return bool(areas) and all(
+            self._add(outline, layer, tuple(holes), side, closed=True) for outline, holes in areas
+        )
 
     _mpolygon = _hatch
 
@@ -302,7 +306,7 @@ class _Reader:
             for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):
                 for face in mesh.faces:
                     corners = [mesh.vertices[index] for index in face]
-                    found |= self._add([(p.x, p.y, 0.0) for p in corners], True, layer)
+                    found |= self._add([(p.x, p.y, 0.0) for p in corners], layer, closed=True)
         return found
 
     def _mesh(self, entity: Any, layer: str) -> bool:
@@ -366,7 +370,7 @@ class _Reader:
 _MOST_CHORDS: Final = 4096  # of a spline whose ends are not clamped
 
 
-def _flattened(curve: Any, facet: float, pieces: int) -> Any:
+def _flatten(curve: Any, facet: float, pieces: int) -> Any:
     """Return points (k, 2) of a curve whose chords are `facet` off."""
     knots = curve.knots() if hasattr(curve, "knots") else ()
     low, high = (knots[curve.order - 1], knots[curve.count]) if knots else (0.0, 0.0)
@@ -423,7 +427,9 @@ def _areas(rings: list[Any], style: int) -> list[tuple[Any, list[Any]]]:
 
     style: 0 fills every second depth, 1 the outermost, 2 all that the outermost rings enclose.
     """
-    chords = [flatten([Path(ring, True, "")], 1e-3 * float(np.ptp(ring[:, :2])), 0.0).points[0] for ring in rings]
+    chords = [
+        flatten([Path(ring, closed=True, layer="")], 1e-3 * float(np.ptp(ring[:, :2])), 0.0).points[0] for ring in rings
+    ]
     shapes = [shapely.make_valid(shapely.Polygon(points)) for points in chords]
     inside = [shape.representative_point() for shape in shapes]
     around: list[list[int]] = [[] for _ in rings]

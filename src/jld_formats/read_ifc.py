@@ -18,7 +18,7 @@ from jld_formats.cells import without_holes
 from jld_formats.drawn_loads import MOST
 from jld_formats.libraries import library, parsing, readable
 from jld_formats.options import ImportOptions, Notes, several
-from jld_formats.solids import Part, Solids, split
+from jld_formats.solids import Part, Solids, split, with_own_points
 
 PROPERTIES: Final = "Pset_MaterialCommon"  # name of the standard property set of a material that holds its density
 DENSITY: Final = "MassDensity"  # name of the density in that set
@@ -33,7 +33,7 @@ class Densities:
 
     def __init__(self, model: Any) -> None:
         self._materials_of = import_module("ifcopenshell.util.element").get_materials
-        units = [unit for one in model.by_type("IfcUnitAssignment") for unit in one.Units]
+        units = [unit for assignment in model.by_type("IfcUnitAssignment") for unit in assignment.Units]
         density = [unit for unit in units if getattr(unit, "UnitType", None) == "MASSDENSITYUNIT"]
         self._scale = _scale(density[0]) if density else 1.0
         self._older: dict[int, float] = {}
@@ -98,24 +98,26 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
         if len(products) > MOST:
             raise InputError("", f"it has {len(products)} products", f"at most {MOST}")
         scale = float(import_module("ifcopenshell.util.unit").calculate_unit_scale(model))
-        placed = import_module("ifcopenshell.util.placement").get_local_placement
+        placement_of = import_module("ifcopenshell.util.placement").get_local_placement
         densities = Densities(model)
         parts: list[Part] = []
         empty = unfolded = 0
         known: dict[int, int] = {}
         counted: Counter[str] = Counter()
-        for done, product in enumerate(products):
-            notes.reached("products", done, len(products))
+        for position, product in enumerate(products):
+            notes.reached("products", position, len(products))
             if product.is_a("IfcOpeningElement") or product.is_a("IfcSpatialElement"):
                 empty += 1
                 continue
             title = f"{product.is_a()} {product.Name or product.GlobalId!r}"
-            matrix = np.array(placed(product.ObjectPlacement)) if product.ObjectPlacement is not None else np.eye(4)
+            matrix = (
+                np.array(placement_of(product.ObjectPlacement)) if product.ObjectPlacement is not None else np.eye(4)
+            )
             items = [item for shape in _shapes(product) for item in shape.Items]
             if not items:
                 empty += 1
                 continue
-            unfolded += sum(_unfolded(item, known) for item in items)
+            unfolded += sum(_count_unfolded(item, known) for item in items)
             if unfolded > _MOST_SOLIDS:
                 raise InputError(title, f"mapped items unfold into {unfolded:.3g} solids", f"at most {_MOST_SOLIDS}")
             if getattr(product, "HasOpenings", None) or not all(_is_simple(item) for item in items):
@@ -129,8 +131,8 @@ def read_ifc(path: Path, options: ImportOptions, notes: Notes) -> Solids:
             keys = {} if density is None else {"density": density}
             for number, (points, faces) in enumerate(solids, 1):
                 name = str(product.Name or product.GlobalId)
-                own = name if len(solids) == 1 else f"{name}.{number}"
-                parts.append(Part(own, group, points, faces, keys=keys))
+                part_title = name if len(solids) == 1 else f"{name}.{number}"
+                parts.append(Part(part_title, group, points, faces, keys=keys))
     notes.found.append(f"{several(len(parts), 'solid')} of {several(len(products) - empty, 'product')}")
     notes.found += [f"{several(count, 'product')} {how}" for how, count in counted.items() if count]
     notes.skip("products", empty, "spaces, openings, or no body")
@@ -171,7 +173,11 @@ def _parts_of(item: Any) -> Iterator[Any]:
         seen.add(part.id())
         yield part
         for value in part:
-            pending += [one for one in _nested(value) if hasattr(one, "is_a") and not one.is_a("IfcPresentationItem")]
+            pending += [
+                nested
+                for nested in _nested(value)
+                if hasattr(nested, "is_a") and not nested.is_a("IfcPresentationItem")
+            ]
 
 
 def _nested(value: Any) -> Iterator[Any]:
@@ -230,10 +236,7 @@ def _by_kernel(product: Any, items: list[Any], title: str) -> list[tuple[Floats,
     for item in dict.fromkeys(owner.tolist()):
         faces = tuple(triangles[k] for k in np.flatnonzero(owner == item).tolist())
         for part in split(points, faces, 1e-9 * float(np.ptp(points, axis=0).max())):
-            kept = [faces[k] for k in part.tolist()]
-            used = sorted({index for face in kept for index in face})
-            number = {old: new for new, old in enumerate(used)}
-            solids.append((points[used], tuple(tuple(number[index] for index in face) for face in kept)))
+            solids.append(with_own_points(points, (faces[k] for k in part.tolist())))
     return solids
 
 
@@ -242,13 +245,13 @@ def _refused(item: Any, title: str) -> InputError:
     return InputError(title, f"its shape is {item.is_a()}", wish)
 
 
-def _unfolded(item: Any, known: dict[int, int]) -> int:
+def _count_unfolded(item: Any, known: dict[int, int]) -> int:
     """Return the number of solids that an item unfolds into, by its mapped items."""
     if not item.is_a("IfcMappedItem"):
         return 1
     if item.id() not in known:
         parts = item.MappingSource.MappedRepresentation.Items
-        known[item.id()] = sum(_unfolded(part, known) for part in parts)
+        known[item.id()] = sum(_count_unfolded(part, known) for part in parts)
     return known[item.id()]
 
 

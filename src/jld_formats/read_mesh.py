@@ -23,7 +23,7 @@ from jld_formats.drawn_loads import MOST, Drawing
 from jld_formats.libraries import decoded, library, parsing, readable, text_of
 from jld_formats.options import ImportOptions, Notes
 from jld_formats.paths import Path
-from jld_formats.solids import Part, Solids, split
+from jld_formats.solids import Part, Solids, split, with_own_points
 
 
 def read_mesh(path: File, options: ImportOptions, notes: Notes) -> Solids:
@@ -73,18 +73,16 @@ def _parts(name: str, layer: str, points: Floats, faces: Faces) -> list[Part]:
     top = max(max(loop) for loop in faces)
     if top >= len(points) or min(min(loop) for loop in faces) < 0:
         raise InputError(f"group {name!r}" if name else "", f"a face names vertex {top + 1}", f"1 to {len(points)}")
-    place = sorted({index for loop in faces for index in loop})
-    number = {old: new for new, old in enumerate(place)}
-    loops = tuple(tuple(number[index] for index in loop) for loop in faces)
-    solids = split(points[place], loops, 1e-9 * float(np.ptp(points[place], axis=0).max()))
-    found = []
-    for k, solid in enumerate(solids):
-        own = [faces[face] for face in solid.tolist()]
-        used = sorted({index for loop in own for index in loop})
-        renamed = {old: new for new, old in enumerate(used)}
-        title = name if len(solids) == 1 and name else f"{name or 'b'}.{k + 1}" if name else f"b{k + 1}"
-        found.append(Part(title, layer, points[used], tuple(tuple(renamed[i] for i in loop) for loop in own)))
-    return found
+    used, loops = with_own_points(points, faces)
+    solids = split(used, loops, 1e-9 * float(np.ptp(used, axis=0).max()))
+    parts = []
+    for k, solid in enumerate(solids, 1):
+        if not name:
+            title = f"b{k}"
+        else:
+            title = name if len(solids) == 1 else f"{name}.{k}"
+        parts.append(Part(title, layer, *with_own_points(points, (faces[face] for face in solid.tolist()))))
+    return parts
 
 
 def _cells(mesh: Any) -> list[tuple[int, ...]]:
@@ -340,6 +338,7 @@ def read_csv(path: File, options: ImportOptions, notes: Notes) -> Drawing:
             points = points[:-1]
         if len(points) < 3:
             raise InputError(f"element {name!r}", f"it has {len(points)} corners", "at least 3")
-        paths.append(Path(np.column_stack([points, np.zeros(len(points))]), True, layers[name], name))
+        outline = np.column_stack([points, np.zeros(len(points))])
+        paths.append(Path(outline, closed=True, layer=layers[name], name=name))
     notes.found.append(f"{len(paths)} polygons")
     return Drawing(paths, [], None, {}, path.stem)

@@ -112,7 +112,7 @@ class _Reader:
         self._unread: Counter[tuple[str, str]] = Counter()
         self._hidden: Counter[str] = Counter()
 
-    def _unfolded(self, item: Any, known: dict[str, int], depth: int = 0) -> int:
+    def _count_unfolded(self, item: Any, known: dict[str, int], depth: int = 0) -> int:
         """Return how many objects an object holds; known: those of definitions. Raises InputError for deep nesting."""
         if type(item.Geometry).__name__ != "InstanceReference":
             return 1
@@ -121,17 +121,21 @@ class _Reader:
         key = str(item.Geometry.ParentIdefId)
         if key not in known:
             definition = self._model.InstanceDefinitions.FindId(item.Geometry.ParentIdefId)
-            own = [self._by_id.get(str(one)) for one in definition.GetObjectIds()] if definition is not None else []
-            known[key] = 1 + sum(self._unfolded(one, known, depth + 1) for one in own if one is not None)
+            own = (
+                [self._by_id.get(str(object_id)) for object_id in definition.GetObjectIds()]
+                if definition is not None
+                else []
+            )
+            known[key] = 1 + sum(self._count_unfolded(one, known, depth + 1) for one in own if one is not None)
         return known[key]
 
     def content(self, title: str) -> Drawing | Solids:
-        known: dict[str, int] = {}
+        unfolded: dict[str, int] = {}
         items = [item for item in self._model.Objects if not item.Attributes.IsInstanceDefinitionObject]
-        if len(items) > MOST or sum(self._unfolded(item, known) for item in items) - len(items) > _MOST_COPIES:
+        if len(items) > MOST or sum(self._count_unfolded(item, unfolded) for item in items) - len(items) > _MOST_COPIES:
             raise InputError("", "its blocks unfold into too many objects", f"at most {_MOST_COPIES}")
-        for done, item in enumerate(items):
-            self._notes.reached("objects", done, len(items))
+        for position, item in enumerate(items):
+            self._notes.reached("objects", position, len(items))
             self._read(item, None, [])
         for (kind, layer), count in sorted(self._unread.items()):
             self._notes.skip(f"{kind} objects on layer {layer}", count, "no solid, curve, point or text")
@@ -157,8 +161,10 @@ class _Reader:
         role = {layer: self._options.role(layer) for _, _, layer, _ in self._curves}
         rings = [(role[layer], points[:-1]) for points, closed, layer, _ in self._curves if closed]
         drawn = [(str(word), points) for word, points in rings if word in _LABELS]
-        rest = [la for _, closed, la, _ in self._curves if role[la] not in (_LABELS if closed else ("load", "dead"))]
-        for layer, count in sorted(Counter(rest).items()):
+        other_layers = [
+            la for _, closed, la, _ in self._curves if role[la] not in (_LABELS if closed else ("load", "dead"))
+        ]
+        for layer, count in sorted(Counter(other_layers).items()):
             self._notes.skip(f"curves on layer {layer}", count, "the file holds solids, which are read")
         return Solids(parts, facts=facts, name=name, unit=unit, marks=[*self._marks, *arrows], drawn=drawn)
 

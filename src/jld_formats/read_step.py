@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -86,10 +87,10 @@ class _File:
         if self._token != "(":
             return [self._call()]
         self._next()
-        found = []
+        calls = []
         while self._token not in (")", ""):
-            found.append(self._call())
-        return found
+            calls.append(self._call())
+        return calls
 
     def _call(self) -> Call:
         kind = self._token.upper()
@@ -119,6 +120,10 @@ class _File:
                 self._next()
         self._next()
         return found
+
+    def first_values(self, number: int) -> list[Any]:
+        """Return the values of the first type of an instance."""
+        return self.calls[number][0][1]
 
     def of(self, number: int, kind: str) -> list[Any] | None:
         return next((values for name, values in self.calls.get(number, ()) if name == kind), None)
@@ -276,21 +281,23 @@ class _Reader:
                 yield owner[form], (pair[2], moved[2], moved[3])
 
     def _move(self, place: tuple[int, int, int] | None, shapes: list[int], alike: dict[int, list[int]]) -> Floats:
+        """Return the motion (4, 4) of a child with these shapes; place: first related shape, and a frame of either."""
         if place is None:
             return np.eye(4)
-        first, one, two = place
+        first, frame_of_first, frame_of_second = place
         own = {*shapes, *(other for shape in shapes for other in alike.get(shape, []))}
-        inner, outer = (one, two) if first in own else (two, one)
+        # the relation may name child or parent first
+        inner, outer = (frame_of_first, frame_of_second) if first in own else (frame_of_second, frame_of_first)
         return np.asarray(self._frame(outer) @ np.linalg.inv(self._frame(inner)))
 
     def _name(self, product: int) -> str:
-        definition = self._file.calls[product][0][1]
+        definition = self._file.first_values(product)
         formation = self._file.calls.get(definition[2], [("", [None] * 3)])[0][1]
         values = self._file.of(formation[2], "PRODUCT") if formation[2] is not None else None
         return str((values[1] or values[0]) if values else "")
 
     def _point(self, number: int) -> Floats:
-        return np.array(self._file.calls[number][0][1][1], dtype=float)
+        return np.array(self._file.first_values(number)[1], dtype=float)
 
     def _frame(self, number: int) -> Floats:
         values = self._file.of(number, "AXIS2_PLACEMENT_3D") or []
@@ -309,7 +316,7 @@ class _Reader:
         values = next((v for name, v in self._file.calls[shape] if name.endswith("REPRESENTATION")), None)
         for item in values[1] if values else ():
             kind = self._file.kind(item)
-            content = self._file.calls[item][0][1] if item in self._file.calls else []
+            content = self._file.first_values(item) if item in self._file.calls else []
             if kind == "MAPPED_ITEM":
                 origin, mapped = self._file.of(content[1], "REPRESENTATION_MAP") or [None, None]
                 if origin is not None and mapped is not None:
@@ -336,23 +343,27 @@ class _Reader:
         self._parts.append(Part(name, group, points, faces))
 
     def _faces(self, shell: int, title: str) -> tuple[Floats, Faces]:
-        number: dict[int, int] = {}
-        bounds = []
-        for face in self._file.calls[shell][0][1][1]:
+        """Return corners (k, 3) and plane faces of a shell, without holes."""
+        index_of: dict[int, int] = {}
+        loops_of_face = []
+        _, faces = self._file.first_values(shell)[:2]  # after a label, here and below
+        for face in faces:
             values = next(v for name, v in self._file.calls[face] if name in ("ADVANCED_FACE", "FACE_SURFACE", "FACE"))
-            if len(values) > 2 and not self._flat(values[2]):
-                kind = self._file.kind(values[2])
+            _, bounds, *surface = values
+            if surface and not self._flat(surface[0]):
+                kind = self._file.kind(surface[0])
                 raise InputError(title, f"it has a curved face ({kind})", "plane faces with straight edges")
             loops = []
-            for bound in values[1]:
-                content = self._file.calls[bound][0][1]
-                corners = self._corners(content[1], title)
+            for bound in bounds:
+                _, loop, sense = self._file.first_values(bound)[:3]
+                corners = self._corners(loop, title)
                 if len(corners) > 2:
-                    loop = [number.setdefault(corner, len(number)) for corner in corners]
-                    loops.append(loop if content[2] != "F" else loop[::-1])
-            bounds.append(loops)
-        points = np.array([self._place(vertex) for vertex in number]).reshape(-1, 3)
-        return points, tuple(loop for loops in bounds if loops for loop in without_holes(points, loops, title))
+                    indices = [index_of.setdefault(corner, len(index_of)) for corner in corners]
+                    loops.append(indices if sense != "F" else indices[::-1])
+            loops_of_face.append(loops)
+        points = np.array([self._place(vertex) for vertex in index_of]).reshape(-1, 3)
+        outlines = (without_holes(points, loops, title) for loops in loops_of_face if loops)
+        return points, tuple(itertools.chain(*outlines))
 
     def _place(self, vertex: int) -> Floats:
         values = self._file.of(vertex, "VERTEX_POINT")

@@ -58,11 +58,11 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
     with parsing("SVG", "an SVG file"):
         notes.reached("bytes in its text", len(text))
         tree = ElementTree.fromstring(text)
-        if (count := _expanded(tree)) > _MOST_EXPANDED:
-            uses = " by <use>" if any(_kind(one) == "use" for one in tree.iter()) else ""
+        if (count := _count_expanded(tree)) > _MOST_EXPANDED:
+            uses = " by <use>" if any(_kind(node) == "use" for node in tree.iter()) else ""
             raise InputError("", f"it expands to {count:.3g} shapes{uses}", f"at most {_MOST_EXPANDED}")
         page = _page(tree)
-        whole = _resolved(tree, notes, page[2] if page else 1.0)
+        whole = _resolve(tree, notes, page[2] if page else 1.0)
         root = svg.SVG.parse(io.BytesIO(ElementTree.tostring(whole)), reify=True, ppi=_PIXEL)
         return _in_stated_unit(_drawing(svg, root, path.stem, options, notes), None if options.unit else page)
 
@@ -76,9 +76,9 @@ def _kind(element: ElementTree.Element) -> str:
     return str(element.tag).rpartition("}")[2]
 
 
-def _resolved(root: ElementTree.Element, notes: Notes, uneven: float) -> ElementTree.Element:
+def _resolve(root: ElementTree.Element, notes: Notes, uneven: float) -> ElementTree.Element:
     """Return what a file shows: copies for <use>, nothing of definitions, and no page."""
-    named = {name: one for one in root.iter() if (name := one.get("id"))}
+    named = {name: node for node in root.iter() if (name := node.get("id"))}
     clipped, sides = 0, _sides(root)
 
     def copied(element: ElementTree.Element) -> ElementTree.Element | None:
@@ -96,7 +96,7 @@ def _resolved(root: ElementTree.Element, notes: Notes, uneven: float) -> Element
             found = ElementTree.Element(_G, {k: v for k, v in attributes.items() if k not in _OF_USE})
             move = f"translate({element.get('x', '0')},{element.get('y', '0')})"
             if target is not None and _kind(target) == "symbol":
-                move += _fitted(target, element)
+                move += _viewbox_transform(target, element)
                 children = list(target)
             else:
                 children = [] if target is None else [target]
@@ -134,7 +134,7 @@ def _of_page(key: str, value: str, sides: tuple[float, float] | None) -> str:
         return value
 
 
-def _fitted(symbol: ElementTree.Element, use: ElementTree.Element) -> str:
+def _viewbox_transform(symbol: ElementTree.Element, use: ElementTree.Element) -> str:
     """Return the transformation of a symbol's viewBox to the size of its copy, as text; "" without these."""
     box = re.findall(r"[^\s,]+", symbol.get("viewBox", ""))
     sides = [use.get(key, symbol.get(key, "")) for key in ("width", "height")]
@@ -151,9 +151,9 @@ def _fitted(symbol: ElementTree.Element, use: ElementTree.Element) -> str:
     return f" scale({scales[0]!r},{scales[1]!r}) translate({-left!r},{-top!r})"
 
 
-def _expanded(root: ElementTree.Element) -> int:
+def _count_expanded(root: ElementTree.Element) -> int:
     """Return the number of XML elements once <use> is replaced; InputError where a copy contains itself."""
-    named = {name: one for one in root.iter() if (name := one.get("id"))}
+    named = {name: node for node in root.iter() if (name := node.get("id"))}
     counts: dict[ElementTree.Element, int] = {}
     open_elements: set[ElementTree.Element] = set()
     pending = [(root, False)]
@@ -224,7 +224,7 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
             values = item.values if isinstance(getattr(item, "values", None), dict) else {}
             own = values.get("attributes", {})
             if isinstance(item, svg.Group):
-                walk(item, _named(own) or layer)
+                walk(item, _group_name(own) or layer)
             elif str(values.get("visibility", "")) in ("hidden", "collapse"):
                 hidden[layer] = hidden.get(layer, 0) + 1
             elif isinstance(item, svg.Text):
@@ -253,7 +253,7 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
     return Drawing(paths, marks, None, {}, name, sum(unread.values()))
 
 
-def _named(attributes: dict[str, Any]) -> str:
+def _group_name(attributes: dict[str, Any]) -> str:
     """Return the name of a group: its label in a drawing program, else its id."""
     for key, value in attributes.items():
         if key.endswith("label") and value:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -361,9 +361,9 @@ def _state_contacts(
         document["interfaces"] = given_contacts(found.contacts, of_part, scale, size)
         if len(parts) > len(found.parts):  # supports that were added, which no file states
             document["interfaces"] += [
-                {"elements": [names[one.a], names[one.b]], "polygon": rounded(one.polygon, size)}
-                for one in contacts_of(whole, faces, Notes())
-                if max(one.a, one.b) >= len(found.parts)
+                {"elements": [names[contact.a], names[contact.b]], "polygon": rounded(contact.polygon, size)}
+                for contact in contacts_of(whole, faces, Notes())
+                if max(contact.a, contact.b) >= len(found.parts)
             ]
         notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
     else:
@@ -433,7 +433,7 @@ def _outer_faces(
     turned = sum(a != b for a, b in zip(faces, kept, strict=True))
     notes.skip("surfaces", turned, "they were inside out or mended, and are turned outward")
     given = sum(len(part.faces) for part in parts)
-    whole, faces = _merged(whole, faces)
+    whole, faces = _merge_coplanar(whole, faces)
     if (now := sum(map(len, faces))) < given:
         notes.found.append(f"{given} faces merged to {now} plane ones")
     return whole, faces
@@ -558,7 +558,7 @@ def _apex(corners: Floats) -> int:
     return int(np.argmin(diagonals))
 
 
-def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
+def _merge_coplanar(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
     """Merge coplanar faces of solids to one face per plane piece; return vertices and faces."""
     # Solids with a piece that has holes keep their faces.
     facets = facets_of(list(vertices), list(faces))
@@ -581,13 +581,21 @@ def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Fl
     return merged_vertices, merged_faces
 
 
+def with_own_points(points: Floats, faces: Iterable[tuple[int, ...]]) -> tuple[Floats, Faces]:
+    """Return the points that faces use, and the faces by their indices among them."""
+    loops = list(faces)
+    used = sorted({index for loop in loops for index in loop})
+    index_of = {old: new for new, old in enumerate(used)}
+    return points[used], tuple(tuple(index_of[index] for index in loop) for loop in loops)
+
+
 def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
     """Split the faces of a mesh into solids, as arrays (k,); InputError where touching solids cannot be told apart."""
     # Faces connected by corner indices form a solid where they are closed. In a file without shared indices, a solid
     # ends where the surface first closes, so that touching blocks stay separate. Otherwise faces that touch are
     # connected.
-    loose = _connected(faces)
-    if all(_closed(faces, part) for part in loose):
+    loose = _components(faces)
+    if all(_is_closed(faces, part) for part in loose):
         return loose
     node = merge_points(points, tolerance).tolist()
     named = tuple(tuple(node[index] for index in loop) for loop in faces)
@@ -600,9 +608,9 @@ def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
         if not open_edges:
             closing.append(np.arange(begin, number + 1))
             begin = number + 1
-    if begin == len(named) and all(_closed(named, part) for part in closing):
+    if begin == len(named) and all(_is_closed(named, part) for part in closing):
         return closing
-    touching = _connected(named)
+    touching = _components(named)
     for part in touching:
         if max(_uses(named, part).values()) > 3:
             raise InputError(
@@ -615,7 +623,7 @@ def _edges(loop: Sequence[int]) -> list[tuple[int, int]]:
     return [(min(a, b), max(a, b)) for a, b in zip(loop, (*loop[1:], loop[0]), strict=True)]
 
 
-def _connected(faces: Faces) -> list[Ints]:
+def _components(faces: Faces) -> list[Ints]:
     """Return the connected components of faces by shared corners, in order of first face."""
     start = np.repeat([loop[0] for loop in faces], [len(loop) for loop in faces])
     end = np.array([index for loop in faces for index in loop])
@@ -629,6 +637,6 @@ def _uses(faces: Faces, part: Ints) -> Counter[tuple[int, int]]:
     return Counter(edge for k in part.tolist() for edge in _edges(faces[k]))
 
 
-def _closed(faces: Faces, part: Ints) -> bool:
+def _is_closed(faces: Faces, part: Ints) -> bool:
     """Return True if the faces `part` (k,) number at least four and share each edge in pairs."""
     return len(part) > 3 and set(_uses(faces, part).values()) == {2}

@@ -427,9 +427,9 @@ class Dem:
                     "contact_data": contact,
                     "contact_frame": contact["data"]["frame"],
                     "resultant_local": [v1, v2, normal],
-                    "force_normal": [one["c_np"] - one["c_nn"] for one in forces],
-                    "force_tangent1": [one["c_u"] for one in forces],
-                    "force_tangent2": [one["c_v"] for one in forces],
+                    "force_normal": [entry["c_np"] - entry["c_nn"] for entry in forces],
+                    "force_tangent1": [entry["c_u"] for entry in forces],
+                    "force_tangent2": [entry["c_v"] for entry in forces],
                 }
         low, high = result.bracket
         metadata = {

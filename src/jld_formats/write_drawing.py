@@ -233,7 +233,7 @@ class _File:
             found.SetUserString(key, f"{value:.12g}" if isinstance(value, float) else str(value))
         return found
 
-    def _curve(self, points: Floats, closed: bool, attributes: Any) -> None:
+    def _curve(self, points: Floats, attributes: Any, *, closed: bool) -> None:
         """Add a polyline; planar points (k, 2) lie at z = 0."""
         line = self._rhino.Polyline(len(points) + 1)
         for x, y, *z in [*points.tolist(), *(points[:1].tolist() if closed else [])]:
@@ -266,7 +266,7 @@ class _File:
             attributes = self._attributes(layer, name, self._facts[block].entries())
             self.model.Objects.AddMesh(self._mesh(surface), attributes)
         for polygon, dry in zip(layout.assembly.interfaces.polygon, layout.labels, strict=True):
-            self._curve(polygon, True, self._attributes("JOINTS" if dry else "CRACKS"))
+            self._curve(polygon, self._attributes("JOINTS" if dry else "CRACKS"), closed=True)
 
     def _mesh(self, surface: unions.Surface) -> Any:
         """Return a closed surface as a mesh with coordinates in double precision."""
@@ -290,14 +290,16 @@ class _File:
             if block.support:
                 for element in block.elements:
                     layer = "SUPPORTS" if elements.support[element] else f"SHAPE_{block.shape:02d}"
-                    self._curve(elements.shape[element], True, self._attributes(layer, elements.ids[element], facts))
+                    self._curve(
+                        elements.shape[element], self._attributes(layer, elements.ids[element], facts), closed=True
+                    )
                 continue
             for region in layout.regions[k]:
-                self._curve(region.shell, True, self._attributes(self._layer_of(k), block.name, facts))
+                self._curve(region.shell, self._attributes(self._layer_of(k), block.name, facts), closed=True)
         for hole in layout.openings:
-            self._curve(hole, True, self._attributes("HOLES"))
+            self._curve(hole, self._attributes("HOLES"), closed=True)
         for polygon, dry in zip(faces.polygon, layout.labels, strict=True):
-            self._curve(polygon, False, self._attributes("JOINTS" if dry else "CRACKS"))
+            self._curve(polygon, self._attributes("JOINTS" if dry else "CRACKS"), closed=False)
         for name, (x, y) in zip(elements.ids, self._inside(), strict=True):
             self.model.Objects.AddTextDot(name, self._rhino.Point3d(x, y, 0.0), self._attributes("IDS"))
 
@@ -322,10 +324,10 @@ class _File:
                 moved = factor * (points + scale * displacement(assembly, result.mechanism, element, points))
                 attributes = self._attributes("MECHANISM", name)
                 if assembly.dimension == 2:
-                    self._curve(moved, True, attributes)
+                    self._curve(moved, attributes, closed=True)
                 else:
                     for loop in assembly.elements.faces[element]:
-                        self._curve(moved[list(loop)], True, attributes)
+                        self._curve(moved[list(loop)], attributes, closed=True)
         if result.forces is None:
             return
         vectors = quantities.face_vectors(assembly, result.forces)
@@ -337,4 +339,4 @@ class _File:
             half = 0.5 * _LENGTH * assembly.size * vectors / largest if largest else vectors
             lines = [np.array([p - h, p + h]) for p, h in zip(points, half, strict=True) if np.any(h)]
         for line in lines:
-            self._curve(factor * line, False, self._attributes("THRUST"))
+            self._curve(factor * line, self._attributes("THRUST"), closed=False)

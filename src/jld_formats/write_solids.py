@@ -47,9 +47,9 @@ def write_ifc(layout: Layout, path: Path, *, cells: bool) -> None:
         for number, (name, support, surface) in enumerate(solids_of(layout, cells=cells))
     ]
     file.contain(elements)
-    own = layout.assembly.elements if cells else None
-    masses = own.mass.tolist() if own is not None else [facts[k].mass for k in owner]
-    volumes = own.volume.tolist() if own is not None else [facts[k].volume for k in owner]
+    cell_elements = layout.assembly.elements if cells else None
+    masses = cell_elements.mass.tolist() if cell_elements is not None else [facts[k].mass for k in owner]
+    volumes = cell_elements.volume.tolist() if cell_elements is not None else [facts[k].volume for k in owner]
     file.materials(elements, masses, volumes)
     path.write_text(file.model.to_string(), encoding="ascii")  # errors of its own writer name no reason
 
@@ -520,8 +520,8 @@ def write_vtk(layout: Layout, path: Path, *, cells: bool = False) -> None:
     # Label is 1 dry, 0 inner, and −1 on surfaces; force is the vector on element b, scene units. The field of the
     # points is mechanism, the velocity that gives the live load power 1. Without an analysis its fields are zero.
     meshio = library("meshio", path)
-    found = _polygons_of(layout)
-    faces = found.faces
+    polygons = _polygons_of(layout)
+    faces = polygons.faces
     order = sorted(range(len(faces)), key=lambda k: len(faces[k]))
     groups: list[tuple[str, list[tuple[int, ...]]]] = []
     for k in order:
@@ -534,12 +534,12 @@ def write_vtk(layout: Layout, path: Path, *, cells: bool = False) -> None:
         """Split values (k, …) of polygons by cell type, in the order of the file."""
         return [values[order[a:b]] for a, b in itertools.pairwise(stops)]
 
-    fields = {name: by_block(np.array(values)) for name, values in found.rows.items()}
-    fields["force"] = by_block(np.array(found.forces))
+    fields = {name: by_block(np.array(values)) for name, values in polygons.rows.items()}
+    fields["force"] = by_block(np.array(polygons.forces))
     mesh = meshio.Mesh(
-        np.concatenate(found.points),
+        np.concatenate(polygons.points),
         [(kind, np.array(block)) for kind, block in groups],
-        point_data={"mechanism": np.concatenate(found.motion)},
+        point_data={"mechanism": np.concatenate(polygons.motion)},
         cell_data=fields,
     )
     if path.suffix == ".vtk":
@@ -550,18 +550,18 @@ def write_vtk(layout: Layout, path: Path, *, cells: bool = False) -> None:
 
 def _polygons_of(layout: Layout) -> _Polygons:
     """Collect the surfaces of all elements, then the interfaces."""
-    found = _Polygons(layout)
+    polygons = _Polygons(layout)
     interfaces = layout.assembly.interfaces
     for element, (_, _, surface) in enumerate(solids_of(layout, cells=True)):
-        found.add(surface.points, list(surface.faces), element, 0, None)
+        polygons.add(surface.points, list(surface.faces), element, 0, None)
     for face, polygon in enumerate(interfaces.polygon):
         corners = polygon
-        if found.planar:
+        if polygons.planar:
             (x0, z0), (x1, z1) = polygon.tolist()
             depth = layout.thickness
             corners = np.array([[x0, 0.0, z0], [x1, 0.0, z1], [x1, depth, z1], [x0, depth, z0]])
-        found.add(corners, [tuple(range(len(corners)))], int(interfaces.a[face]), 1, face)
-    return found
+        polygons.add(corners, [tuple(range(len(corners)))], int(interfaces.a[face]), 1, face)
+    return polygons
 
 
 _FLOAT: Final = 5126  # glTF code of numbers of four bytes with a sign and an exponent
@@ -584,7 +584,7 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
     views: list[dict[str, Any]] = []
     buffer = bytearray()
 
-    def stored(values: np.ndarray, bounds: bool) -> int:
+    def stored(values: np.ndarray, *, bounds: bool) -> int:
         """Add an array (k, 3) to the buffer and return the number of its accessor."""
         data = values.astype("<f4")
         views.append({"buffer": 0, "byteOffset": len(buffer), "byteLength": data.nbytes, "target": _VERTICES})
@@ -603,9 +603,10 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
         triangles = corners[np.array(surface.triangles)]
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         length = np.linalg.norm(normals, axis=1)
-        kept = length > 0.0
-        normals = np.repeat(normals[kept] / length[kept, None], 3, axis=0)
-        attributes = {"POSITION": stored(triangles[kept].reshape(-1, 3), True), "NORMAL": stored(normals, False)}
+        proper = length > 0.0
+        normals = np.repeat(normals[proper] / length[proper, None], 3, axis=0)
+        points = triangles[proper].reshape(-1, 3)
+        attributes = {"POSITION": stored(points, bounds=True), "NORMAL": stored(normals, bounds=False)}
         material = 0 if support else 1 + fact.shape % len(_COLOURS)
         meshes.append({"name": name, "primitives": [{"attributes": attributes, "material": material, "mode": 4}]})
         place = (scale * middle)[[0, 2, 1]] * [1.0, 1.0, -1.0]
@@ -625,14 +626,16 @@ def gltf_bytes(layout: Layout, *, cells: bool) -> bytes:
         "bufferViews": views,
         "buffers": [{"byteLength": len(buffer)}],
     }
-    text = json.dumps(document, separators=(",", ":")).encode()
+    return _glb(json.dumps(document, separators=(",", ":")).encode(), bytes(buffer))
+
+
+def _glb(text: bytes, binary: bytes) -> bytes:
+    """Return a .glb file of two chunks, each after its head and padded to 4 bytes."""
     text += b" " * (-len(text) % 4)
-    buffer.extend(b"\0" * (-len(buffer) % 4))
-    total = 12 + 8 + len(text) + 8 + len(buffer)
-    head = struct.pack("<4sII", b"glTF", 2, total)
-    return b"".join(
-        [head, struct.pack("<I4s", len(text), b"JSON"), text, struct.pack("<I4s", len(buffer), b"BIN\0"), bytes(buffer)]
-    )
+    binary += b"\0" * (-len(binary) % 4)
+    head, total = struct.Struct("<I4s"), 12 + 8 + len(text) + 8 + len(binary)
+    parts = [struct.pack("<4sII", b"glTF", 2, total), head.pack(len(text), b"JSON"), text]
+    return b"".join([*parts, head.pack(len(binary), b"BIN\0"), binary])
 
 
 def _material(name: str, colour: tuple[float, float, float]) -> dict[str, Any]:

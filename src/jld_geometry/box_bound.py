@@ -221,10 +221,10 @@ class BoxProblem:
             answer = _mechanism(forces, dead, live, standing=True)
         if answer is None:
             return BoxBound(math.inf, None)
-        value, velocity = self._weighed(answer, forces, sizes, dead, live, len(low))
+        value, velocity = self._weigh(answer, forces, sizes, dead, live, len(low))
         return BoxBound(value * self.unit if math.isfinite(value) else value, velocity)
 
-    def _weighed(
+    def _weigh(
         self, velocity: Floats, forces: Floats, sizes: Floats, dead: Floats, live: Floats, parameters: int
     ) -> tuple[float, Floats | None]:
         """Repair a mechanism (3·free,) over a box; return its scaled bound on λ, and the mechanism."""
@@ -247,7 +247,7 @@ class BoxProblem:
                 rows = np.hstack([forces, -np.ones((len(forces), 1))])
                 objective = np.append(np.zeros(count), -1.0)
                 least, most = np.append(-np.ones(count), 0.0), np.ones(count + 1)
-                opening = _solved(rows, objective, np.zeros(len(forces)), least, most, count)
+                opening = _minimise(rows, objective, np.zeros(len(forces)), least, most, count)
                 if opening is None:
                     return math.inf, None
             room = forces @ opening - _ROUNDED * (sizes @ abs(opening))
@@ -284,10 +284,10 @@ def _mechanism(forces: Floats, dead: Floats, live: Floats, *, standing: bool = F
     objective[-1] = 0.0 if standing else 1.0
     x_low, x_high = np.full(count + 1, -np.inf), np.full(count + 1, np.inf)
     x_low[-1] = -1.0
-    return _solved(rows, objective, low, x_low, x_high, count)
+    return _minimise(rows, objective, low, x_low, x_high, count)
 
 
-def _solved(rows: Floats, objective: Floats, low: Floats, least: Floats, most: Floats, count: int) -> Floats | None:
+def _minimise(rows: Floats, objective: Floats, low: Floats, least: Floats, most: Floats, count: int) -> Floats | None:
     """Minimise objective·x subject to rows @ x ≥ low and bounds; return `count` values of x, or None."""
     high = np.full(len(low), np.inf)
     highs = highs_of(sp.csc_array(rows), objective, low, high, least, most, _HIGHS)

@@ -104,6 +104,7 @@ def _claim(head: dict[str, Any]) -> BoxClaim:
 
 
 def _node(line: dict[str, Any]) -> Node:
+    """Read a line of a certificate: a split, or the mechanism of a leaf; ValueError otherwise."""
     if line.keys() == {"split", "at"}:
         (axis,) = certificate.numbers_of([line["split"]])
         return Split(axis, _number(line["at"]))
@@ -138,12 +139,12 @@ Polynomial = dict[tuple[int, ...], Fraction | int]
 
 
 def product(one: Polynomial, other: Polynomial) -> Polynomial:
-    found: Polynomial = {}
+    polynomial: Polynomial = {}
     for left, factor in one.items():
         for right, value in other.items():
             power = tuple(a + b for a, b in zip(left, right, strict=True))
-            found[power] = found.get(power, 0) + factor * value
-    return found
+            polynomial[power] = polynomial.get(power, 0) + factor * value
+    return polynomial
 
 
 def add(total: Polynomial, term: Mapping[tuple[int, ...], Fraction | int], factor: Fraction | int = 1) -> None:

@@ -52,7 +52,7 @@ class ConvexCell:
         if (height >= 0.0).all():
             return None, self
         places, crossing = self._crossings(height)
-        loops_inside, loops_outside = (self._clipped(height, crossing, sign) for sign in (-1.0, 1.0))
+        loops_inside, loops_outside = (self._clip(height, crossing, sign) for sign in (-1.0, 1.0))
         on_plane = [*np.flatnonzero(height == 0.0).tolist(), *crossing.values()]
         cap = _around(places[on_plane], on_plane, normal)
         return _cell(places, [*loops_inside, cap]), _cell(places, [*loops_outside, cap[::-1]])
@@ -69,7 +69,7 @@ class ConvexCell:
                     points.append((1.0 - share) * self.vertices[low] + share * self.vertices[high])
         return np.array(points), crossing
 
-    def _clipped(self, height: Floats, crossing: dict[tuple[int, int], int], sign: float) -> list[list[int]]:
+    def _clip(self, height: Floats, crossing: dict[tuple[int, int], int], sign: float) -> list[list[int]]:
         """Return the parts of faces on the side of height 0 that `sign` tells, without those that only touch it."""
         parts = []
         for loop in self.faces:
@@ -133,7 +133,7 @@ def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list
     kinds: list[list[tuple[int, Ints]]] = []
     for element, outline in enumerate(outlines):
         for kind in kinds:
-            match = _matched(places, kind[0][1], outline)
+            match = _match_corners(places, kind[0][1], outline)
             if match is not None:
                 kind.append((element, match))
                 break
@@ -144,7 +144,7 @@ def equal_corners(outlines: list[Ints], places: Floats, changing: Bools) -> list
     ]
 
 
-def _matched(places: Floats, one: Ints, other: Ints) -> Ints | None:
+def _match_corners(places: Floats, one: Ints, other: Ints) -> Ints | None:
     """Reorder the corners `other` to match an equal outline `one`; None if they are not equal."""
     if len(one) != len(other):
         return None
@@ -249,11 +249,11 @@ def vertex_mesh(assembly: Assembly) -> VertexMesh:
         loop = number[count[k] : count[k + 1]]
         loop = loop[loop != np.roll(loop, 1)]
         of_element = np.flatnonzero((faces.a == k) | (faces.b == k))
-        loops.append(_refined(loop, ends[of_element], places, reach))
+        loops.append(_insert_ends(loop, ends[of_element], places, reach))
     return VertexMesh(places, tuple(loops), ends)
 
 
-def _refined(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
+def _insert_ends(loop: Ints, ends: Ints, places: Floats, reach: float) -> Ints:
     """Insert interface ends (j, 2) on the edges of a loop (k,), and remove its corners inside interfaces."""
     for vertex in sorted(set(ends.ravel().tolist()) - set(loop.tolist())):
         start, edge = places[loop], places[np.roll(loop, -1)] - places[loop]

@@ -92,8 +92,8 @@ class FieldMesh:
 
 def _ends(tractions: Sequence[object]) -> Floats:
     """Return the ends (k, 2) of the segments among tractions; all are segments in the plane."""
-    segments = [one for one in tractions if isinstance(one, fields_loads.Segment)]
-    return np.array([end for one in segments for end in one.ends]).reshape(-1, 2)
+    segments = [traction for traction in tractions if isinstance(traction, fields_loads.Segment)]
+    return np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
 
 
 def _covers(assembly: Assembly, mesh: fields_mesh.Mesh) -> bool:
@@ -169,7 +169,7 @@ class FieldPoint:
     @property
     def stands(self) -> bool:
         """True unless the meshes refute that the dead load of some case stands alone."""
-        dead = [one.setting.assembly.dead for one in self.meshes]
+        dead = [mesh.setting.assembly.dead for mesh in self.meshes]
         first = [k for k in range(len(dead)) if not any(np.array_equal(dead[k], other) for other in dead[:k])]
         return all(self.forms[k].stands() for k in first)
 
@@ -190,12 +190,12 @@ class FieldSearch:
             return None
         meshes = [FieldMesh.of(case, vertices) for case in assembly.by_case]
         return self._solved(
-            values, assembly, tuple(one.refined(fields_mesh.subdivide(one.mesh, parts)) for one in meshes)
+            values, assembly, tuple(mesh.refined(fields_mesh.subdivide(mesh.mesh, parts)) for mesh in meshes)
         )
 
     def _solved(self, values: Floats, assembly: Assembly, meshes: tuple[FieldMesh, ...]) -> FieldPoint | None:
         """Return the point at variables z (k,) on given meshes; None without stresses."""
-        forms = tuple(WeakEquilibrium(one.setting.problem(one.mesh), self._labels) for one in meshes)
+        forms = tuple(WeakEquilibrium(mesh.setting.problem(mesh.mesh), self._labels) for mesh in meshes)
         stresses, factors = [], []
         for form, required in zip(forms, assembly.required, strict=True):
             self.solves += 1
@@ -214,7 +214,7 @@ class FieldSearch:
         places = self._search.variables.places
         moved = places(values) - places(point.values)
         meshes = [one.at(case, moved) for one, case in zip(point.meshes, assembly.by_case, strict=True)]
-        known = tuple(one for one in meshes if one is not None)
+        known = tuple(mesh for mesh in meshes if mesh is not None)
         return self._solved(values, assembly, known) if len(known) == len(meshes) else None
 
     def bracket(self, point: FieldPoint) -> tuple[float, float]:

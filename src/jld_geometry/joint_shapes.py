@@ -109,6 +109,7 @@ _PLANE: Final = 1e-9  # distance of a point from a plane, relative to the struct
 
 
 def solids_with_shape(scene: Scene, assembly: Assembly, labels: Bits, shape: Shape, direction: Floats | None) -> Scene:
+    """Return the scene whose dry joints have a shape along a direction (3,)."""
     if direction is None or not np.linalg.norm(direction) > 0.0 or not np.isfinite(direction).all():
         problem = "joints in space run along a direction" if direction is None else "it is no direction"
         raise ParameterError("direction", problem, "X,Y,Z along the joints, as 0,1,0")
@@ -192,8 +193,8 @@ class SolidJoint:
             normal = np.array([edge[1], -edge[0]]) / math.hypot(*edge)
             if (middle - start) @ normal > 0.0:
                 normal = -normal
-            far = abs(start[1]) + abs(end[1])
-            planes.append((far, self._plane(normal, start)))
+            distance = abs(start[1]) + abs(end[1])
+            planes.append((distance, self._plane(normal, start)))
         return [plane for _, plane in sorted(planes, key=lambda plane: -plane[0])]
 
     def _around(self, outline: Floats, side: int) -> list[Plane]:
@@ -496,7 +497,7 @@ def _improve(
 ) -> str:
     """Search from the shape in `kept`, replace it by stronger ones; return why it ended."""
     best, best_load = kept[0]
-    names = [one.name for one in fields(best) if isinstance(getattr(best, one.name), float)]
+    names = [field.name for field in fields(best) if isinstance(getattr(best, field.name), float)]
     step = _FIRST
     while step >= _LAST and best_load < math.inf:
         start = best

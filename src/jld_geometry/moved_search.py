@@ -376,7 +376,7 @@ def moved_table(done: MovedSearch) -> pd.DataFrame:
 def moved_facts(done: MovedSearch) -> dict[str, Any]:
     """Return the entry "moved" of summary.json and of the terminal's JSON."""
     best = done.best
-    stated = next((one for one in done.layouts if one.row == 0), None)
+    stated = next((layout for layout in done.layouts if layout.row == 0), None)
     bounds = best.fields if best.moved.any() else best.fields_start
     return {
         "rounds": len(done.rounds),

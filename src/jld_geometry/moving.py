@@ -208,11 +208,12 @@ def prove_positions(
     """Prove a bound over a box, check the proof, write the best scene and print both bounds."""
 
     def progress(best: float, bound: float, boxes: int) -> None:
-        if not as_json and best > -math.inf and boxes & (boxes - 1) == 0:
+        power_of_two = boxes & (boxes - 1) == 0  # a line at 1, 2, 4, 8, … boxes
+        if not as_json and best > -math.inf and power_of_two:
             streams.say(f"{boxes:>6} boxes  {value_text(best)} ≤ λ ≤ {value_text(bound)}")
 
     done = prove_box(scene, assembly, labels, _box(box), gap=gap, seconds=seconds, progress=progress)
-    passed, spent, reason = check_proof(done)
+    passed, spent, reason = check_proof(done)  # None without a proof that could be checked
     facts = _proof_facts(done) | {"proof_check": {"passed": passed is True, "seconds": spent}, "warnings": []}
     if passed is False or (passed is None and done.proven):
         facts["proven"] = False

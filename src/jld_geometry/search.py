@@ -396,7 +396,7 @@ def _best_of_starts(
     search: GeometrySearch, before: Evaluated | None, run: MoveRun, kept: list[Evaluated]
 ) -> tuple[Evaluated, str]:
     """Optimise from every start, then from the best end; return best point and reason."""
-    best: tuple[Evaluated, str] | None = None  # with the reason of its end
+    best: Evaluated | None = None
 
     def report(number: int, point: Evaluated, predicted: float, radius: float) -> None:
         bracket = (math.nan, math.nan) if point.result is None else point.result.bracket
@@ -415,19 +415,18 @@ def _best_of_starts(
             continue
         report_start = partial(report, number)
         report_start(first, first.objective, search.trust.first * search.unit)
-        end = search.improve(first, run.until, report_start, search.trust.coarse)
+        point, reason = search.improve(first, run.until, report_start, search.trust.coarse)
         # a geometry as strong as one before, up to the width of brackets, is no reason to move farther
-        needed = -math.inf if best is None else best[0].objective + tolerances.GAP * abs(best[0].objective)
-        if best is None or end[0].objective > needed:
-            best, report_best, run.best = end, report_start, end[0].values
-        if end[1] == "locked":
+        if best is None or point.objective > best.objective + tolerances.GAP * abs(best.objective):
+            best, reason_of_best, report_best, run.best = point, reason, report_start, point.values
+        if reason == "locked":
             break  # no load is too large: nothing is left to find
     if best is None:
         problem = "it does not stand under its dead load, nor does any position of its joints that was tried"
         raise InputError("move", problem, "a scene that stands, more vertices that move, or more `starts`")
-    if best[1] == "stationary" or (best[1] == "time" and run.until < run.deadline):
-        return search.improve(best[0], run.deadline, report_best, search.trust.gain)
-    return best
+    if reason_of_best == "stationary" or (reason_of_best == "time" and run.until < run.deadline):
+        return search.improve(best, run.deadline, report_best, search.trust.gain)
+    return best, reason_of_best
 
 
 def moved_result(
@@ -610,6 +609,7 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
 
 
 def _planar(result: LimitAnalysisResult, forces: Floats, mechanism: Floats, sided: bool) -> GeometrySensitivities:
+    """Return derivatives of λ by vertices; sided: on either side."""
     assembly = result.assembly
     mesh = vertex_mesh(assembly)
     velocity = mechanism[assembly.elements.free].ravel()

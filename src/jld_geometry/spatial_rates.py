@@ -36,6 +36,7 @@ class AreaRates:
 
 
 def area_rates(mesh: VertexMesh) -> AreaRates:
+    """Compute areas, and derivatives of areas and centroids by corners."""
     areas, rows, columns, areal, central = np.empty(len(mesh.loops)), [], [], [], []
     for chosen, loops in _by_length(mesh.loops):
         corner = mesh.places[loops] - mesh.places[loops[:, :1]]

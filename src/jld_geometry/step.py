@@ -161,7 +161,7 @@ def _add_case(
     """Add the equilibrium, yield and goal rows of one load case; lengths: (m, k) relative rates."""
     template = state.template
     program, scaling = template.program(labels), template.scaling
-    s = program.structure
+    structure = program.structure
     matrix = program.matrix.tocsr()
     assembly, jacobian = template.assembly, region.jacobian
     if isinstance(mesh, SpatialMesh):
@@ -171,22 +171,24 @@ def _add_case(
         rates = residual_rates(assembly, mesh, state.forces, state.load_factor)
     rates = rates @ jacobian
     rates = sp.csr_array(sp.diags_array(1.0 / scaling.row.ravel()) @ rates)
-    rows.add("equal", rows.placed(case, matrix[: s.equalities], rates, None), program.rhs[: s.equalities])
-    first = s.equalities + 1  # after the row that bounds λ
+    rows.add(
+        "equal", rows.placed(case, matrix[: structure.equalities], rates, None), program.rhs[: structure.equalities]
+    )
+    first = structure.equalities + 1  # after the row that bounds λ
     right = program.rhs[first:]
     # right-hand sides of yield rows grow with the length of their face
     stretched = sp.csr_array(sp.diags_array(-right) @ lengths[template.yield_set.pattern.row_face])
     column = np.zeros(len(right))  # of the goal
     if goal == "slack":
-        column[: s.linear - 1] = -1.0
-        column[s.heads - first] = -1.0
+        column[: structure.linear - 1] = -1.0
+        column[structure.heads - first] = -1.0
     elif goal == "friction":
         column = _friction_column(template, labels, state.forces, len(right))
-    linear = s.linear - 1
+    linear = structure.linear - 1
     yields = rows.placed(case, matrix[first:], stretched, column)
     rows.add("linear", yields[:linear], right[:linear])
     rows.add("cones", yields[linear:], right[linear:])
-    rows.cones += list(s.cones)
+    rows.cones += list(structure.cones)
     _add_goal(rows, case, state, goal)
 
 
@@ -371,7 +373,7 @@ class Evaluator:
         assembly = self.assembly(values)
         if assembly is None:
             return None
-        named = {one.name: one for one in assembly.by_case}
+        named = {case.name: case for case in assembly.by_case}
         found = [
             replace(state, template=Template(named[state.template.assembly.name]), forces=forces, load_factor=factor)
             for state, forces, factor in zip(states, answer.forces, answer.load_factors, strict=True)
@@ -465,4 +467,4 @@ def _with_friction_factor(assembly: Assembly, factor: float) -> Assembly:
 
 def stands(result: LimitAnalysisResult) -> bool:
     """Return whether the dead load alone is proven to stand under every case."""
-    return all(one.stands_at_zero is True for one in (result.cases.values() or [result]))
+    return all(case.stands_at_zero is True for case in (result.cases.values() or [result]))

@@ -127,7 +127,9 @@ def variables_of(
     if move.vertices == "joints" and not (named and chosen):
         chosen += finder.joints(circles, {vertex for vertex, _, _ in chosen})
     elif circles:
-        chosen += [one for one in finder.joints(circles, {vertex for vertex, _, _ in chosen}) if one[2][0] == one[2][0]]
+        chosen += [
+            joint for joint in finder.joints(circles, {vertex for vertex, _, _ in chosen}) if joint[2][0] == joint[2][0]
+        ]
     vertex = np.array([one[0] for one in chosen], dtype=np.int64)
     direction = np.array([one[1] for one in chosen]).reshape(-1, 2)
     centre = np.array([one[2] for one in chosen]).reshape(-1, 2)

@@ -118,7 +118,7 @@ def benchmark(
         shutil.copytree(problems, file, dirs_exist_ok=True)
         streams.say(f"{len(known)} problems in {file}")
         return
-    done = [checked(one, known[one["problem"]], problems) for one in entries_of(file, known)]
+    done = [checked(entry, known[entry["problem"]], problems) for entry in entries_of(file, known)]
     beaten = sorted({one["problem"] for one in done if one["verdict"] == "beats the record"})
     lines = [f"{one['problem']:<24} {one['verdict']:<18} {one['why']}" for one in done]
     lines.append(f"{len(beaten)} records beaten" + (f": {', '.join(beaten)}" if beaten else ""))

@@ -135,7 +135,7 @@ def _regions(ax: Axes, grid: list[Floats], kinds: Any, title: str) -> None:
     """Draw regions of equal kinds, each with its name where it is widest."""
     field = _few(kinds).reshape(len(grid[0]), len(grid[1])).T
     names = list(dict.fromkeys(field.ravel().tolist()))
-    names.sort(key=lambda one: -int((field == one).sum()))
+    names.sort(key=lambda name: -int((field == name).sum()))
     place = np.vectorize(names.index)(field)
     edges = [np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]) for x in grid]
     colours = ListedColormap([look.TINTS[k % len(look.TINTS)] for k in range(len(names))])
@@ -250,7 +250,7 @@ def _axis(text: str) -> tuple[str, list[Any]]:
         except ValueError:
             raise problem from None
         names.append(part.strip()[len(number) :].strip())
-    named = [one for one in names if one]
+    named = [name for name in names if name]
     if not all(map(math.isfinite, ends)) or len(set(named)) > 1 or (len(named) == 1 and ends[names.index("")] != 0.0):
         raise problem
     count = int(parts[2])

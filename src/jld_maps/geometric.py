@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -42,11 +43,11 @@ def middles_of(assembly: Assembly) -> Middles:
     """Find the middle line or surface; raise InputError where there is none."""
     planar, near = assembly.dimension == 2, _NEAR * assembly.size
     try:
-        found = _chain(assembly, near) if planar else _extruded(assembly, near)
+        middles = _chain(assembly, near) if planar else _middles_of_prisms(assembly, near)
     except InputError:
-        found = _whole(assembly, near) if planar else _by_blocks(assembly, near)
-    _carry_supports(assembly, found)
-    return found
+        middles = _whole(assembly, near) if planar else _by_blocks(assembly, near)
+    _carry_supports(assembly, middles)
+    return middles
 
 
 def _carry_supports(assembly: Assembly, found: Middles) -> None:
@@ -113,13 +114,13 @@ def _middle_line(points: Floats, joints: list[Floats], near: float, where: str) 
         problem = f"it has {len(joints)} joints, {len(edges)} of which are whole sides of it: no middle line"
         raise InputError(where, problem, "blocks one after the other, each between two joints across the thickness")
     first, second = edges
-    one = [(first + 1 + j) % count for j in range((second - first - 1) % count + 1)]
-    two = [(first - j) % count for j in range((first - second - 1) % count + 1)]
+    side_a = [(first + 1 + j) % count for j in range((second - first - 1) % count + 1)]
+    side_b = [(first - j) % count for j in range((first - second - 1) % count + 1)]
     middle = points.copy()
-    for side, other in itertools.permutations((one, two)):
-        own, far = (_along(points[indices]) for indices in (side, other))
-        across = np.column_stack([np.interp(own, far, points[other][:, axis]) for axis in (0, 1)])
-        middle[side] = 0.5 * (points[side] + across)
+    for side, other in itertools.permutations((side_a, side_b)):
+        shares, other_shares = (_along(points[indices]) for indices in (side, other))
+        opposite = np.column_stack([np.interp(shares, other_shares, points[other][:, axis]) for axis in (0, 1)])
+        middle[side] = 0.5 * (points[side] + opposite)
     return middle
 
 
@@ -147,7 +148,7 @@ def _whole(assembly: Assembly, near: float) -> Middles:
 def _exact(middle_of: Map, outlines: Sequence[Floats], near: float) -> Map:
     """Let corners of a block that lie on sides of others stay there."""
     starts = np.concatenate(outlines)
-    ends = np.concatenate([np.roll(one, -1, axis=0) for one in outlines])
+    ends = np.concatenate([np.roll(outline, -1, axis=0) for outline in outlines])
     edges, size = ends - starts, np.linalg.norm(ends - starts, axis=1)
 
     def middles(points: Floats, depth: int = 8) -> Floats:
@@ -168,22 +169,24 @@ def _exact(middle_of: Map, outlines: Sequence[Floats], near: float) -> Map:
 def _of_body(outlines: Sequence[Floats], contacts: Sequence[Floats], near: float) -> tuple[Map, Sizes, str]:
     """Return the middle line of a body on supports, its least and largest thickness, and what it is."""
     body = shapely.union_all([shapely.Polygon(one) for one in outlines], grid_size=1e-3 * near)
-    lines = shapely.line_merge(shapely.union_all([shapely.LineString(one) for one in contacts], grid_size=1e-3 * near))
-    parts = [np.array(part.coords) for part in getattr(lines, "geoms", [lines])]
+    lines = shapely.line_merge(
+        shapely.union_all([shapely.LineString(contact) for contact in contacts], grid_size=1e-3 * near)
+    )
+    straight = [np.array(line.coords) for line in getattr(lines, "geoms", [lines])]
     if body.geom_type != "Polygon":
         raise InputError("elements", "free elements are in several parts: no middle line", "one body on its supports")
-    if any(abs(_in_frame(part, part[0], part[-1])[:, 1]).max() > near for part in parts):
+    if any(abs(_in_frame(line, line[0], line[-1])[:, 1]).max() > near for line in straight):
         raise InputError("elements", "a contact with supports is bent: no middle line", "straight contacts")
-    ends = [part[[0, -1]] for part in parts]
+    ends = [line[[0, -1]] for line in straight]
     outline = np.array(body.exterior.simplify(1e-2 * near).coords)[:-1]
     if len(ends) == 1:
         return (*_wall(outline, ends[0], near), "wall")
-    base, way = ends[0][0], _unit(ends[0][1] - ends[0][0])
+    base, along = ends[0][0], _unit(ends[0][1] - ends[0][0])
     (reach, off), heights = _in_frame(np.concatenate(ends), *ends[0]).T, _in_frame(outline, *ends[0])[:, 1]
-    underside = shapely.LineString(base + np.outer([reach.min(), reach.max()], way))
+    underside = shapely.LineString(base + np.outer([reach.min(), reach.max()], along))
     if abs(off).max() <= near and body.exterior.buffer(near).covers(underside):
         depth = float(np.ptp(heights))
-        return lambda points: base + np.outer((points - base) @ way, way), (depth, depth), "beam"
+        return lambda points: base + np.outer((points - base) @ along, along), (depth, depth), "beam"
     if len(ends) > 2:
         raise InputError("elements", f"it rests on supports at {len(ends)} places: no middle line", "one or two")
     return (*_arch(body, outline, ends, near), "arch")
@@ -243,6 +246,7 @@ def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tu
     order = np.argsort([body.exterior.project(shapely.Point(one)) for one in points], kind="stable")
     again = np.linalg.norm(points[order] - np.roll(points[order], 1, axis=0), axis=1) <= near
     order = order[~(again & (owner[order] < 0))]
+    # a side runs from a contact to the other one
     stops, sides = np.flatnonzero(owner[order] >= 0), []
     for first, last in zip(stops, np.roll(stops, -1), strict=True):
         if owner[order[first]] != owner[order[last]]:
@@ -253,43 +257,62 @@ def _arch(body: Any, outline: Floats, ends: Sequence[Floats], near: float) -> tu
         problem = "the corners of its two sides do not match: no middle line"
         raise InputError("elements", problem, "an arch or a frame on two supports")
     places = []
-    for side, own in zip(sides, corners, strict=True):
-        pieces = itertools.pairwise([0, *own, len(side) - 1])
+    for side, own_corners in zip(sides, corners, strict=True):
+        pieces = itertools.pairwise([0, *own_corners, len(side) - 1])
         parts = [k + _along(side[i : j + 1]) for k, (i, j) in enumerate(pieces)]
-        places.append(np.concatenate([parts[0], *(one[1:] for one in parts[1:])]))
-    marks = np.unique(np.concatenate(places))
+        places.append(np.concatenate([parts[0], *(part[1:] for part in parts[1:])]))
+    chords = _Chords(sides, places, near, near * body.length)
+    sizes = np.linalg.norm(np.subtract(*chords.ends(chords.marks)), axis=1)
 
-    def chord(place: Floats) -> tuple[Floats, Floats]:
-        """Return the points (k, 2) of both sides at places along them."""
-        one, two = (
-            np.column_stack([np.interp(place, own, side[:, axis]) for axis in (0, 1)])
-            for own, side in zip(places, sides, strict=True)
+    def middles(points: Floats) -> Floats:
+        return np.array([chords.middle(point) for point in points])
+
+    return middles, (float(sizes.min()), float(sizes.max()))
+
+
+@dataclass(frozen=True)
+class _Chords:
+    """Chords between both sides of an arch; a place on a side counts its corners, and shares of length between them."""
+
+    sides: list[Floats]  # (k, 2) points
+    places: list[Floats]  # (k,) their places
+    near: float  # distance of points that coincide
+    area: float  # area of a chord and a point that lie in line
+
+    @cached_property
+    def marks(self) -> Floats:
+        """Return the places of all points of either side, ascending."""
+        return np.unique(np.concatenate(self.places))
+
+    def ends(self, place: Floats) -> tuple[Floats, Floats]:
+        """Return the ends (k, 2) on both sides of chords at places (k,)."""
+        start, end = (
+            np.column_stack([np.interp(place, own_places, side[:, axis]) for axis in (0, 1)])
+            for own_places, side in zip(self.places, self.sides, strict=True)
         )
-        return one, two
+        return start, end
 
-    def halfway(point: Floats) -> Floats:
+    def _area(self, place: Floats, point: Floats) -> Floats:
+        """Return the signed area between chords and a point, zero where it lies in their line."""
+        start, end = self.ends(place)
+        chord, arm = end - start, point - start
+        return np.asarray(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0])
+
+    def middle(self, point: Floats) -> Floats:
         """Return the middle of the chord through a point; itself outside of the arch."""
-
-        def beside(place: Floats) -> Floats:
-            one, two = chord(place)
-            way, off = two - one, point - one
-            return np.asarray(way[:, 0] * off[:, 1] - way[:, 1] * off[:, 0])
-
-        signs = beside(marks)
-        crossed = np.flatnonzero(signs[:-1] * signs[1:] <= 0.0)
-        low, high, sign = marks[crossed], marks[crossed + 1], np.sign(signs[crossed])
+        areas = self._area(self.marks, point)
+        crossed = np.flatnonzero(areas[:-1] * areas[1:] <= 0.0)
+        low, high, sign = self.marks[crossed], self.marks[crossed + 1], np.sign(areas[crossed])
         for _ in range(60):  # halving to rounding
             half = 0.5 * (low + high)
-            same = np.sign(beside(half)) == sign
+            same = np.sign(self._area(half, point)) == sign
             low, high = np.where(same, half, low), np.where(same, high, half)
-        one, two = chord(np.concatenate([low, high, marks[abs(signs) <= near * body.length]]))
-        part = np.clip(((point - one) * (two - one)).sum(axis=1) / ((two - one) ** 2).sum(axis=1), 0.0, 1.0)
-        off = np.linalg.norm(one + part[:, None] * (two - one) - point, axis=1)
-        best = int(off.argmin()) if len(off) else -1
-        return 0.5 * (one[best] + two[best]) if best >= 0 and off[best] <= 10.0 * near else point
-
-    sizes = np.linalg.norm(np.subtract(*chord(marks)), axis=1)
-    return lambda given: np.array([halfway(one) for one in given]), (float(sizes.min()), float(sizes.max()))
+        start, end = self.ends(np.concatenate([low, high, self.marks[abs(areas) <= self.area]]))
+        chord = end - start
+        share = np.clip(((point - start) * chord).sum(axis=1) / (chord**2).sum(axis=1), 0.0, 1.0)
+        distance = np.linalg.norm(start + share[:, None] * chord - point, axis=1)
+        best = int(distance.argmin()) if len(distance) else -1
+        return 0.5 * (start[best] + end[best]) if best >= 0 and distance[best] <= 10.0 * self.near else point
 
 
 def _corners(line: Floats) -> list[int]:
@@ -301,43 +324,43 @@ def _corners(line: Floats) -> list[int]:
 # --- space -------------------------------------------------------------------------------------------------
 
 
-def _extruded(assembly: Assembly, near: float) -> Middles:
+def _middles_of_prisms(assembly: Assembly, near: float) -> Middles:
     """Prisms along one direction: a wall, vault or beam that has one outline all along."""
     elements, faces = assembly.elements, assembly.interfaces
     free, support = elements.free.tolist(), elements.support
     corners = np.concatenate([elements.shape[k] for k in free])
     body = elements.shape[free[0]]
-    tried = [
+    directions = [
         _unit(body[j] - body[i]) for face in elements.faces[free[0]] for i, j in itertools.pairwise((*face, face[0]))
     ]
     best: tuple[float, Floats] | None = None
-    for way in tried:
-        reach = float(np.ptp(corners @ way))
-        if (best is None or reach > best[0] * (1 + 1e-9)) and all(_end(assembly, k, way, near) for k in free):
-            best = reach, way
+    for direction in directions:
+        reach = float(np.ptp(corners @ direction))
+        if (best is None or reach > best[0] * (1 + 1e-9)) and all(_end(assembly, k, direction, near) for k in free):
+            best = reach, direction
     if best is None:
         raise InputError("elements", "they are no prisms along one direction", "prisms across the thickness")
-    reach, way = best
-    axis = np.eye(3)[int(abs(way).argmin())]
-    frame = np.array([_unit(axis - (axis @ way) * way), np.zeros(3)])
-    frame[1] = np.cross(way, frame[0])
-    own = np.flatnonzero((support[faces.a] | support[faces.b])[: assembly.faces]).tolist()
+    reach, direction = best
+    axis = np.eye(3)[int(abs(direction).argmin())]
+    frame = np.array([_unit(axis - (axis @ direction) * direction), np.zeros(3)])
+    frame[1] = np.cross(direction, frame[0])
+    on_supports = np.flatnonzero((support[faces.a] | support[faces.b])[: assembly.faces]).tolist()
     contacts = []
-    for face in own:
-        if abs(faces.normal[face] @ way) > _NEAR:
+    for face in on_supports:
+        if abs(faces.normal[face] @ direction) > _NEAR:
             raise InputError("elements", "a contact with a support is no strip along its prisms", "whole strips")
-        along = faces.polygon[face] @ np.cross(way, faces.normal[face])
+        along = faces.polygon[face] @ np.cross(direction, faces.normal[face])
         contacts.append(faces.polygon[face][[along.argmin(), along.argmax()]] @ frame.T)
-    outlines = [elements.shape[k][list(_end(assembly, k, way, near))] @ frame.T for k in free]
+    outlines = [elements.shape[k][list(_end(assembly, k, direction, near))] @ frame.T for k in free]
     middle_of, thickness, across = _of_body(outlines, contacts, near)
-    length = shapely.union_all([shapely.LineString(one) for one in contacts], grid_size=1e-3 * near).length
-    if abs(faces.area[own].sum() - reach * length) > 1e-3 * reach * length:
+    length = shapely.union_all([shapely.LineString(contact) for contact in contacts], grid_size=1e-3 * near).length
+    if abs(faces.area[on_supports].sum() - reach * length) > 1e-3 * reach * length:
         raise InputError("elements", "it does not rest on supports all along: no middle line", "a straight wall")
     exact = _exact(middle_of, outlines, near)
     middle = []
-    for points, held in zip(elements.shape, support, strict=True):
+    for points, fixed in zip(elements.shape, support, strict=True):
         flat = points @ frame.T
-        moved = flat if held and across != "wall" else exact(flat)
+        moved = flat if fixed and across != "wall" else exact(flat)
         middle.append(points + (moved - flat) @ frame)
     return Middles(list(elements.shape), middle, thickness, across, near)
 
@@ -442,38 +465,43 @@ def geometric_safety(scene: Scene, labels: Bits, model: Model) -> GeometricSafet
     document = _document(scene, assembly)
 
     def stands(scale: float) -> bool | None:
+        """Return whether it stands at a scale of its thickness; None where undecided."""
         try:
-            other = build_assembly(parse_scene(_scaled(document, middles, assembly, scale)))
+            scaled = build_assembly(parse_scene(_scaled_scene(document, middles, assembly, scale)))
         except InputError:
             if scale == 1.0:
                 raise
             return None  # what is too thick overlaps, what is too thin has no joints left
-        orders = [np.lexsort(_pairs(one)) for one in (assembly, other)]
-        if not np.array_equal(*(_pairs(one)[:, order] for one, order in zip((assembly, other), orders, strict=True))):
+        # faces may come in another order
+        pairs, pairs_scaled = _pairs(assembly), _pairs(scaled)
+        order, order_scaled = np.lexsort(pairs), np.lexsort(pairs_scaled)
+        if not np.array_equal(pairs[:, order], pairs_scaled[:, order_scaled]):
             raise InputError("elements", "other faces touch where the thickness is scaled", "blocks with whole joints")
-        own = np.empty_like(labels)
-        own[orders[1]] = labels[orders[0]]
-        require_materials(other, own, ~own)
-        found = [limit_analysis(case, model, single_labelling=True).stands(own) for case in other.by_case]
-        return False if False in found else None if None in found else True
+        labels_scaled = np.empty_like(labels)
+        labels_scaled[order_scaled] = labels[order]
+        require_materials(scaled, labels_scaled, ~labels_scaled)
+        verdicts = [limit_analysis(case, model, single_labelling=True).stands(labels_scaled) for case in scaled.by_case]
+        return False if False in verdicts else None if None in verdicts else True
 
+    # largest scale at which it falls, and least at which it stands: first by steps from 1, then by halving
     fall, stand = math.nan, math.nan
     first = stands(1.0)
     for scale in _FIRST[bool(first)]:
-        found = first if scale == 1.0 else stands(scale)
-        if found is None:
+        verdict = first if scale == 1.0 else stands(scale)
+        if verdict is None:
             break
-        fall, stand = (fall, scale) if found else (scale, stand)
-        if found != first:
+        fall, stand = (fall, scale) if verdict else (scale, stand)
+        if verdict != first:
             break
     while stand - fall > _TOLERANCE * stand:
-        for part in _PARTS:
-            middle = fall + part * (stand - fall)
-            if (found := stands(middle)) is not None:
+        for share in _PARTS:  # other places where the middle is undecided
+            middle = fall + share * (stand - fall)
+            verdict = stands(middle)
+            if verdict is not None:
                 break
-        if found is None:
+        if verdict is None:
             break
-        fall, stand = (fall, middle) if found else (middle, stand)
+        fall, stand = (fall, middle) if verdict else (middle, stand)
     return GeometricSafety((1.0 / stand, 1.0 / fall), (fall, stand), middles.thickness, middles.across)
 
 
@@ -503,7 +531,8 @@ def _document(scene: Scene, assembly: Assembly) -> dict[str, Any]:
     return document
 
 
-def _scaled(document: dict[str, Any], middles: Middles, assembly: Assembly, scale: float) -> dict[str, Any]:
+def _scaled_scene(document: dict[str, Any], middles: Middles, assembly: Assembly, scale: float) -> dict[str, Any]:
+    """Return the scene scaled across its middle lines."""
     changed, elements = deepcopy(document), assembly.elements
     for k, (entry, points) in enumerate(zip(changed["elements"], elements.shape, strict=True)):
         key = "polygon" if assembly.dimension == 2 else "vertices"

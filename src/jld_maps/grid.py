@@ -145,7 +145,7 @@ class States:
 
     def linear(self, axis: int, values: Floats) -> bool:
         """Return True if strengths and loads grow in proportion to the values (k,) of an axis."""
-        axes, shape, changes = next(one for one in self.groups if axis in one[0])
+        axes, shape, changes = next(group for group in self.groups if axis in group[0])
         share = (values - values[0]) / (values[-1] - values[0])
         for table, where in changes:
             each = np.moveaxis(table[:, where].reshape(*shape, -1), axes.index(axis), 0)
@@ -175,7 +175,7 @@ class Grid:
 
     def __init__(self, scene: Scene, axes: dict[str, list[Any]]) -> None:
         self.document = scene.model_dump(mode="json", exclude_unset=True)
-        self.axes = {key: [self._number(key, one) for one in values] for key, values in axes.items()}
+        self.axes = {key: [self._number(key, value) for value in values] for key, values in axes.items()}
         self.shape = tuple(map(len, axes.values()))
         self.middle = np.array([(count - 1) // 2 for count in self.shape])
 
@@ -190,7 +190,7 @@ class Grid:
         """Return the scene at positions (axes,) of values, or between two."""
         changed = deepcopy(self.document)
         values = {key: _value(own, float(k)) for (key, own), k in zip(self.axes.items(), place, strict=True)}
-        for key in sorted(values, key=lambda one: one == ANGLE):  # what is turned is stated first
+        for key in sorted(values, key=lambda value: value == ANGLE):  # what is turned is stated first
             put(changed, key, values[key])
         return parse_scene(changed)
 
@@ -225,8 +225,8 @@ class Grid:
                 raise InputError(key, "no load factor depends on it", "a key of strengths, weights, loads or geometry")
         groups: list[list[int]] = []
         for axis in range(len(self.shape)):
-            near = [one for one in groups if any(self._acts_together(changed, axis, other) for other in one)]
-            groups = [one for one in groups if one not in near] + [sorted([axis, *itertools.chain(*near)])]
+            near = [group for group in groups if any(self._acts_together(changed, axis, other) for other in group)]
+            groups = [group for group in groups if group not in near] + [sorted([axis, *itertools.chain(*near)])]
         states = []
         for axes in groups:
             shape = tuple(self.shape[axis] for axis in axes)
@@ -304,7 +304,6 @@ def _name(flags: list[bool]) -> str:
 _SWEEP_ROUTE: Final = Route("maps", frozenset(FACTS))
 _OPTIONS: Final = Model(cracks="faces")
 _PORTION: Final = 4096  # points that are solved together
-_BOUNDS: Final = ("status", "bracket_lo", "bracket_hi")
 _STARTS: Final = 4  # starting points of the batch solver
 _FEW: Final = 16  # points that are solved one by one rather than from another starting point
 _DECIDED: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNSTABLE)
@@ -326,7 +325,7 @@ def sweep(
     if not callable(structure):
         points = Grid(structure if isinstance(structure, Scene) else load_scene(structure), axes)
         axes = points.axes
-    places = np.array(list(itertools.product(*(range(len(one)) for one in axes.values()))))
+    places = np.array(list(itertools.product(*(range(len(axis)) for axis in axes.values()))))
     columns = zip(axes.items(), places.T.tolist(), strict=True)
     table = pd.DataFrame({key: [values[k] for k in column] for (key, values), column in columns})
     one_by_one = delayed(_best if explore else _solved)
@@ -336,7 +335,7 @@ def sweep(
         named = list(signature(structure).parameters.values())
         whole = len(named) == 1 and named[0].name not in axes and named[0].kind is not Parameter.VAR_KEYWORD
         made = [structure(row) if whole else structure(**row) for row in points_in]
-        rows = Parallel(n_jobs=jobs)(one_by_one(one, labels, fields, seconds) for one in made)
+        rows = Parallel(n_jobs=jobs)(one_by_one(scene, labels, fields, seconds) for scene in made)
         return table.assign(**pd.DataFrame(rows))
     states = None if explore else points.states()
     swept = None if states is None else Swept(points, states, labels)
@@ -365,6 +364,12 @@ def _solved(structure: Any, labels: Any, fields: bool, seconds: float | None) ->
     if (whole != own).any():
         row["uncut"] = solve(assembly, whole).bracket[1]
     return row | (_by_fields(assembly, own, seconds) if fields else {})
+
+
+def _bounds_of(columns: dict[str, Any]) -> list[CaseBounds]:
+    """Return the bounds of one load case at each point."""
+    rows = zip(columns["status"], columns["bracket_lo"], columns["bracket_hi"], strict=True)
+    return [CaseBounds(Status(name or "uncertified"), low, high, 0.5 * (low + high)) for name, low, high in rows]
 
 
 def _row(found: Any) -> dict[str, Any]:
@@ -427,8 +432,8 @@ class Swept:
     def all(self, places: Floats, jobs: int) -> dict[str, Any]:
         size = min(_PORTION, -(-len(places) // jobs))
         portions = [places[k : k + size] for k in range(0, len(places), size)]
-        parts = Parallel(n_jobs=jobs, prefer="threads")(delayed(self._portion)(one) for one in portions)
-        return {name: np.concatenate([one[name] for one in parts]) for name in parts[0]}
+        parts = Parallel(n_jobs=jobs, prefer="threads")(delayed(self._portion)(portion) for portion in portions)
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     @one_thread()
     def _portion(self, places: Floats) -> dict[str, Any]:
@@ -437,27 +442,30 @@ class Swept:
         return found | {"uncut": np.where(np.isfinite(whole["bracket_hi"]), whole["bracket_hi"], np.nan)}
 
     def _bounds(self, places: Floats, labels: Bits, *, named: bool = True) -> dict[str, Any]:
-        analyses, left = self._usual[labels.tobytes()], np.arange(len(places))
-        found: dict[str, Any] = {}
+        """Return the columns of points: by batches, then one by one."""
+        analyses, open_rows = self._usual[labels.tobytes()], np.arange(len(places))
+        columns: dict[str, Any] = {}
         for _ in range(_STARTS):
-            strengths, loads = self.states.at(places[left])
+            strengths, loads = self.states.at(places[open_rows])
             each = zip(analyses, loads, strict=True)
-            again = self._governing([self._case(one, strengths, own, labels, named=named) for one, own in each])
+            solved = self._governing(
+                [self._case(analysis, strengths, load, labels, named=named) for analysis, load in each]
+            )
             # strengths that only a scene can refuse
             refused = strengths.tension * strengths.inner_friction > strengths.shear * (1 + 1e-12)
-            again["status"][refused.reshape(len(left), -1).any(axis=1)] = ""
-            for name, values in again.items():
-                found.setdefault(name, values)[left] = values
-            left = left[again["status"] == ""]
-            if len(left) < _FEW:
+            solved["status"][refused.reshape(len(open_rows), -1).any(axis=1)] = ""
+            for name, values in solved.items():
+                columns.setdefault(name, values)[open_rows] = values
+            open_rows = open_rows[solved["status"] == ""]
+            if len(open_rows) < _FEW:
                 break
             # a starting point among those that are left
-            analyses = self._analyses(self.points.assembly(places[left[len(left) // 2]]), labels)
-        for k in left.tolist():
+            analyses = self._analyses(self.points.assembly(places[open_rows[len(open_rows) // 2]]), labels)
+        for k in open_rows.tolist():
             alone = CaseAnalysis(self.points.assembly(places[k]), _OPTIONS, single_labelling=True).solve(labels)
             for name, value in _row(alone).items():
-                found[name][k] = value
-        return found
+                columns[name][k] = value
+        return columns
 
     def _case(
         self, one: SampleAnalysis, strengths: Strengths, loads: Floats, labels: Bits, *, named: bool
@@ -481,23 +489,22 @@ class Swept:
         return columns
 
     def _governing(self, cases: list[dict[str, Any]]) -> dict[str, Any]:
-        found = cases[0]
+        """Combine the columns of load cases to those of the governing factor; status "": open."""
+        columns = cases[0]
         if self.assembly.cases:
             required = self.assembly.required.tolist()
-            known = [
-                [CaseBounds(Status(s or "uncertified"), lo, hi, 0.5 * (lo + hi)) for s, lo, hi in row]
-                for row in zip(*(zip(*(one[name] for name in _BOUNDS), strict=True) for one in cases), strict=True)
-            ]
-            decided = [governing(row, required) for row in known]
-            found = {
-                "status": np.array([str(one.status).replace("uncertified", "") for one in decided], dtype=object),
-                "bracket_lo": np.array([one.low for one in decided]),
-                "bracket_hi": np.array([one.high for one in decided]),
+            decided = [governing(bounds, required) for bounds in zip(*map(_bounds_of, cases), strict=True)]
+            columns = {
+                "status": np.array(
+                    [str(outcome.status).replace("uncertified", "") for outcome in decided], dtype=object
+                ),
+                "bracket_lo": np.array([outcome.low for outcome in decided]),
+                "bracket_hi": np.array([outcome.high for outcome in decided]),
                 "mechanism": np.array([cases[one.case]["mechanism"][k] for k, one in enumerate(decided)], dtype=object),
             }
-        value = 0.5 * (found["bracket_lo"] + found["bracket_hi"])
-        proven = np.isin(found["status"].astype(str), [str(one) for one in _DECIDED])
-        return {"load_factor": value, **found, "proven": proven}
+        value = 0.5 * (columns["bracket_lo"] + columns["bracket_hi"])
+        proven = np.isin(columns["status"].astype(str), [str(status) for status in _DECIDED])
+        return {"load_factor": value, **columns, "proven": proven}
 
 
 _HALVINGS: Final = 6  # halvings of the distance of two points of a grid before λ is extrapolated
@@ -557,22 +564,22 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
     every = np.unique([*values, 0.5 * (values[0] + values[-1])])
     points = Grid(scene, axes | {key: every.tolist()})
     states = points.states()
-    whole = None if states is None else Swept(points, states, labels, uncut=False)
-    if states is None or whole is None or not whole.batched:
+    swept_map = None if states is None else Swept(points, states, labels, uncut=False)
+    if states is None or swept_map is None or not swept_map.batched:
         return None
     linear = states.linear(axis, every)
 
     def at(x: Any) -> dict[str, Any]:
         """Return the columns of `sweep` at values (e,) of the key, or several for each edge."""
-        own, swept = np.tile(places.astype(float), (len(x) // len(places), 1)), whole
+        positions, swept = np.tile(places.astype(float), (len(x) // len(places), 1)), swept_map
         if linear:
-            own[:, axis] = np.interp(x, every, np.arange(len(every)))
+            positions[:, axis] = np.interp(x, every, np.arange(len(every)))
         else:
             all_x, where = np.unique(np.concatenate([x, values[:2]]), return_inverse=True)
             further = Grid(scene, axes | {key: all_x.tolist()})
             swept = Swept(further, further.states(), labels, uncut=False)  # type: ignore[arg-type]
-            own[:, axis] = where[: len(x)]
-        return swept.all(own, 1)
+            positions[:, axis] = where[: len(x)]
+        return swept.all(positions, 1)
 
     low, high = values[places[:, axis]], values[places[:, axis] + 1]
     name = at(low)["mechanism"]
@@ -580,21 +587,22 @@ def _along(scene: Scene, axes: dict[str, list[Any]], key: str, places: Any, labe
         middle = 0.5 * (low + high)
         same = at(middle)["mechanism"] == name
         low, high = np.where(same, middle, low), np.where(same, high, middle)
+    # λ of either mechanism is continued by a secant through two points of its side; the border is where they meet
     step = high - low
     # the second point of each side stays within the map, where values are known to make sense
     before = np.where(low - step < values.min(), low + _NEAR * step, low - step)
     after = np.where(high + step > values.max(), high - _NEAR * step, high + step)
-    each = at(np.concatenate([before, low, high, after]))
-    ends = [{key: one[k * len(low) : (k + 1) * len(low)] for key, one in each.items()} for k in range(4)]
-    far, near, other, beyond = (one["load_factor"].copy() for one in ends)
-    far[(before > low) & (ends[0]["mechanism"] != name)] = np.nan
-    beyond[(after < high) & (ends[3]["mechanism"] != ends[2]["mechanism"])] = np.nan
-    slopes = (near - far) / (low - before), (beyond - other) / (after - high)
+    swept_points = at(np.concatenate([before, low, high, after]))
+    mechanisms = np.split(swept_points["mechanism"], 4)
+    of_before, of_low, of_high, of_after = np.split(swept_points["load_factor"].copy(), 4)
+    of_before[(before > low) & (mechanisms[0] != name)] = np.nan
+    of_after[(after < high) & (mechanisms[3] != mechanisms[2])] = np.nan
+    slope_low, slope_high = (of_low - of_before) / (low - before), (of_after - of_high) / (after - high)
     with np.errstate(divide="ignore", invalid="ignore"):
-        x = low + (other - near - slopes[1] * step) / (slopes[0] - slopes[1])
-    fits = np.isfinite(x) & (x >= low - step) & (x <= high + step)
-    x = np.where(fits, x, 0.5 * (low + high))
-    table = {one: np.array(axes[one], dtype=object)[places[:, k]] for k, one in enumerate(axes)}
-    table |= {key: x, "along": key, "one": ends[1]["mechanism"], "other": ends[2]["mechanism"]}
-    between = 0.5 * (ends[1]["load_factor"] + ends[2]["load_factor"])
-    return pd.DataFrame(table | {"load_factor": np.where(fits, near + slopes[0] * (x - low), between)})
+        border = low + (of_high - of_low - slope_high * step) / (slope_low - slope_high)
+    meets = np.isfinite(border) & (border >= low - step) & (border <= high + step)
+    border = np.where(meets, border, 0.5 * (low + high))
+    table = {column: np.array(axes[column], dtype=object)[places[:, k]] for k, column in enumerate(axes)}
+    table |= {key: border, "along": key, "one": mechanisms[1], "other": mechanisms[2]}
+    load_factor = np.where(meets, of_low + slope_low * (border - low), 0.5 * (of_low + of_high))
+    return pd.DataFrame(table | {"load_factor": load_factor})

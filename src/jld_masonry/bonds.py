@@ -72,13 +72,13 @@ def corner_course(
     bounds = plan.bounds
     plan = squared(plan, name)
     corners = inner_corners(plan)
-    found: list[Rectangle] = []
+    rectangles: list[Rectangle] = []
     for wall in walls_of(plan, corners, number % 2):
         along = axis_of(wall)
         ends = (wall[along], wall[along + 2])
         joints = head_joints(bounds, along, ends, np.unique(corners[:, along]), number, bond, stretcher)
-        found += [within(wall, a, b) for a, b in itertools.pairwise(joints)]
-    return found
+        rectangles += [within(wall, a, b) for a, b in itertools.pairwise(joints)]
+    return rectangles
 
 
 def axis_of(wall: Rectangle) -> int:
@@ -177,7 +177,7 @@ def walls_of(plan: shapely.Polygon, corners: Floats, through: int) -> list[Recta
                 walls.append(one)
             else:
                 below[across + 2] = one[across + 2]
-    return [(one[0], one[1], one[2], one[3]) for one in walls]
+    return [(wall[0], wall[1], wall[2], wall[3]) for wall in walls]
 
 
 FACES: Final = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
@@ -322,30 +322,35 @@ class _Walls:
                     reach = limit
         return limit if limit - reach < least else reach
 
-    def stones(self, k: int, own: list[tuple[Rectangle, Interval]], beside: list[Rectangle]) -> list[Rectangle]:
-        found = []
-        near = [self.voids[j] for j in (k - 1, k + 1) if 0 <= j < len(self.voids)]
+    def stones(self, k: int, lintels: list[tuple[Rectangle, Interval]], beside: list[Rectangle]) -> list[Rectangle]:
+        """Divide the walls of course k; beside: lintels of the courses next to it."""
+        stones = []
+        neighbours = [self.voids[j] for j in (k - 1, k + 1) if 0 <= j < len(self.voids)]
         for wall in self.walls(k):
             along = axis_of(wall)
             lines = np.unique(self.corners[:, along]).tolist()
-            lines += [p for void in near for one in self._intervals(void, wall, strict=False) for p in one]
-            lines += [p for whole in beside if _overlap(whole, wall) for p in (whole[along], whole[along + 2])]
+            # head joints keep clear of the edges of openings and lintels in the courses next to it
+            for void in neighbours:
+                lines += itertools.chain(*self._intervals(void, wall, strict=False))
+            lines += itertools.chain(*((stone[along], stone[along + 2]) for stone in beside if _overlap(stone, wall)))
             empty = self._intervals(self.voids[k], wall)
-            taken = [(whole[along], whole[along + 2]) for whole, _ in own if _overlap(whole, wall)]
-            bounds = [wall[along], *(p for one in sorted(empty + taken) for p in one), wall[along + 2]]
-            for ends in zip(bounds[::2], bounds[1::2], strict=True):
-                if ends[1] - ends[0] <= self.near:
+            occupied = [(stone[along], stone[along + 2]) for stone, _ in lintels if _overlap(stone, wall)]
+            # the ends of the gaps bound what is left of the wall
+            bounds = [wall[along], *itertools.chain(*sorted(empty + occupied)), wall[along + 2]]
+            for start, end in zip(bounds[::2], bounds[1::2], strict=True):
+                length = end - start
+                if length <= self.near:
                     continue
-                if len(bounds) > 2 and ends[1] - ends[0] < SLIVER * self.stretcher * (1.0 - 1e-9):
-                    problem = f"an opening leaves {ends[1] - ends[0]:.3g} of wall beside it"
+                if len(bounds) > 2 and length < SLIVER * self.stretcher * (1.0 - 1e-9):
+                    problem = f"an opening leaves {length:.3g} of wall beside it"
                     raise self._refusal(
                         problem, f"at least {SLIVER * self.stretcher:g}, a quarter of a stretcher, or none"
                     )
                 joints = head_joints(
-                    self.plan.bounds, along, ends, np.array(lines), self.first + k, self.bond, self.stretcher
+                    self.plan.bounds, along, (start, end), np.array(lines), self.first + k, self.bond, self.stretcher
                 )
-                found += [within(wall, a, b) for a, b in itertools.pairwise(joints)]
-        return found
+                stones += [within(wall, a, b) for a, b in itertools.pairwise(joints)]
+        return stones
 
 
 def _overlap(one: Rectangle, other: Rectangle) -> bool:

@@ -21,13 +21,13 @@ def courses_of(lower: Floats, upper: Floats, cell: tuple[float, float], bond: st
     length = float(upper[0] - lower[0])
     count = max(1, int(np.ceil((upper[1] - lower[1]) / cell[1] - 1e-9)))
     arrangement.refuse_more(count * max(length / cell[0], 1.0))
-    found = []
+    polygons = []
     for number in range(count):
         low, high = lower[1] + cell[1] * number, lower[1] + cell[1] * (number + 1)
         ends = lower[0] + course(bond, number, length, cell[0])
         ends[-1] = upper[0]
-        found += [shapely.box(a, low, b, high) for a, b in itertools.pairwise(ends.tolist())]
-    return found
+        polygons += [shapely.box(a, low, b, high) for a, b in itertools.pairwise(ends.tolist())]
+    return polygons
 
 
 def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> list[shapely.Polygon]:
@@ -46,7 +46,7 @@ def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> l
     for _ in range(_ROUNDS + 1):
         found = shapely.voronoi_polygons(shapely.MultiPoint(points), extend_to=frame, ordered=True)
         cells = list(found.geoms)
-        middles = [shapely.intersection(one, region).centroid for one in cells]
+        middles = [shapely.intersection(polygon, region).centroid for polygon in cells]
         points = np.array([[m.x, m.y] if not m.is_empty else p for m, p in zip(middles, points.tolist(), strict=True)])
     return cells
 
@@ -67,10 +67,10 @@ def sectors(
     angles = 2.0 * np.pi * np.arange(turns + 1) / turns
     unit = np.column_stack([np.cos(angles), np.sin(angles)])
     unit[-1] = unit[0]
-    found = []
+    polygons = []
     for ring in range(rings):
         for k in range(turns):
             outer = [centre + thick * (ring + 1) * unit[j] for j in (k, k + 1)]
             inner = [centre + thick * ring * unit[j] for j in (k + 1, k)] if ring else [np.array(centre)]
-            found.append(shapely.Polygon([*outer, *inner]))
-    return found
+            polygons.append(shapely.Polygon([*outer, *inner]))
+    return polygons

@@ -50,15 +50,15 @@ def find_arcs(ring: Floats) -> list[Arc]:
     smooth = abs(turn) <= _CHORD
     breaks = np.flatnonzero(~smooth)
     first = int(breaks[0]) if len(breaks) else 0
-    found: list[Arc] = []
+    arcs: list[Arc] = []
     at = 0
     while at + _LEAST <= count + 1:
         run = _longest(ring, turn, smooth, first + at, min(count + 1 - at, count))
         arc = _arc(ring[(first + at + np.arange(run)) % count]) if run >= _LEAST else None
         if arc is not None:
-            found.append(arc)
+            arcs.append(arc)
         at += run - 1 if arc is not None else 1
-    return found
+    return arcs
 
 
 def _longest(ring: Floats, turn: Floats, smooth: Floats, start: int, most: int) -> int:
@@ -131,7 +131,7 @@ class _Fan:
 
     def cells(self, far: float) -> list[shapely.Polygon]:
         """Return the cells between the rays, ring by ring; the last ring ends beyond `far`."""
-        found = []
+        polygons = []
         for k in range(len(self.distance) + 1):
             for a, b in zip(self.ray[:-1], self.ray[1:], strict=True):
                 between = np.arange(a, b + 1)
@@ -142,8 +142,8 @@ class _Fan:
                 inner = between[::-1] if k else between[:1]
                 above = self.centre + outer[:, None] * self.directions[between]
                 below = self.centre + lower[:, None] * self.directions[inner]
-                found.append(shapely.Polygon(np.concatenate([above, below])))
-        return found
+                polygons.append(shapely.Polygon(np.concatenate([above, below])))
+        return polygons
 
 
 def voussoir_cells(
@@ -198,11 +198,11 @@ def _fans(
         flat = _flat(region.shell, part, down, voussoirs, rings, centre, skew)
         return [replace(flat, opening=number)] if flat is not None else []
     chosen = hollow or arcs
-    found = []
+    fans = []
     for opening, chain in enumerate(_chains(chosen), number):
-        for arc, count in zip(chain, _shared(chain, voussoirs), strict=True):
-            found.append(replace(_of_arc(arc, arcs, part, count, rings), opening=opening))
-    return found
+        for arc, count in zip(chain, _distribute(chain, voussoirs), strict=True):
+            fans.append(replace(_of_arc(arc, arcs, part, count, rings), opening=opening))
+    return fans
 
 
 def _chains(arcs: list[Arc]) -> list[list[Arc]]:
@@ -220,7 +220,7 @@ def _chains(arcs: list[Arc]) -> list[list[Arc]]:
     return chains
 
 
-def _shared(chain: list[Arc], voussoirs: int) -> list[int]:
+def _distribute(chain: list[Arc], voussoirs: int) -> list[int]:
     """Distribute voussoirs over a chain's arcs by length, at least one each; ParameterError if too few."""
     if len(chain) == 1:
         return [voussoirs]
@@ -300,7 +300,7 @@ def _crown(arc: Arc, part: shapely.Polygon) -> float:
         sorted(float((point - arc.centre) @ direction) for point in shapely.get_coordinates(piece))
         for piece in shapely.get_parts(shapely.intersection(line, part))
     ]
-    pieces = sorted((low, high) for low, *_, high in (one for one in ends if len(one) > 1))
+    pieces = sorted((low, high) for low, *_, high in (end for end in ends if len(end) > 1))
     depth = pieces[0][1] - arc.radius if pieces else 0.0
     if depth <= 1e-6 * arc.radius:
         raise InputError("elements", "there is no material above the middle of an arc", "an arc below its structure")
@@ -374,7 +374,7 @@ def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
         ends = (float(fan.first @ right), float(fan.last @ right))
         low, high = spans.get(fan.opening, (math.inf, -math.inf))
         spans[fan.opening] = (min(low, *ends), max(high, *ends))
-    found = []
+    polygons = []
     for fan in fans:
         low, high = spans[fan.opening]
         others = [span for opening, span in spans.items() if opening != fan.opening]
@@ -385,8 +385,8 @@ def _zones(fans: list[_Fan], down: Floats, far: float) -> list[shapely.Polygon]:
         low, high = max(left_of, default=low - away), min(right_of, default=high + away)
         middle = float(fan.first @ down)
         corners = [(low, middle - away), (high, middle - away), (high, middle + away), (low, middle + away)]
-        found.append(shapely.Polygon([x * right + y * down for x, y in corners]))
-    return found
+        polygons.append(shapely.Polygon([x * right + y * down for x, y in corners]))
+    return polygons
 
 
 def _courses(region: shapely.Geometry, fans: list[shapely.Polygon], fan: _Fan, down: Floats) -> list[shapely.Polygon]:

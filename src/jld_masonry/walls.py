@@ -123,7 +123,7 @@ def _sections(name: str, facets: polyhedra.Facets, heights: Floats) -> list[shap
     level = np.flatnonzero(abs(facets.normal[:, 2]) > 0.5)
     order = level[np.argsort(facets.origin[level, 2], kind="stable")]
     section: shapely.Geometry = shapely.Polygon()
-    found, begun = [], 0
+    geometries, begun = [], 0
     for height in heights:
         while begun < len(order) and facets.origin[order[begun], 2] < height:
             k = order[begun]
@@ -133,8 +133,8 @@ def _sections(name: str, facets: polyhedra.Facets, heights: Floats) -> list[shap
             begun += 1
         if section.is_empty:
             raise InputError(f"element {name!r}", "its parts stand apart", "walls in one piece")
-        found.append(section)
-    return found
+        geometries.append(section)
+    return geometries
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ class Stone:
 
 def stones_of(layout: Layout) -> list[Stone]:
     """Return the stones, numbered in the order of `blocks.csv`."""
-    found = []
+    stones = []
     members = {block.name: k for k, block in enumerate(layout.blocks)}
     for number, block in enumerate((one for one in layout.blocks if one.cells), 1):
         k = members[block.name]
@@ -80,8 +80,8 @@ def stones_of(layout: Layout) -> list[Stone]:
         own = (len(directions), outlines.different_lines(directions), sawn, outline)
         size = tuple(sorted(sides, reverse=True))
         mass = block.mass * (layout.assembly.kilograms or 1.0)
-        found.append(Stone(number, block.name, block.shape, mass, block.volume, size, *own))
-    return found
+        stones.append(Stone(number, block.name, block.shape, mass, block.volume, size, *own))
+    return stones
 
 
 def smallest_rectangle(points: Floats) -> tuple[float, float]:
@@ -173,7 +173,7 @@ def load_rows(
     # Parallel forces of a case, as those of a load that is spread, are one force at their common line of action.
     scene, rows = layout.scene, []
     cases = cases_of_scene(scene, layout.assembly.elements)
-    for name, live in [(one.case.name, one.case.live) for one in cases] or [("", scene.loads.live or [])]:
+    for name, live in [(case.case.name, case.case.live) for case in cases] or [("", scene.loads.live or [])]:
         entries = [uncertain.with_means(one.model_dump(mode="json", exclude_defaults=True)) for one in live]
         for group in _groups(layout, entries):
             told, times = _load(layout, group, factor, words, stones)
@@ -231,11 +231,11 @@ def _load(
         return f"({vector}) {words['body']}", finite(factor * value, lambda x: f"{x:.4g}")
     if "force" in entry:
         value = sum(float(np.linalg.norm(one["force"])) for one in group)
-        told = f"{force_words(layout, value)} {_carriers(layout, group, words, stones)}"
+        text = f"{force_words(layout, value)} {_carriers(layout, group, words, stones)}"
         where = _place(layout, group)
         if where is not None:
-            told += f" {words['at']} ({', '.join(f'{x:.4g}' for x in where)}) {layout.scene.units.length}"
-        return textwrap.shorten(told, 66, placeholder="…"), finite(factor * value, lambda x: force_words(layout, x))
+            text += f" {words['at']} ({', '.join(f'{x:.4g}' for x in where)}) {layout.scene.units.length}"
+        return textwrap.shorten(text, 66, placeholder="…"), finite(factor * value, lambda x: force_words(layout, x))
     for key in ("pressure", "line", "traction"):
         if key in entry:
             return f"{words[key]} {entry[key]}", ""
@@ -468,7 +468,7 @@ def _proven(book: _Book) -> list[str]:
     elif math.isfinite(content.fields[1]):
         found.append(words["most_by_fields"].format(high=f"{content.fields[1]:.4g}"))
     if math.isfinite(content.faces[0]) and content.status != "locked":
-        least, most = (finite(one, lambda x: f"{x:.4g}") for one in content.faces)
+        least, most = (finite(face, lambda x: f"{x:.4g}") for face in content.faces)
         found.append(words["by_faces" if least != most else "at_faces"].format(low=least, high=most))
     elif content.status == "locked":
         found.append(words["locked"])
@@ -631,7 +631,7 @@ def _assumptions(book: _Book) -> list[str]:
     found += [words[f"whole_{name}"].format(value=facts[name]) for name in ("thickness", "weight") if name in facts]
     # what the file of materials says already stands above
     others = [one for one in book.content.assumed if not one.startswith(_MATERIALS)]
-    return [*found, words["rigid"], *(languages.phrase_in(book.language, one) for one in others)]
+    return [*found, words["rigid"], *(languages.phrase_in(book.language, other) for other in others)]
 
 
 def _plain(value: Any, words: dict[str, str], factor: float = 1.0) -> str:

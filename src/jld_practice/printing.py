@@ -90,7 +90,7 @@ def stock_of(
         )
     free: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = []
     placed, count = [], 0
-    for stone in sorted(stones, key=lambda one: (-one.stock, one.number)):
+    for stone in sorted(stones, key=lambda stone: (-stone.stock, stone.number)):
         place = _best(stone, free)
         if place is None:
             count += 1
@@ -231,7 +231,7 @@ def report(
     core_files.require_writable(target)
     if pdf:
         content = content_of(source, rank)
-        placed = _placed(content.layout, sides, kerf, unit)
+        placed = _place_stones(content.layout, sides, kerf, unit)
         count = write_printed(content, target, language=language, unit=unit)
         streams.say(f"{target}: {count} page{'s' * (count != 1)}")
         table = target.with_suffix(".stones.csv")
@@ -266,7 +266,7 @@ def _sides(stock: str | None, pdf: bool, kerf: float) -> tuple[float, float, flo
     return a, b, c
 
 
-def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: float, unit: str) -> Stock | None:
+def _place_stones(layout: Layout, sides: tuple[float, float, float] | None, kerf: float, unit: str) -> Stock | None:
     """Place the stones of a layout in stock cuboids; None without sides, which are in `unit`."""
     if sides is None:
         return None
@@ -276,44 +276,50 @@ def _placed(layout: Layout, sides: tuple[float, float, float] | None, kerf: floa
 
 
 def content_of(source: Path, rank: int | None) -> Printed:
-    design = cli_layout.best_of_design(source)
-    if design != source:
+    """Return what is printed of a design, a row of a search, or a scene."""
+    best = cli_layout.best_of_design(source)
+    if best != source:
         if rank is not None:
             raise ParameterError("rank", f"{source} is a design, which has one best layout", "no rank")
-        facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
-        scene = load_scene(design)
-        assembly = build_assembly(scene)
-        fields = tuple(facts.get("fields") or (None, None))
-        assumed = tuple(str(one) for one in facts.get("assumed", []))
-        layout, uncut = Layout(scene, assembly, assembly.labels), facts.get("uncut_at_most")
-        start = start_of_design(source)
-        return _printed(layout, solve_rigid(assembly), _bounds(fields), assumed=assumed, uncut=uncut, start=start)
+        return _of_design(source, best)
     if source.is_dir():
-        done = read_folder(source)
-        row = done.row(rank)
-        fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
-        strongest = (
-            bool(done.summary.proven) and done.summary.stands_at_zero is not False and (rank is None or int(rank) == 1)
-        )
-        with error_context(source):
-            printed = _printed(done.layout(rank), done.result(rank), _bounds(fields), strongest=strongest)
-        facts = done.summary.facts
-        whole = (facts.get("fields") or {}).get("uncut") or (None,)
-        return replace(
-            printed,
-            uncut=facts.get("uncut_at_most") if rank is None or int(rank) == 1 else None,
-            uncut_by_fields=whole[0],
-        )
+        return _of_search(source, rank)
     if rank is not None:
         raise ParameterError("rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
     scene = load_scene(source)
     with error_context(source):
         assembly = build_assembly(scene)
-        found = solve_by_elements(assembly, assembly.labels, what="a printed report")
-        return _printed(Layout(scene, assembly, assembly.labels), found, _NOTHING)
+        result = solve_by_elements(assembly, assembly.labels, what="a printed report")
+        return _content(Layout(scene, assembly, assembly.labels), result, _NOTHING)
 
 
-def _printed(
+def _of_design(source: Path, best: Path) -> Printed:
+    facts = json.loads((source / "summary.json").read_text(encoding="utf-8"))
+    scene = load_scene(best)
+    assembly = build_assembly(scene)
+    return _content(
+        Layout(scene, assembly, assembly.labels),
+        solve_rigid(assembly),
+        _bounds(tuple(facts.get("fields") or (None, None))),
+        assumed=tuple(str(assumption) for assumption in facts.get("assumed", [])),
+        uncut=facts.get("uncut_at_most"),
+        start=start_of_design(source),
+    )
+
+
+def _of_search(source: Path, rank: int | None) -> Printed:
+    search = read_folder(source)
+    row, first = search.row(rank), rank is None or int(rank) == 1
+    fields = tuple(row.get(name, np.nan) for name in ("fields_lo", "fields_hi"))
+    strongest = bool(search.summary.proven) and search.summary.stands_at_zero is not False and first
+    with error_context(source):
+        printed = _content(search.layout(rank), search.result(rank), _bounds(fields), strongest=strongest)
+    facts = search.summary.facts
+    uncut_low, *_ = (facts.get("fields") or {}).get("uncut") or (None,)
+    return replace(printed, uncut=facts.get("uncut_at_most") if first else None, uncut_by_fields=uncut_low)
+
+
+def _content(
     layout: Layout,
     result: LimitAnalysisResult,
     fields: tuple[float, float],
@@ -347,7 +353,7 @@ def _by_fields(layout: Layout) -> tuple[float, float]:
     fields_problem.require_planar_fields(layout.assembly)
     required, cases = layout.assembly.required.tolist(), layout.assembly.by_case
     most = _TRIANGLES // len(cases)
-    found = [bounds_by_fields(one, layout.labels, most=most) for one in cases]
+    found = [bounds_by_fields(case, layout.labels, most=most) for case in cases]
     ends = [(one.lower / asked, one.upper / asked) for one, asked in zip(found, required, strict=True)]
     return min(low for low, _ in ends), min(high for _, high in ends)
 

@@ -211,7 +211,7 @@ class Api:
             raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
         desk = self._desk(asked)
         setup, labels = desk.setup(_changes(asked)), desk.labels(asked.get("labelling"))
-        stem = plain_name(setup.scene.name) if asked.get("name") is None else _checked(asked.get("name"))
+        stem = plain_name(setup.scene.name) if asked.get("name") is None else _checked_name(asked.get("name"))
         result = setup.solver.solve(labels) if exchange_formats.formats()[kind].analysed else None
         name = f"{stem}{FORMATS[kind]}"
         with tempfile.TemporaryDirectory() as folder:
@@ -221,7 +221,7 @@ class Api:
 
     def save(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Write the scene of a state into `root`: {"path", "exists": True if an existing file was left alone}."""
-        name = _checked(asked.get("name"))
+        name = _checked_name(asked.get("name"))
         name = name if name.endswith(".json") else f"{name}.json"
         if name == CANDIDATES:
             raise InputError("name", f"{CANDIDATES} is taken", "another name")
@@ -260,7 +260,7 @@ def _settings(asked: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in settings.items() if value not in (None, "")}
 
 
-def _checked(name: object) -> str:
+def _checked_name(name: object) -> str:
     """Return the name of a file; raise InputError for anything but a plain one."""
     if not isinstance(name, str) or not _NAME.fullmatch(name) or ".." in name:
         raise InputError("name", f"it is {str(name)[:60]!r}", "letters, digits, blanks, '-', '_' and '.'")

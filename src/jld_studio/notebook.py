@@ -110,10 +110,10 @@ def structure_of(scene: Scene | None, assembly: Assembly) -> Structure:
     """Return the structure of an assembly whose materials can be changed."""
     if scene is None or assembly.has_low_values:
         return AssemblyStructure(assembly)
-    found = SceneStructure(scene)
-    values = [value for part in ("dry", "inner") for value in found.materials.get(part, {}).values()]
+    structure = SceneStructure(scene)
+    values = [value for part in ("dry", "inner") for value in structure.materials.get(part, {}).values()]
     plain = all(isinstance(value, int | float) for value in values)
-    return found if plain else AssemblyStructure(assembly)
+    return structure if plain else AssemblyStructure(assembly)
 
 
 class LayoutSolver:
@@ -262,8 +262,7 @@ def _result_page(scene: Scene | None, found: LimitAnalysisResult, height: int) -
     """Return the page of one layout; `scene` is None where only its assembly is known."""
     structure = structure_of(scene, found.assembly)
     data = page_of_study.result_data(scene, found)
-    fixed = scene is None and bonded(found.assembly)
-    data["notebook"] = {"materials": structure.materials, "why": _BOND if fixed else _why(), "fixed": fixed}
+    data["notebook"] = _slider_data(structure, _BOND if scene is None and bonded(found.assembly) else None)
     facts = {fact["name"]: fact["value"] for fact in data["facts"]}
     drawing = None if len(found.assembly.elements) > notebook.LARGEST else found.drawn()
     plain = _plain(found.assembly.name, facts, drawing)
@@ -271,22 +270,31 @@ def _result_page(scene: Scene | None, found: LimitAnalysisResult, height: int) -
     return NotebookPage(found.assembly.name, plain, iter([data]), solver, height)
 
 
+def _slider_data(structure: Structure, obstacle: str | None) -> page_contract.Notebook:
+    """Return what the sliders of a page need; obstacle: why they never apply."""
+    return {
+        "materials": structure.materials,
+        "why": _why() if obstacle is None else obstacle,
+        "fixed": obstacle is not None,
+    }
+
+
 def _study_page(done: Exploration, height: int) -> NotebookPage:
     structure = structure_of(done.scene, done.assembly)
-    fixed = done.scene.cracks != "faces"
+    obstacle = None if done.scene.cracks == "faces" else _FIELDS
 
     def pages() -> Iterator[page_contract.PageData]:
-        for most, solved in _ROWS:
-            data = page_of_study.study_data(done, most=most, solved=solved)
-            data["notebook"] = {"materials": structure.materials, "why": _FIELDS if fixed else _why(), "fixed": fixed}
+        for most_rows, solved_rows in _ROWS:
+            data = page_of_study.study_data(done, most=most_rows, solved=solved_rows)
+            data["notebook"] = _slider_data(structure, obstacle)
             yield data
 
     tables = {"strongest": words.best_rows(done), f"front, {words.front_name(done)}": done.front.head(30)}
-    parts = [
+    tables_html = [
         f"<p>{html.escape(name)}</p>{table[words.columns(done)].to_html(index=False)}" for name, table in tables.items()
     ]
     drawing = None if len(done.assembly.elements) > notebook.LARGEST else done.drawn()
-    plain = _plain(done.scene.name, words.facts_of_exploration(done), drawing, *parts)
+    plain = _plain(done.scene.name, words.facts_of_exploration(done), drawing, *tables_html)
     return NotebookPage(done.scene.name, plain, pages(), LayoutSolver(structure, done.model), height)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 import copy
+import itertools
 import re
 import shlex
 import tempfile
@@ -85,7 +86,7 @@ def read_file(path: Path, options: ImportOptions) -> OpenedFile:
     """Return the scene of a scene file, drawing or file of solids; raise InputError for none."""
     scene = stated_scene(path)
     if scene is not None:
-        entries = [one.model_dump(mode="json", exclude_defaults=True) for one in build_geometry(scene).entries]
+        entries = [entry.model_dump(mode="json", exclude_defaults=True) for entry in build_geometry(scene).entries]
         measured = exchange_options.measure(entries)
         supports = exchange_options.several(len(entries) - measured.free, "support")
         counted = f"{exchange_options.several(measured.free, 'element')} and {supports}"
@@ -351,14 +352,14 @@ def _mark(
 def _used(paths: Sequence[exchange_paths.Path], elements: Sequence[Mapping[str, Any]]) -> Sequence[bool]:
     if not elements:
         return [True] * len(paths)
-    rings = shapely.STRtree([shapely.LinearRing(one["outline"]) for one in elements])
+    rings = shapely.STRtree([shapely.LinearRing(element["outline"]) for element in elements])
     straight = [path.points[:-1, 2] == 0.0 for path in paths]
     middles = [
         0.5 * (path.points[1:, :2] + path.points[:-1, :2])[own] for path, own in zip(paths, straight, strict=True)
     ]
     probes = [np.concatenate([path.points[:, :2], middle]) for path, middle in zip(paths, middles, strict=True)]
     owner, every = np.repeat(np.arange(len(paths)), list(map(len, probes))), np.concatenate(probes)
-    reach = _REACH * float(np.ptp(np.concatenate([one["outline"] for one in elements]), axis=0).max())
+    reach = _REACH * float(np.ptp(np.concatenate([element["outline"] for element in elements]), axis=0).max())
     on = np.isin(np.arange(len(every)), rings.query(shapely.points(every), predicate="dwithin", distance=reach)[0])
     found: list[bool] = (np.bincount(owner, on, len(paths)) >= 0.5 * np.bincount(owner)).tolist()
     return found
@@ -378,16 +379,18 @@ def _spatial(drawn: Solids, options: ImportOptions, found: Imported | None) -> d
         if entry is not None:  # turned outward and merged
             corners, faces = np.array(entry["vertices"]) / scale, entry["faces"]
         if boxes:
-            ends = np.stack([corners.min(axis=0), corners.max(axis=0)])
-            corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-            faces = _BOX
+            x, y, z = np.stack([corners.min(axis=0), corners.max(axis=0)], axis=1)
+            corners, faces = np.array(list(itertools.product(x, y, z))), _BOX
         shapes.append(_solid(part.name, part.group, role, corners, faces, outward=boxes or entry is not None))
+    # entries without a part are supports that reading added
     feet = [
-        _solid(one["id"], None, "support", np.array(one["vertices"]) / scale, one["faces"], outward=True)
-        for one in entries
+        _solid(entry["id"], None, "support", np.array(entry["vertices"]) / scale, entry["faces"], outward=True)
+        for entry in entries
     ]
-    arrows = [(mark, mark.at, None) if mark.tail is None else (mark, mark.tail, mark.at) for mark in drawn.marks]
-    marks = [_mark(mark, at @ turn, None if end is None else end @ turn, options) for mark, at, end in arrows]
+    marks = []
+    for mark in drawn.marks:
+        start, tip = (mark.at, None) if mark.tail is None else (mark.tail, mark.at @ turn)
+        marks.append(_mark(mark, start @ turn, tip, options))
     return {"shapes": shapes + feet, "elements": [], "marks": marks}
 
 

@@ -293,7 +293,7 @@ KINDS: Final = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
 """Media type by file extension."""
 
 
-def _asked(body: bytes) -> dict[str, Any]:
+def _json_of(body: bytes) -> dict[str, Any]:
     """Return the JSON object of a request; raise InputError if there is none."""
     try:
         # json raises ValueError for invalid JSON, invalid UTF-8, or a number of thousands of digits.
@@ -311,7 +311,7 @@ def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
     def calling(call: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:
             try:
-                asked = _asked(await request.body()) if request.method == "POST" else {}
+                asked = _json_of(await request.body()) if request.method == "POST" else {}
                 return JSONResponse(await anyio.to_thread.run_sync(call, asked))
             except InputError as error:
                 return JSONResponse({"error": str(error), "key": error.where}, status_code=400)

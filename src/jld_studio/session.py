@@ -649,13 +649,13 @@ def first_data(desk: StudioSession, root: Path, study: Path | None) -> page_cont
     if study is not None:
         extra = _extra(desk, root)
         done = read_folder(study)
-        found = page_of_study.study_data(done, patience=0.5, kind="studio", studio=extra)
+        data = page_of_study.study_data(done, patience=0.5, kind="studio", studio=extra)
         best = done.summary.best_labelling
-        if found["solutions"] or best is None:
-            return found
+        if data["solutions"] or best is None:
+            return data
         # a table by fields holds no forces of rigid elements, which the page begins with
         return {
-            **found,
+            **data,
             "solutions": {"0": report_page_data.solution_of(desk.setup({}).solver.solve(desk.labels(best)))},
         }
     return scene_data(desk, root)

@@ -236,6 +236,7 @@ class _Parts:
         self.names, self.gauges = _NAMES[faces.dimension], list[Gauge]()
 
     def limits(self) -> Iterator[Limits]:
+        """Yield rows (k, r, q) and sides (k, r); other parts add gauges or cones."""
         keys, strength = self.keys, self.keys.reference_strength
         yield self._same(np.zeros((1, len(self.names))), np.zeros(1))
         if keys.rows:
@@ -271,7 +272,9 @@ class _Parts:
         odd = next((name for name in self.keys.symmetric if name not in self.names), None)
         if odd is not None:
             raise InputError(".symmetric", f"a {self.faces.dimension}D scene has no {odd}", ", ".join(self.names[1:]))
-        table = np.array([[getattr(one, name) for name in self.names] for one in entries]).reshape(-1, len(self.names))
+        table = np.array([[getattr(entry, name) for name in self.names] for entry in entries]).reshape(
+            -1, len(self.names)
+        )
         for name in dict.fromkeys(self.keys.symmetric):
             other = np.repeat(table, 2, axis=0)
             other[1::2, self.names.index(name)] *= -1.0
@@ -325,37 +328,59 @@ class _Parts:
 
     def _cone(self, cone: Cone, part: str) -> None:
         along = self._along(cone.direction, part)
-        shear = None if cone.shear is None else _turned(along, np.array(cone.shear))
+        shear = None if cone.shear is None else _shear_matrix(along, np.array(cone.shear))
         capacity = cone.capacity * self.keys.reference_strength
         self.gauges.append(Gauge(shear, cone.torsion, capacity, cone.friction))
 
     def _friction(self, stated: Friction) -> Iterator[Limits]:
+        """Yield rows of friction; an elliptic cone adds a gauge instead."""
         pairs = [value if isinstance(value, list) else [value] * 2 for value in (stated.coefficients, stated.cohesion)]
-        (first, second), (c, d) = pairs
-        isotropic = first == second and c == d
+        (first, second), (cohesion_along, cohesion_across) = pairs
+        isotropic = first == second and cohesion_along == cohesion_across
         if self.faces.dimension == 2:
             if not isotropic or stated.direction is not None or stated.torsion is not None:
                 raise InputError(".friction", "a planar joint slides one way", "one coefficient, and one cohesion")
-            yield self._same(np.array([[first, 1.0, 0.0], [first, -1.0, 0.0]]), np.array([c, c]))
+            yield self._same(
+                np.array([[first, 1.0, 0.0], [first, -1.0, 0.0]]), np.array([cohesion_along, cohesion_along])
+            )
             return
         along = self._along(stated.direction, "friction")
         turning = min(first, second) if stated.torsion is None else stated.torsion
         if stated.cone == "product":
             across = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
             table = np.zeros((len(along), 6, 6))
-            for place, (way, mu) in enumerate(((along, first), (across, second))):
-                table[:, 2 * place : 2 * place + 2, 0] = mu
-                table[:, 2 * place, 1:3], table[:, 2 * place + 1, 1:3] = way, -way
+            for position, (direction, mu) in enumerate(((along, first), (across, second))):
+                table[:, 2 * position : 2 * position + 2, 0] = mu
+                table[:, 2 * position, 1:3], table[:, 2 * position + 1, 1:3] = direction, -direction
             table[:, 4:, 0], table[:, 4, 5], table[:, 5, 5] = turning, 1.0, -1.0
-            yield table, np.broadcast_to([c, c, d, d, min(c, d), min(c, d)], (len(along), 6))
+            yield (
+                table,
+                np.broadcast_to(
+                    [
+                        cohesion_along,
+                        cohesion_along,
+                        cohesion_across,
+                        cohesion_across,
+                        min(cohesion_along, cohesion_across),
+                        min(cohesion_along, cohesion_across),
+                    ],
+                    (len(along), 6),
+                ),
+            )
             return
-        if not isotropic and (first == 0.0 or second == 0.0 or not np.isclose(c * second, d * first, rtol=1e-9)):
+        if not isotropic and (
+            first == 0.0 or second == 0.0 or not np.isclose(cohesion_along * second, cohesion_across * first, rtol=1e-9)
+        ):
             problem = "an elliptic cone has one apex, the same c/μ along and across"
             raise InputError(".friction", problem, 'such cohesion, or "cone": "product"')
         if turning == 0.0 and first > 0.0:
             raise InputError(".friction.torsion", "nothing resists torsion", "a coefficient above 0")
         ratio = first / second if second else 1.0
-        self.gauges.append(Gauge(_turned(along, np.array([1.0, ratio])), first / turning if turning else 1.0, c, first))
+        self.gauges.append(
+            Gauge(
+                _shear_matrix(along, np.array([1.0, ratio])), first / turning if turning else 1.0, cohesion_along, first
+            )
+        )
 
     def _bending(self, within: str, tension: float, compression: float | None) -> Iterator[Limits]:
         """Yield the rows of N and moments at edges or in the kern."""
@@ -416,7 +441,7 @@ class _Parts:
             yield from self._bending("kern", tension, None)
 
 
-def _turned(along: Floats, factors: Floats) -> Floats:
+def _shear_matrix(along: Floats, factors: Floats) -> Floats:
     """Return B (k, 2, 2) whose rows are factors times a direction (k, 2) and the one across it."""
     across = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     return np.stack([factors[0] * along, factors[1] * across], axis=1)

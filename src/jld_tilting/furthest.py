@@ -130,16 +130,17 @@ class Tilting(Step):
         return with_entries(done, entries, {"tilt_angle": 0.5 * (low + high), "tilt_lo": low, "tilt_hi": high})
 
     def _found(self, done: Exploration, context: StepContext) -> tuple[dict[str, Any], dict[str, Bracket]]:
+        """Return facts of the layout that tilts furthest, and the angle of each."""
         rows, model, angles = done.results.head(_BEST), context.settings.model, dict[str, Bracket]()
         for text, status in zip(rows["labelling"], rows["status"], strict=True):
             if status == str(Status.COLLAPSE) and not context.deadline.passed():
                 angles[text] = _angle(done.assembly, from_string(text), model)
         bound = _bound(done, context, angles)
-        known = {text: ends for text, ends in angles.items() if not math.isnan(sum(ends))}
-        if not known:
+        solved = {text: ends for text, ends in angles.items() if not math.isnan(sum(ends))}
+        if not solved:
             return {"tilt_angle": None, "tilt_bracket": [None, None]}, angles
-        best = max(known, key=lambda text: known[text])
-        low, high = known[best]
+        best = max(solved, key=lambda text: solved[text])
+        low, high = solved[best]
         facts = {"tilt_angle": 0.5 * (low + high), "tilt_bracket": [low, high]}
         return {**facts, "tilt_labelling": best, "tilt_bound": bound}, angles
 

@@ -271,7 +271,7 @@ def draw_members(
         return
     force = None if forces is None else effects(assembly, forces)
     largest = 0.0 if force is None else float(abs(force).max(initial=0.0))
-    found: list[Artist] = []
+    artists: list[Artist] = []
     for k, (elements, points) in enumerate(zip(members.elements, members.points, strict=True)):
         soil = members.kinds[k] == "fill"
         # Pressures are many: none in a mechanism, and of forces those that can be seen.
@@ -285,11 +285,11 @@ def draw_members(
         look: dict[str, Any] = {"marker": "s" if pin else "o", "markersize": 5.0 if pin else 2.0 + width}
         if soil:
             look["markevery"] = [0]  # the other end stands for the soil, not for a point of an element
-        found += ax.plot(*line.T, color=MEMBER, linewidth=width, zorder=3.5, label="members", **look)
+        artists += ax.plot(*line.T, color=MEMBER, linewidth=width, zorder=3.5, label="members", **look)
         if force is not None and not soil:
-            found.append(_written(ax, line, float(force[k])))
-    if found:
-        drawn["pressures" if set(members.kinds) == {"fill"} else "members"] = found
+            artists.append(_written(ax, line, float(force[k])))
+    if artists:
+        drawn["pressures" if set(members.kinds) == {"fill"} else "members"] = artists
 
 
 def _written(ax: Axes, line: Floats, force: float) -> Artist:

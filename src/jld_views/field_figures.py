@@ -121,7 +121,7 @@ def trajectories(grid: AveragedStresses, kind: Sign, apart: float) -> list[Traje
     for seed in seeds[np.argsort(-size, kind="stable")][: int((size > least).sum())]:
         if taken.near(seed, 1.0):
             continue
-        ways = [_followed(grid, kind, seed, sign, least, taken) for sign in (-1.0, 1.0)]
+        ways = [_trace(grid, kind, seed, sign, least, taken) for sign in (-1.0, 1.0)]
         points = np.concatenate([ways[0][:0:-1], ways[1]])
         taken.add(points)
         if len(points) > 3:
@@ -156,7 +156,7 @@ class _Taken:
         return math.floor((x - self._origin[0]) / self._apart), math.floor((y - self._origin[1]) / self._apart)
 
 
-def _followed(
+def _trace(
     grid: AveragedStresses,
     kind: Literal["compression", "tension"],
     seed: Floats,

@@ -107,27 +107,27 @@ class PathValue:
 
 def path_values(result: LimitAnalysisResult) -> list[PathValue]:
     """Return λ at each position of the moving loads of a result; empty without any."""
-    found = []
+    values = []
     for case in result.assembly.cases:
         if case.place is not None:
             low, high = result.cases[case.name].bracket
-            found.append(PathValue(*case.place, low, high, case.required))
-    return found
+            values.append(PathValue(*case.place, low, high, case.required))
+    return values
 
 
 def draw_path(ax: Axes, values: list[PathValue], length: str, *, distance: str = "first axle along the path") -> None:
     """Draw λ against the place of the first axle, one line for each vehicle and direction."""
     # A position without a number has no mark; the least λ over required is marked.
-    names = list(dict.fromkeys(one.vehicle for one in values))
+    names = list(dict.fromkeys(value.vehicle for value in values))
     colours = (PRESS, FRONT, SOFT, *TINTS)
     for k, name in enumerate(names):
-        own = [one for one in values if one.vehicle == name]
+        own = [value for value in values if value.vehicle == name]
         x, y = [one.distance for one in own], [one.middle for one in own]
         colour = colours[k % len(colours)]
         ax.plot(
             x, y, color=colour, marker="o", markersize=2.5, linewidth=1.1, linestyle=("-", "--", ":")[k % 3], label=name
         )
-    known = [one for one in values if math.isfinite(one.middle)]
+    known = [value for value in values if math.isfinite(value.middle)]
     if known:
         least = min(known, key=lambda one: one.middle / one.required)
         ax.plot([least.distance], [least.middle], marker="o", markersize=7, markerfacecolor="none", color=INK)
@@ -135,7 +135,7 @@ def draw_path(ax: Axes, values: list[PathValue], length: str, *, distance: str =
             f"{least.middle:.4g}", (least.distance, least.middle), xytext=(6, 6), textcoords="offset points", fontsize=7
         )
         ax.set_ylim(0.0, 1.1 * min(max(one.middle for one in known), _HIGHEST * least.middle))
-    for one in sorted({one.required for one in values}):
+    for one in sorted({value.required for value in values}):
         ax.axhline(one, color=SOFT, linewidth=0.7, linestyle=(0, (1, 2)))
     ax.set_xlabel(f"{distance} [{length}]", fontsize=7)
     ax.set_ylabel("λ", fontsize=7)

@@ -190,17 +190,17 @@ def cases_of(assembly: Assembly) -> list[str]:
 def loads_of(assembly: Assembly) -> list[Load]:
     """List the live loads for drawing: on points, on all bodies together, and couples."""
     planar, ids, d = assembly.dimension == 2, assembly.elements.ids, assembly.dimension
-    found: list[Load] = []
+    loads: list[Load] = []
     for name, case in zip(cases_of(assembly), assembly.by_case, strict=True):
         for element, at, vector in case.live_loads.arrows():
-            found.append(_load(name, "live", ids[element], at, vector))
+            loads.append(_load(name, "live", ids[element], at, vector))
         total = quantities.body_load(case)
         if total is not None:
-            found.append(_load(name, "body", "", np.zeros(d), total))
+            loads.append(_load(name, "body", "", np.zeros(d), total))
         for k in quantities.live_couples(case):
             moment = case.live[k, d:] if not planar else case.live[k, 2:]
-            found.append(_load(name, "couple", ids[k], assembly.elements.centroid[k], moment))
-    return found
+            loads.append(_load(name, "couple", ids[k], assembly.elements.centroid[k], moment))
+    return loads
 
 
 def _load(case: str, kind: Literal["live", "body", "couple"], element: str, at: Any, vector: Any) -> Load:
@@ -264,7 +264,7 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
         result = replace(result, mechanism=result.instability_mechanism)  # Show the mechanism that proves instability.
     whole, result = result, core_mechanism.result_of_faces(result)
     assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
-    found: CaseSolution = {
+    solution: CaseSolution = {
         "name": name,
         "required": required,
         "load_factor": rounded(result.load_factor),
@@ -286,7 +286,7 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
     }
     if forces is not None:
         pressure, on_face = quantities.pressure_points(assembly, forces)
-        found |= {
+        solution |= {
             "forces": rounded(forces, DIGITS),
             "utilisation": rounded(quantities.utilisation(result), 4),
             "pressure": rounded(pressure, DIGITS),
@@ -300,13 +300,13 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
         }
     if mechanism is not None:
         kinds, places = quantities.movements(result)
-        found |= {
+        solution |= {
             "mechanism": rounded(mechanism, DIGITS),
             "scale": rounded(quantities.mechanism_scale(assembly, mechanism), DIGITS),
             "movements": [str(kind) for kind in kinds],
             "places": rounded(places, DIGITS),
         }
-    return found
+    return solution
 
 
 _IMPORT: Final = re.compile(r'^import \{([^}]*)\} from "\./([\w./]+)";\n', re.M)

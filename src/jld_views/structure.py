@@ -203,33 +203,34 @@ def _paint_spatial(
     ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
 ) -> Drawn:
     projection, faces, elements = projection_of(assembly), assembly.interfaces, assembly.elements
-    place = move or (lambda _, points: points)
+    moved_to = move or (lambda _, points: points)
     order = painter_order(assembly, projection.toward)
     position = np.empty(len(order), dtype=np.int64)
     position[order] = np.arange(len(order))
     # Draw a face right after the nearer of its elements, so that only elements in front of both hide it.
-    after: list[list[int]] = [[] for _ in order]
+    drawn_after: list[list[int]] = [[] for _ in order]
     for k in range(len(faces)):
-        after[max(int(position[faces.a[k]]), int(position[faces.b[k]]))].append(k)
+        drawn_after[max(int(position[faces.a[k]]), int(position[faces.b[k]]))].append(k)
     drawn: Drawn = {"elements": [], "supports": []}
     thin = float(np.clip(0.6 * ink.widths.min(initial=0.8), 0.25, 0.6))
+    # what is drawn as one collection: points, colour of the face, colour, width and style of the line
     run: list[tuple[Floats, Any, Any, float, Any]] = []
     for step, element in enumerate(order):
         grey = bool(elements.support[element])
-        shape = place(element, elements.shape[element])
+        shape = moved_to(element, elements.shape[element])
         for corners in visible_faces(shape, elements.faces[element], projection.toward):
             shade = _shade(SUPPORT if grey else fills[element], shape[list(corners)])
-            run.append((_closed(projection(shape[list(corners)])), shade, SOFT, thin, "solid"))
-        for k in after[step]:
+            run.append((_close_ring(projection(shape[list(corners)])), shade, SOFT, thin, "solid"))
+        for k in drawn_after[step]:
             sides = {int(faces.b[k])} if move is None else {int(faces.a[k]), int(faces.b[k])}
             dash = "solid" if labels[k] else DOTTED
             for side in sorted(sides):
                 contact = faces.polygon[k]
-                moved = projection(place(side, contact))
-                for i, seen in enumerate(_front_edges(contact, faces.normal[k], projection.toward)):
-                    width = float(ink.widths[k]) * (1.0 if seen else 0.3)
+                moved = projection(moved_to(side, contact))
+                for i, in_front in enumerate(_front_edges(contact, faces.normal[k], projection.toward)):
+                    width = float(ink.widths[k]) * (1.0 if in_front else 0.3)
                     edge = moved[[i, (i + 1) % len(contact)]]
-                    run.append((edge, "none", ink.colours[k] if seen else (0.4, 0.4, 0.4, 0.5), width, dash))
+                    run.append((edge, "none", ink.colours[k] if in_front else (0.4, 0.4, 0.4, 0.5), width, dash))
         last = step + 1 == len(order)
         if last or bool(elements.support[order[step + 1]]) != grey:
             polygons, shades, colours, widths, dashes = (list(part) for part in zip(*run, strict=True))
@@ -253,7 +254,7 @@ def visible_faces(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Flo
     return sorted(seen, key=lambda face: float(shape[list(face)].mean(axis=0) @ toward))
 
 
-def _closed(points: Floats) -> Floats:
+def _close_ring(points: Floats) -> Floats:
     """Return a ring (k, 2) with its first point repeated at the end."""
     return np.vstack([points, points[:1]])
 

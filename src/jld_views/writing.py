@@ -129,7 +129,7 @@ def _seen_places(assembly: Assembly, blocks: Sequence[Sequence[int]]) -> list[Fl
     found: list[Floats | None] = []
     for seen in parts:
         pieces = [one for part in seen for one in shapely.get_parts(part) if one.geom_type == "Polygon" and one.area]
-        radii = [shapely.maximum_inscribed_circle(one, tolerance=0.02 * np.sqrt(one.area)) for one in pieces]
+        radii = [shapely.maximum_inscribed_circle(piece, tolerance=0.02 * np.sqrt(piece.area)) for piece in pieces]
         best = max(radii, key=shapely.length, default=None)
         wide = best is not None and shapely.length(best) > _LEAST_SEEN * assembly.size
         found.append(shapely.get_coordinates(best)[0] if wide else None)

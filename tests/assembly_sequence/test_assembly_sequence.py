@@ -227,7 +227,7 @@ def test_an_order_is_given_where_stages_take_too_long(
     def too_late(*_: object) -> None:
         raise DeadlinePassed
 
-    monkeypatch.setattr(Parts, "_solved", too_late)
+    monkeypatch.setattr(Parts, "_least_props", too_late)
     file = tmp_path / "arch.json"
     file.write_text(samples.arch(voussoirs=7).model_dump_json(exclude_defaults=True))
     for line in ((), ("--props", "100")):

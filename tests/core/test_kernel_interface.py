@@ -96,7 +96,7 @@ def test_a_library_of_other_sources_is_refused_unloaded(tmp_path: Path, monkeypa
 
 def test_a_built_library_is_used_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library, "built", dict)
-    monkeypatch.setattr(library, "_compiled", lambda: pytest.fail("a compiler was run"))
+    monkeypatch.setattr(library, "_compile_fastest", lambda: pytest.fail("a compiler was run"))
     library._found.cache_clear()
     try:
         assert library._found("built") is None

@@ -39,18 +39,14 @@ class MinimizationOptions:
 
 @dataclass(frozen=True)
 class ConflictRequest:
-    """Labellings (k, m) whose conflicts are to be minimised, of the batch solver and of relaxations.
-
-    free: (m,) faces that may take either label. thresholds: (k,) λ to stay below, in the unit of the solver asked.
-    undecided: (k, m) free faces that are undecided from the start. seed: of the face that a neighbour leaves undecided.
-    """
+    """Labellings (k, m) whose conflicts are to be minimised, of the batch solver and of relaxations."""
 
     labellings: Bits
-    free: Bools
-    thresholds: Floats
-    undecided: Bools | None = None
+    free: Bools  # (m,) faces that may take either label
+    thresholds: Floats  # (k,) λ to stay below, in the unit of the solver asked
+    undecided: Bools | None = None  # (k, m) free faces that are undecided from the start
     how: MinimizationOptions = MinimizationOptions()
-    seed: int = 0
+    seed: int = 0  # of the face that a neighbour leaves undecided
 
     def take(self, rows: Ints) -> ConflictRequest:
         undecided = None if self.undecided is None else self.undecided[rows]
@@ -172,7 +168,7 @@ class BatchSolver:
         self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.parabolas
         self._interacts = rows.interacts
         # Relaxations skip the correction of equilibrium that the settings for large assemblies need.
-        self._relaxation_try = tries[0] if tries else tries_of(template.assembly.dimension, 0, False)[0]
+        self._relaxation_try = tries[0] if tries else tries_of(template.assembly.dimension, 0, parabolas=False)[0]
         self._tries = tuple(tries) or tries_of(template.assembly.dimension, self.faces, rows.parabolas is not None)
         self.pattern, a, b = pattern_of(template.assembly)
         self._lay_out(template, a, b)
@@ -207,15 +203,15 @@ class BatchSolver:
 
     def _between_samples(self) -> _Start:
         """Return the start near the mean solution of samples, the present one without any."""
-        found = self.solve(self._random_labellings(self._sampled), vectors=True)
-        good = found.verdict == PROVEN
-        self.settled_fraction = float((found.verdict != OPEN).mean())
-        if not good.any() or found.forces is None or found.velocity is None:
+        answers = self.solve(self._random_labellings(self._sampled), vectors=True)
+        good = answers.verdict == PROVEN
+        self.settled_fraction = float((answers.verdict != OPEN).mean())
+        if not good.any() or answers.forces is None or answers.velocity is None:
             return self._start
-        forces = (1.0 - _SHARE) * self._least + _SHARE * found.forces[good].mean(axis=0)
-        speed = found.velocity[good].mean(axis=0)
+        forces = (1.0 - _SHARE) * self._least + _SHARE * answers.forces[good].mean(axis=0)
+        speed = answers.velocity[good].mean(axis=0)
         jumps = np.ascontiguousarray((self._matrix.T @ speed).reshape(self.faces, self._q))
-        return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
+        return _Start(forces, jumps, speed[self._ends], _SHARE * float(answers.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
         """Store ends, matrix block and equilibrium entries of each face, in elimination order."""
@@ -266,17 +262,17 @@ class BatchSolver:
         rays = np.zeros((count, self.faces, self._q)) if vectors else None
         problem = self._problem()
         settings = (library.Try * len(self._tries))(*self._tries)
-        asked = library.pointers(labels=labels, thresholds=least)
-        places = library.pointers(low=low, high=high, verdict=verdict, iterations=iterations, tries=tries)
-        more = library.pointers(forces=forces, velocity=velocity, diagnosis=diagnosis, rays=rays)
+        inputs = library.pointers(labels=labels, thresholds=least)
+        outputs = library.pointers(low=low, high=high, verdict=verdict, iterations=iterations, tries=tries)
+        vectors_out = library.pointers(forces=forces, velocity=velocity, diagnosis=diagnosis, rays=rays)
         outcome = self._library.jld_solve(
             problem,
             settings,
             len(self._tries),
             count,
-            asked["labels"],
-            asked.get("thresholds"),
-            library.Answers(**places, **more),
+            inputs["labels"],
+            inputs.get("thresholds"),
+            library.Answers(**outputs, **vectors_out),
         )
         library.require_success(outcome)
         if velocity is not None:
@@ -432,25 +428,25 @@ class BatchBlockSolver:
         self.width = int(self._library.jld_width())
         self._blocks = len(blocks)
         nodes = len(places)
-        pairs = {pair for one in blocks for pair in combinations(np.unique(one.shared // _Q).tolist(), 2)}
+        pairs = {pair for block in blocks for pair in combinations(np.unique(block.shared // _Q).tolist(), 2)}
         a, b = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2).T
         self.pattern = pattern = factor_pattern(a, b, places)
         place = np.empty(nodes, dtype=np.int64)
         place[pattern.order] = np.arange(nodes)
         self._back = (_Q * place[:, None] + np.arange(_Q)).ravel()
-        entries = [column for one in blocks for column in one.columns]
+        entries = [column for block in blocks for column in block.columns]
         self._arrays: dict[str, Any] = {
-            "own_start": _starts([one.own for one in blocks]),
-            "shared_start": _starts([len(one.shared) for one in blocks]),
-            "shared": _flat([self._back[one.shared] for one in blocks]),
-            "column_start": _starts([len(one.columns) for one in blocks]),
+            "own_start": _starts([block.own for block in blocks]),
+            "shared_start": _starts([len(block.shared) for block in blocks]),
+            "shared": _flat([self._back[block.shared] for block in blocks]),
+            "column_start": _starts([len(block.columns) for block in blocks]),
             "entry_start": _starts([len(rows) for rows, _ in entries]),
             "entry_row": _flat([rows for rows, _ in entries]),
             "entry": np.concatenate([values for _, values in entries]),
-            "of_x": np.concatenate([one.of_x for one in blocks]),
-            "of_load": np.concatenate([one.of_load for one in blocks]),
+            "of_x": np.concatenate([block.of_x for block in blocks]),
+            "of_load": np.concatenate([block.of_load for block in blocks]),
         }
-        put = [self._places(self._back[one.shared]) for one in blocks]
+        put = [self._places(self._back[block.shared]) for block in blocks]
         self._arrays |= {"place_start": _starts([len(one) for one in put]), "place": _flat(put)}
         right = np.zeros(_Q * nodes)
         right[self._back] = rhs
@@ -460,7 +456,7 @@ class BatchBlockSolver:
     @staticmethod
     def supports(blocks: Sequence[BlockColumns]) -> bool:
         """Return True if no block has more rows than the compiled solver can hold."""
-        return max((one.own + len(one.shared) for one in blocks), default=0) <= interface.BLOCK_ROWS
+        return max((block.own + len(block.shared) for block in blocks), default=0) <= interface.BLOCK_ROWS
 
     def _places(self, rows: Ints) -> Ints:
         """Return the factor positions of products of shared rows (r,); −1 − position off the diagonal blocks."""

@@ -77,7 +77,7 @@ def _within(folder: Path) -> dict[str, Path]:
     return {name: paths[0] for name, paths in usable.items() if paths}
 
 
-def _compiled() -> dict[str, Path]:
+def _compile_fastest() -> dict[str, Path]:
     """Compile the fastest variant of this processor on first use, if nothing is built."""
     # Try the compilers of `build.compilers` in order. If there is none or all of them fail, warn once for the process
     # and return an empty dictionary.
@@ -106,7 +106,7 @@ def _found(wish: str) -> tuple[str, Path] | None:
             # Loading a library runs its code, so it must carry the hash of these sources.
             raise InputError(SWITCH, f"{wish} was not built from these sources", "python -m jld_core.batch.build")
         return wish, path
-    found = built() or ({} if wish == _BUILT else _compiled())
+    found = built() or ({} if wish == _BUILT else _compile_fastest())
     usable = {name: path for name, path in found.items() if build.runs_here(name)}
     if wish not in ("", _BUILT, *usable):
         raise InputError(SWITCH, f"no kernel {wish!r} is built that runs here", " or ".join([*usable, _BUILT, "off"]))

@@ -273,7 +273,7 @@ def cases_of_scene(scene: Scene, elements: Elements) -> list[PlacedCase]:
     if scene.loads.pushes is not None:
         pushed = cases_of_pushes(scene.loads.pushes, direction, "loads.pushes")
         stated += [PlacedCase("loads.pushes", case) for case in pushed]
-    require_unique_names("loads", [one.case.name for one in stated])
+    require_unique_names("loads", [load.case.name for load in stated])
     return stated
 
 

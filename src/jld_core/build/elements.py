@@ -306,15 +306,15 @@ def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarC
 
 
 def spatial_geometry(scene: Scene) -> Geometry:
-    # Gaps and overlaps up to the tolerance are closed. Interfaces are those that the scene states, or all contacts
-    # found. Interfaces between two supports are dropped.
+    """Build elements and interfaces of a spatial scene, gaps and overlaps up to the tolerance closed."""
+    # Interfaces are those that the scene states, or all contacts found. Interfaces between two supports are dropped.
     entries = list(scene.elements or [])
     ids = [entry.id for entry in entries]
     refuse_twins(ids)
     vertices: list[Floats] = [np.array(entry.vertices, dtype=float) for entry in entries]
     faces: list[Faces] = [tuple(tuple(face) for face in entry.faces or []) for entry in entries]
     drawn = vertices
-    vertices, moved = _closed(scene, drawn, faces)
+    vertices, moved = _close_gaps(scene, drawn, faces)
     try:
         vertices, faces, volume, centroid = solids(ids, vertices, faces)
     except InputError as error:
@@ -329,30 +329,30 @@ def spatial_geometry(scene: Scene) -> Geometry:
     size = (upper - lower).max(axis=1)
     around = near_pairs(lower, upper, tolerances.WEDGE * size)
     pairs = nearer_pairs(lower, upper, tolerances.FACE * size, around)
-    told = check_overlaps(ids, vertices, facets, pairs, _within(scene))
-    given: list[Contact | None]
+    overlap_warnings = check_overlaps(ids, vertices, facets, pairs, _within(scene))
+    stated_of: list[Contact | None]
     warnings: tuple[str, ...] = ()
     if scene.interfaces is None:
         free = ~(elements.support[pairs[0]] & elements.support[pairs[1]])
         contacts = find_spatial_contacts(facets, (pairs[0][free], pairs[1][free]))
-        given = [None] * len(contacts)
-        one, two = around
-        free = ~(elements.support[one] & elements.support[two])
-        warnings = words_of(near_solids(facets, (one[free], two[free])), ids, scene.units.length)
+        stated_of = [None] * len(contacts)
+        a, b = around
+        free = ~(elements.support[a] & elements.support[b])
+        warnings = words_of(near_solids(facets, (a[free], b[free])), ids, scene.units.length)
     else:
         contacts = _given_contacts(scene.interfaces, elements, facets)
         warnings = _misfits(scene, contacts, elements, facets)
-        given = list(scene.interfaces)
-    kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
-    interfaces = spatial_interfaces([contacts[k] for k in kept])
+        stated_of = list(scene.interfaces)
+    with_free_element = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
+    interfaces = spatial_interfaces([contacts[k] for k in with_free_element])
     grounded = elements.support[pairs[0]] & elements.support[pairs[1]]
     between = find_spatial_contacts(facets, (pairs[0][grounded], pairs[1][grounded]))
     touching = tuple(sorted({(contact.a, contact.b) for contact in between}))
-    own = [given[k] for k in kept]
-    return Geometry(elements, entries, interfaces, own, touching, moved, told + warnings)
+    own = [stated_of[k] for k in with_free_element]
+    return Geometry(elements, entries, interfaces, own, touching, moved, overlap_warnings + warnings)
 
 
-def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
+def _close_gaps(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
     """Close gaps between solids (k, 3) and make their faces plane, up to the tolerance of the scene."""
     if scene.interfaces is not None or scene.tolerance == 0.0:
         return vertices, 0.0

@@ -7,6 +7,7 @@ After W. J. M. Rankine, "On the stability of loose earth", Philosophical Transac
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -69,15 +70,15 @@ class Backing:
     def permanent(self) -> list[Traction]:
         """Return weight of fill and surcharge, and active pressure, as tractions on free elements."""
         # Each covered edge has a vertical one, and a horizontal one unless it is level.
-        found: list[Traction] = []
+        tractions: list[Traction] = []
         for edge in self._free:
             depth = self.fill.level - edge.height
             width = float(edge.place[1] - edge.place[0])
-            found += self._traction(edge, self._vertical(depth) * width, self.down)
+            tractions += self._traction(edge, self._vertical(depth) * width, self.down)
             # Cohesion leaves no active pressure above a certain depth; below it the pressure is linear.
             for part in self._below(edge, self.fill.level - self._free_depth):
-                found += self._traction(part, self._active(part) * self._rise(part), -part.side * self._right)
-        return found
+                tractions += self._traction(part, self._active(part) * self._rise(part), -part.side * self._right)
+        return tractions
 
     def spread(self, load: FillLoad, where: str) -> list[Traction | PointEntry]:
         """Return a load on the surface as tractions on covered edges, or a force at a point for no width."""
@@ -96,7 +97,7 @@ class Backing:
             force = load.weight * self.down
             alone = (owner.element, self._point(at, height), force, None, False)
             return [] if self.elements.support[owner.element] else [alone]
-        found: list[Traction | PointEntry] = []
+        loads: list[Traction | PointEntry] = []
         for edge in self._free:
             length = float(edge.place[1] - edge.place[0])
             low = max(float(edge.place[0]), at - 0.5 * width)
@@ -104,8 +105,8 @@ class Backing:
             if high > low:
                 share = ((low - edge.place[0]) / length, (high - edge.place[0]) / length)
                 part, level = edge.between(*share), (high - low) / (width * self.thickness)
-                found += self._traction(part, np.full(2, load.weight * level), self.down)
-        return found
+                loads += self._traction(part, np.full(2, load.weight * level), self.down)
+        return loads
 
     def outlines(self) -> tuple[Floats, ...]:
         """Return the outline (4, 2) of the fill above each covered edge that is not vertical."""
@@ -136,42 +137,49 @@ class Backing:
         supports = np.flatnonzero(self.elements.support)
         across = self.elements.centroid[supports] @ self._right
         names: list[str] = []
-        held: list[Ints] = []
+        ends: list[Ints] = []
         points: list[Floats] = []
-        most: list[float] = []
-        seen: dict[str, int] = {}
+        capacities: list[float] = []
+        bars_of: Counter[str] = Counter()
         for edge in self._free:
-            shares = [0.0, 1.0]
-            kink = self.fill.level - self._free_depth  # the difference is linear on both sides of this height
-            if edge.height.min() < kink < edge.height.max():
-                shares.insert(1, float((kink - edge.height[0]) / (edge.height[1] - edge.height[0])))
-            parts = [edge.between(*pair) for pair in pairwise(shares)]
-            forces = [self.thickness * self._rise(part) * (self._passive(part) - self._active(part)) for part in parts]
-            total = sum(float(ends.sum()) / 2.0 for ends in forces)
-            if total <= 0.0:
+            resultant = self._mobilised(edge)
+            if resultant is None:
                 continue
-            middle = sum(self._centre(part, ends) * ends.sum() / 2.0 for part, ends in zip(parts, forces, strict=True))
-            point = middle / total
+            force, point = resultant
             name = f"fill on {self.elements.ids[edge.element]}"
-            seen[name] = seen.get(name, 0) + 1
-            names.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+            bars_of[name] += 1
+            names.append(name if bars_of[name] == 1 else f"{name} ({bars_of[name]})")
             ground = supports[np.argmax(edge.side * across)]
-            held.append(np.array([edge.element, ground]))
+            ends.append(np.array([edge.element, ground]))
             points.append(np.array([point, point + edge.side * _DRAWN * self.elements.size * self._right]))
-            most.append(total)
+            capacities.append(force)
         none = np.zeros(len(names))
-        axis = [(one[1] - one[0]) / np.linalg.norm(one[1] - one[0]) for one in points]
+        axis = [(end - start) / np.linalg.norm(end - start) for start, end in points]
         return Members(
             names=tuple(names),
             kinds=("fill",) * len(names),
-            elements=tuple(held),
+            elements=tuple(ends),
             points=tuple(points),
             axis=np.array(axis).reshape(-1, 2),
             tension=none,
-            compression=np.array(most),
+            compression=np.array(capacities),
             shear=none,
             prestress=none,
         )
+
+    def _mobilised(self, edge: CoveredEdge) -> tuple[float, Floats] | None:
+        """Return the resultant of passive less active pressure on an edge and its point (2,); None for no force."""
+        shares = [0.0, 1.0]
+        kink = self.fill.level - self._free_depth  # the difference is linear on both sides of this height
+        if edge.height.min() < kink < edge.height.max():
+            shares.insert(1, float((kink - edge.height[0]) / (edge.height[1] - edge.height[0])))
+        parts = [edge.between(*pair) for pair in pairwise(shares)]
+        forces = [self.thickness * self._rise(part) * (self._passive(part) - self._active(part)) for part in parts]
+        total = sum(float(ends.sum()) / 2.0 for ends in forces)
+        if total <= 0.0:
+            return None
+        moment = sum(self._centre(part, ends) * ends.sum() / 2.0 for part, ends in zip(parts, forces, strict=True))
+        return total, moment / total
 
     @property
     def _right(self) -> Floats:
@@ -291,14 +299,14 @@ class Backing:
         upright = [
             (index, first, last) for index, first, last in self._outlines() if abs(last[0] - first[0]) <= self._reach
         ]
-        for one, two in pairwise(top):
-            if two.place[0] - one.place[1] > 2.0 * self._reach:
+        for left, right in pairwise(top):
+            if right.place[0] - left.place[1] > 2.0 * self._reach:
                 continue
-            low, high = sorted((float(one.height[1]), float(two.height[0])))
-            side = 1.0 if one.height[1] > two.height[0] else -1.0
+            low, high = sorted((float(left.height[1]), float(right.height[0])))
+            side = 1.0 if left.height[1] > right.height[0] else -1.0
             for index, first, last in upright:
-                if abs(first[0] - two.place[0]) > 2.0 * self._reach or (last[1] - first[1]) * side <= 0.0:
+                if abs(first[0] - right.place[0]) > 2.0 * self._reach or (last[1] - first[1]) * side <= 0.0:
                     continue
-                least, most = max(low, min(first[1], last[1])), min(high, max(first[1], last[1]))
-                if most - least > self._reach:
-                    yield CoveredEdge(index, np.full(2, two.place[0]), np.array([least, most]), side)
+                bottom, top_height = max(low, min(first[1], last[1])), min(high, max(first[1], last[1]))
+                if top_height - bottom > self._reach:
+                    yield CoveredEdge(index, np.full(2, right.place[0]), np.array([bottom, top_height]), side)

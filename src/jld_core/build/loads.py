@@ -40,7 +40,7 @@ def cases_of(
     """
     if elements.centroid.shape[1] == 3 or any(len(point) != 2 for point in moving.path):
         raise InputError(where, "it is for planar scenes", '"cases" with the positions of the loads')
-    found: list[PlacedCase] = []
+    cases: list[PlacedCase] = []
     path = np.array(moving.path, dtype=float)
     ways = [("", path), (" back", path[::-1])] if moving.both_directions else [("", path)]
     for word, points in ways:
@@ -72,10 +72,10 @@ def cases_of(
                 if live:
                     title = name if side == 0 else f"{name} behind the joint" + f" {side}" * (side > 1)
                     case = Case(name=title, live=live, required=moving.required)
-                    found.append(PlacedCase(where, case, (f"{moving.name}{word}", first)))
-    if not found:
+                    cases.append(PlacedCase(where, case, (f"{moving.name}{word}", first)))
+    if not cases:
         raise InputError(f"{where}.path", "it touches supports alone", "points on free elements")
-    return found
+    return cases
 
 
 def _positions(
@@ -122,7 +122,7 @@ def patch_tractions(elements: Elements, interfaces: Interfaces, entry: FaceLoad,
     patch = shapely.Polygon((corners - origin) @ np.transpose(frame))
     if not patch.is_valid:
         raise InputError(key, "its outline crosses itself", "the corners of a plane polygon, in order")
-    found, covered = list[Traction](), 0.0
+    tractions, covered = list[Traction](), 0.0
     low, high = corners.min(axis=0) - reach, corners.max(axis=0) + reach
     for index in np.flatnonzero(((elements.lower <= high) & (low <= elements.upper)).all(axis=1)).tolist():
         for loop in elements.faces[index]:
@@ -136,11 +136,11 @@ def patch_tractions(elements: Elements, interfaces: Interfaces, entry: FaceLoad,
             part = _free(part, interfaces, index, normal, frame, origin, reach)
             covered += part.area
             if not elements.support[index]:
-                found += _tractions(index, part, _force_per_area(entry, outward), frame, origin, reach)
+                tractions += _tractions(index, part, _force_per_area(entry, outward), frame, origin, reach)
     if abs(covered - patch.area) > 4.0 * reach * patch.length:
         problem = f"of its area of {patch.area:.6g}, {covered:.6g} is free surface"
         raise InputError(key, problem, "a polygon on faces of solids that touch no others there")
-    return found
+    return tractions
 
 
 def _corners(elements: Elements, entry: FaceLoad, key: str) -> Floats:
@@ -162,14 +162,14 @@ def _force_per_area(entry: FaceLoad, outward: Floats) -> Floats:
 
 def surface_tractions(elements: Elements, interfaces: Interfaces, index: int, pressure: float) -> list[Traction]:
     """Return a uniform pressure on the whole free surface of a solid, one traction per free part of a face."""
-    reach, found = tolerances.ON_OUTLINE * elements.size, list[Traction]()
+    reach, tractions = tolerances.ON_OUTLINE * elements.size, list[Traction]()
     for loop in elements.faces[index]:
         face = elements.shape[index][list(loop)]
         outward, origin = _unit_vector(face), face.mean(axis=0)
         frame = across(outward)
         part = _free(_flat(face, frame, origin), interfaces, index, outward, frame, origin, reach)
-        found += _tractions(index, part, -pressure * outward, frame, origin, reach)
-    return found
+        tractions += _tractions(index, part, -pressure * outward, frame, origin, reach)
+    return tractions
 
 
 def _unit_vector(face: Floats) -> Floats:
@@ -202,13 +202,13 @@ def _tractions(
     index: int, part: shapely.Geometry, value: Floats, frame: Floats, origin: Floats, reach: float
 ) -> list[Traction]:
     """Return a uniform force per area (3,) on the polygons of a part of a face, in the coordinates of `frame`."""
-    found = []
+    tractions = []
     for one in shapely.get_parts(part):
         if one.geom_type == "Polygon" and one.area > reach**2:
             rings = tuple(origin + np.asarray(r.coords)[:-1] @ frame for r in (one.exterior, *one.interiors))
             middle = origin + np.array([one.centroid.x, one.centroid.y]) @ frame
-            found.append(Traction(index, rings, middle, value, np.zeros((3, 3))))
-    return found
+            tractions.append(Traction(index, rings, middle, value, np.zeros((3, 3))))
+    return tractions
 
 
 def body_forces(entry: BodyLoad | TiltLoad, elements: Elements, where: str) -> Floats:
@@ -392,8 +392,8 @@ class Boundary:
                     points.append(force_of(entry, index, self.elements, where))
             elif isinstance(entry, FillLoad):
                 spread = self._on_fill(entry, where)
-                tractions += [one for one in spread if isinstance(one, Traction)]
-                points += [one for one in spread if not isinstance(one, Traction)]
+                tractions += [load for load in spread if isinstance(load, Traction)]
+                points += [load for load in spread if not isinstance(load, Traction)]
             elif entry.face.along is not None:
                 tractions += self._along(entry, entry.face.along, where)
             elif entry.face.patch is not None:
@@ -446,7 +446,7 @@ class Boundary:
             raise InputError(f"{where}.face.along", "two of its points coincide", "points apart from each other")
         place = np.append(0.0, np.cumsum(legs)) / legs.sum()
         first, last = entry.ends
-        found: list[Traction] = []
+        tractions: list[Traction] = []
         for k, leg in enumerate(legs.tolist()):
             ends = [first + (last - first) * share for share in (place[k], place[k + 1])]
             pieces = list(self._on_leg(points[k], (points[k + 1] - points[k]) / leg, leg))
@@ -460,12 +460,12 @@ class Boundary:
                 if self.elements.support[index]:
                     continue
                 if entry.line is not None:
-                    found.append(edge_traction(index, np.array([start, end]), np.array([entry.line, entry.line])))
+                    tractions.append(edge_traction(index, np.array([start, end]), np.array([entry.line, entry.line])))
                 elif forward:
-                    found.append(self._piece(index, start, end, (values[0], values[1])))
+                    tractions.append(self._piece(index, start, end, (values[0], values[1])))
                 else:
-                    found.append(self._piece(index, end, start, (values[1], values[0])))
-        return found
+                    tractions.append(self._piece(index, end, start, (values[1], values[0])))
+        return tractions
 
     def _on_leg(self, start: Floats, unit: Floats, length: float) -> Iterator[tuple[int, float, float, bool]]:
         """Yield the pieces of free boundary along one leg of a polyline from `start` (2,) along `unit` (2,)."""
@@ -489,23 +489,23 @@ class Boundary:
         """Yield the ends of each edge of a planar element, with its free intervals."""
         reach = self._reach
         outline = self.elements.shape[index]
-        mine = np.flatnonzero((self.interfaces.a == index) | (self.interfaces.b == index))
+        faces_of_element = np.flatnonzero((self.interfaces.a == index) | (self.interfaces.b == index))
         for first, last in zip(outline, np.roll(outline, -1, axis=0), strict=True):
             length = float(np.hypot(*(last - first)))
             if length <= reach:
                 continue
             unit = (last - first) / length
-            taken = []
-            for face in mine.tolist():
+            covered = []
+            for face in faces_of_element.tolist():
                 arm = self.interfaces.polygon[face] - first
                 if abs(arm[:, 0] * unit[1] - arm[:, 1] * unit[0]).max() <= reach:
                     low, high = sorted((arm @ unit).tolist())
-                    taken.append((max(low, 0.0), min(high, length)))
-            free, place = [], 0.0
-            for low, high in [*sorted(span for span in taken if span[1] > span[0]), (length, length)]:
-                if low - place > reach:
-                    free.append((first + place * unit, first + low * unit))
-                place = max(place, high)
+                    covered.append((max(low, 0.0), min(high, length)))
+            free, covered_to = [], 0.0
+            for low, high in [*sorted(span for span in covered if span[1] > span[0]), (length, length)]:
+                if low - covered_to > reach:
+                    free.append((first + covered_to * unit, first + low * unit))
+                covered_to = max(covered_to, high)
             yield first, last, free
 
     def _piece(self, index: int, start: Floats, end: Floats, pressures: tuple[float, float]) -> Traction:

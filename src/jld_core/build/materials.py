@@ -66,7 +66,7 @@ def self_weight(element: Element, volume: float, materials: Materials, direction
     return (density or 0.0) * volume * gravity * direction
 
 
-def _stated(source: Any, one: StandardParameter, prefix: str = "") -> float | None:
+def _stated_value(source: Any, one: StandardParameter, prefix: str = "") -> float | None:
     """Return the value that an entry states for a parameter, if any; prefix: of the keys of friction in it."""
     if source is None:
         return None
@@ -78,7 +78,7 @@ def _stated(source: Any, one: StandardParameter, prefix: str = "") -> float | No
 
 def _of_face(face: FaceMaterial) -> dict[str, float | None]:
     """Return the values that an entry of "materials.faces" states, by fields of `Strengths`."""
-    given = {one.field: _stated(getattr(face, one.label), one) for one in PARAMETERS}
+    given = {parameter.field: _stated_value(getattr(face, parameter.label), parameter) for parameter in PARAMETERS}
     return {name: value for name, value in given.items() if value is not None}
 
 
@@ -128,20 +128,24 @@ def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
     """Return the strengths of m interfaces under both labels."""
-    usual = {one.field: _stated(getattr(materials, one.label), one) for one in PARAMETERS}
+    usual = {parameter.field: _stated_value(getattr(materials, parameter.label), parameter) for parameter in PARAMETERS}
     rows = []
     for contact, face in zip(contacts, faces or [None] * len(contacts), strict=True):
         own = dict(usual)
         if face is not None:
             stating = [label for label in _PREFIX if getattr(getattr(face, label), "named", None) is not None]
-            own |= {one.field: None for one in PARAMETERS if one.label in stating}
+            own |= {parameter.field: None for parameter in PARAMETERS if parameter.label in stating}
             own |= _of_face(face)
             _check_apex(own, f"materials.faces of {'–'.join(face.between)}")
         if contact is not None:
-            given = {one.field: _stated(contact, one, _PREFIX[one.label]) for one in PARAMETERS}
+            given = {
+                parameter.field: _stated_value(contact, parameter, _PREFIX[parameter.label]) for parameter in PARAMETERS
+            }
             own |= {name: value for name, value in given.items() if value is not None}
             _check_apex(own, f"interface {'–'.join(contact.elements)}")
-        rows.append([one.absent if own[one.field] is None else own[one.field] for one in PARAMETERS])
+        rows.append(
+            [parameter.absent if own[parameter.field] is None else own[parameter.field] for parameter in PARAMETERS]
+        )
     table = np.array(rows, dtype=float).reshape(-1, len(PARAMETERS))
     columns = zip(PARAMETERS, table.T, strict=True)
     return Strengths(**{one.field: np.ascontiguousarray(column) for one, column in columns})
@@ -149,7 +153,7 @@ def strengths(
 
 def _check_apex(own: Mapping[str, float | None], where: str) -> None:
     """Raise InputError if the inner tension of strengths by fields exceeds the apex of friction."""
-    found = {one.side: own[one.field] for one in PARAMETERS if one.label == "inner"}
+    found = {parameter.side: own[parameter.field] for parameter in PARAMETERS if parameter.label == "inner"}
     lies_within_apex(found["tension"], found["shear"], found["friction"], where)
 
 
@@ -167,7 +171,9 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
     # inner one the tensile strength less σt. The difference is a constant force σt A that pulls both sides of the face
     # together, part of the dead load. Results subtract it from N'.
     usual = materials.dry.tensile_strength if materials.dry is not None else 0.0
-    values = [None if one is None or one.dry is None else one.dry.tensile_strength for one in entries]
+    values = [
+        None if material is None or material.dry is None else material.dry.tensile_strength for material in entries
+    ]
     strength = np.array([usual if value is None else value for value in values], dtype=float)
     if not strength.any():
         return assembly
@@ -232,13 +238,13 @@ def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | 
     return replace(
         assembly,
         members=members,
-        interfaces=_joined(assembly.interfaces, _interfaces(assembly, members, varying)),
+        interfaces=_join_interfaces(assembly.interfaces, _interfaces(assembly, members, varying)),
         face_strengths=assembly.face_strengths.joined(strengths),
         labels=np.append(assembly.labels, np.full(len(varying), INNER)).astype(bool),
     )
 
 
-def _joined(one: Interfaces, other: Interfaces) -> Interfaces:
+def _join_interfaces(one: Interfaces, other: Interfaces) -> Interfaces:
     parts: dict[str, Any] = {}
     for part in fields(one):
         first, second = getattr(one, part.name), getattr(other, part.name)
@@ -253,7 +259,7 @@ def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
         where = f"members[{position}]"
         anchors = [("from", entry.from_), *((f"through[{k}]", one) for k, one in enumerate(entry.through))]
         anchors.append(("to", entry.to))
-        found = [_anchored(assembly, anchor, f"{where}.{key}") for key, anchor in anchors]
+        found = [_anchor_point(assembly, anchor, f"{where}.{key}") for key, anchor in anchors]
         elements, places = np.array([element for element, _ in found]), np.array([place for _, place in found])
         _require_two(assembly, elements, where)
         names.append(entry.name or f"{entry.kind} {position + 1}")
@@ -276,7 +282,7 @@ def _members(assembly: Assembly, entries: Sequence[Member]) -> Members:
     )
 
 
-def _anchored(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floats]:
+def _anchor_point(assembly: Assembly, anchor: Anchor, where: str) -> tuple[int, Floats]:
     """Return the element and the point (d,) of an anchor, checked to lie inside it."""
     elements, d = assembly.elements, assembly.dimension
     index = elements.named(anchor.element, f"{where}.element", "the id of an element")

@@ -87,8 +87,8 @@ def not_judged(scene: Scene) -> tuple[str, ...]:
     odd = [name for name, known in zip(names, (METRES, NEWTONS), strict=True) if name not in known]
     if not odd:
         return ()
-    told = " and ".join(repr(name) for name in odd)
-    return (f"no unit is named {told}, so that densities, strengths and sizes could not be judged",)
+    text = " and ".join(repr(name) for name in odd)
+    return (f"no unit is named {text}, so that densities, strengths and sizes could not be judged",)
 
 
 def weight_facts(scene: Scene, assembly: Assembly) -> dict[str, str]:
@@ -114,7 +114,7 @@ def weight_facts(scene: Scene, assembly: Assembly) -> dict[str, str]:
         facts["density"] = f"{density:g}"
         if units.known:
             mass = f"{density * units.density:.4g} kg/m³"
-            facts["density"] = mass if units.density == 1.0 else f"{density:g}, {mass} in {_named(scene)}"
+            facts["density"] = mass if units.density == 1.0 else f"{density:g}, {mass} in {_unit_names(scene)}"
     weight = float(np.linalg.norm(elements.weight[elements.free], axis=1).sum())
     facts["weight"] = f"{weight:.4g} {force}"
     if units.known and force != "kN":
@@ -168,17 +168,17 @@ def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
         mass = 0.0 if value is None else value * units.density
         if value is None or mass == 0.0 or low <= mass <= high:
             continue
-        meant = {
+        readings = {
             "kg/m³ are meant": np.nan if plain else value,
             "t/m³ or g/cm³ are meant": 1e3 * value if value < high / 1e3 else np.nan,
             "a unit weight in kN/m³ is meant": value * 1e3 / 9.81,
             "a unit weight in N/m³ is meant": value / 9.81,
         }
-        likely = _meant(meant, _DENSITY, first=True)
-        usual = next((one for one in meant.values() if _within(one, _DENSITY)), 2000.0)
-        told = f"{value:g} kg/m³" if plain else f"{value:g}, which is {mass:.4g} kg/m³ in {_named(scene)}"
+        likely = _meant(readings, _DENSITY, first=True)
+        usual = next((reading for reading in readings.values() if _within(reading, _DENSITY)), 2000.0)
+        text = f"{value:g} kg/m³" if plain else f"{value:g}, which is {mass:.4g} kg/m³ in {_unit_names(scene)}"
         remedy = "" if plain else f'; write "density": "{usual:.4g} kg/m³", or {usual / units.density:.4g}'
-        yield f"{where} is {told}; usual is {low:g} to {high:g}{likely}{remedy}"
+        yield f"{where} is {text}; usual is {low:g} to {high:g}{likely}{remedy}"
     gravity = scene.materials.gravity
     if isinstance(gravity, float | int) and gravity < 0.0:
         yield f"materials.gravity is {gravity:g}; a number already acts downwards, so {-gravity:g} was probably meant"
@@ -186,23 +186,16 @@ def _of_weight(scene: Scene, units: UnitSystem) -> Iterator[str]:
         yield f"materials.gravity is {units.gravity:g} m/s²; usual is 9.81; 9.81 even where lengths were drawn in mm"
 
 
-def _named(scene: Scene) -> str:
+def _unit_names(scene: Scene) -> str:
     return f"{scene.units.length} and {scene.units.force}"
 
 
 def _of_strengths(scene: Scene, assembly: Assembly, units: UnitSystem) -> Iterator[str]:
     """Warn about strengths above 1 GPa, or below the pressure of the structure's own weight."""
-    elements = assembly.elements
-    free = elements.free
-    weight = np.linalg.norm(elements.weight[free], axis=1).sum() / elements.volume[free].sum()
-    along = np.argmax(abs(elements.weight[free].sum(axis=0)))
-    pascals, metres = units.si((1, -2)), units.si((0, 1))
-    height = float(np.ptp(np.concatenate([elements.lower[free], elements.upper[free]])[:, along]))
-    # an implausible density has a warning of its own
-    own = min(pascals * float(weight) * height, _DENSITY[1] * GRAVITY * metres * height)
+    pascals, own = units.si((1, -2)), _pressure_of_weight(assembly.elements, units)
     for where, number in _stated_strengths(scene):
         value = pascals * number
-        told = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_named(scene)}"
+        told = f"{number:g} Pa" if pascals == 1.0 else f"{number:g}, which is {value:.4g} Pa in {_unit_names(scene)}"
         if value > _STRENGTH:
             readings = {"it was turned into Pa twice": value / 1e6, "Pa are meant": number}
             meant = _meant(readings, (own, _STRENGTH), first=True)
@@ -233,6 +226,16 @@ def _stated_strengths(scene: Scene) -> Iterator[tuple[str, float]]:
         for key, number in stated.items():
             if number and isinstance(number, float | int):  # absent or zero: a model without this strength
                 yield key, number
+
+
+def _pressure_of_weight(elements: Elements, units: UnitSystem) -> float:
+    """Return the pressure, Pa, below the free elements by their mean unit weight."""
+    free = elements.free
+    unit_weight = float(np.linalg.norm(elements.weight[free], axis=1).sum() / elements.volume[free].sum())
+    vertical = np.argmax(abs(elements.weight[free].sum(axis=0)))
+    height = float(np.ptp(np.concatenate([elements.lower[free], elements.upper[free]])[:, vertical]))
+    # an implausible density has a warning of its own
+    return min(units.si((1, -2)) * unit_weight * height, _DENSITY[1] * GRAVITY * units.si((0, 1)) * height)
 
 
 def _of_crushing(assembly: Assembly) -> Iterator[str]:

@@ -151,23 +151,23 @@ def disagreement(problem: Problem, stress: StressField, velocity: VelocityField)
 
 def stress_power(problem: Problem, stress: StressField, velocity: Floats) -> Floats:
     """Return the power (t,) of a stress field on velocities (t, d + 1, d), with half of the sides, scaled."""
-    p, d, rows = problem, problem.mesh.dimension, problem.jumps
-    slope = np.einsum("tki,tkj->tij", velocity, p.mesh.gradient)
-    power = p.mesh.volume * np.einsum("tij,tij->t", tensors(stress.stress.mean(axis=1)), slope)
-    pull, jump = tractions(p, stress.stress, rows), jumps(p, velocity, rows)
+    d, rows = problem.mesh.dimension, problem.jumps
+    slope = np.einsum("tki,tkj->tij", velocity, problem.mesh.gradient)
+    power = problem.mesh.volume * np.einsum("tij,tij->t", tensors(stress.stress.mean(axis=1)), slope)
+    pull, jump = tractions(problem, stress.stress, rows), jumps(problem, velocity, rows)
     ends = np.einsum("fki,fki->f", pull, jump) + np.einsum("fi,fi->f", pull.sum(axis=1), jump.sum(axis=1))
-    return halved(p, power, rows, p.sides.area[rows] * ends / (d * (d + 1)))
+    return halved(problem, power, rows, problem.sides.area[rows] * ends / (d * (d + 1)))
 
 
 def _joint_corners(fine: Problem, stress: StressField, velocity: Floats, rows: Ints) -> Floats:
     """Compute the power (t, 4) that tractions on dry triangles lose at corners of the unsplit tetrahedra."""
-    s = fine.sides
+    sides = fine.sides
     shares = np.zeros((len(fine.mesh) // 4, 4))
     pull, jump = tractions(fine, stress.stress, rows), jumps(fine, velocity, rows)
-    lost = np.maximum(-np.einsum("fi,fki->fk", pull.sum(axis=1), jump), 0.0) * (s.area[rows] / 24.0)[:, None]
-    two_sided = s.b[rows] >= 0
-    np.add.at(shares, (s.a[rows][:, None] // 4, s.corner_a[rows]), lost)
-    np.add.at(shares, (s.b[rows][two_sided][:, None] // 4, s.corner_b[rows][two_sided]), lost[two_sided])
+    lost = np.maximum(-np.einsum("fi,fki->fk", pull.sum(axis=1), jump), 0.0) * (sides.area[rows] / 24.0)[:, None]
+    two_sided = sides.b[rows] >= 0
+    np.add.at(shares, (sides.a[rows][:, None] // 4, sides.corner_a[rows]), lost)
+    np.add.at(shares, (sides.b[rows][two_sided][:, None] // 4, sides.corner_b[rows][two_sided]), lost[two_sided])
     return shares
 
 
@@ -279,18 +279,18 @@ class Fields:
 
         Refined everywhere, or adaptively by docs/method.md (9.12).
         """
-        p, every = self.problem, np.ones(len(self.mesh), dtype=bool)
+        problem, every = self.problem, np.ones(len(self.mesh), dtype=bool)
         if self.mesh.dimension == 3:
             if not adaptive or self.stress is None:
                 return bisect(self.mesh, every)
-            return finer_in_space(self.mesh, p, self.lower.problem, self.labels, self.stress, self.velocity, most)
+            return finer_in_space(self.mesh, problem, self.lower.problem, self.labels, self.stress, self.velocity, most)
         if not adaptive:
             return refine(self.mesh, every)
         stress = self.stress
-        if stress is None and p.loaded:
+        if stress is None and problem.loaded:
             # the stress field under the largest multiple of the dead load alone shows where the mesh is too coarse
-            stress = LowerBound(p.under_dead_load()).bound(self.labels)
-        return finer_in_plane(self.mesh, p, stress, self.velocity, steps and self.stress is not None)
+            stress = LowerBound(problem.under_dead_load()).bound(self.labels)
+        return finer_in_plane(self.mesh, problem, stress, self.velocity, steps and self.stress is not None)
 
 
 class CoarseBounds:
@@ -420,6 +420,7 @@ class FieldBounds:
         return self.history[-1].seconds if self.history else 0.0
 
     def improved(self, fields: Fields, seconds: float, gap: float) -> FieldBounds:
+        """Return the better bounds with their fields, scene units, and one more step."""
         units, (lower, upper), best = fields.problem.units, fields.bounds, self
         if fields.stress is not None and lower > best.lower:
             stress = units.stress * tensors(fields.stress.stress)
@@ -480,10 +481,10 @@ def bounds_by_fields(
     refinement = FieldRefinement(
         assembly, labels, gap=gap, patch=patch, parts=parts, adaptive=adaptive, most=most, seconds=seconds
     )
-    found = refinement.step()
+    bounds = refinement.step()
     while not refinement.ended and (seconds is None or refinement.expected <= seconds):
-        found = refinement.step()
-    return found
+        bounds = refinement.step()
+    return bounds
 
 
 class FieldRefinement:
@@ -569,16 +570,16 @@ class FieldRefinement:
         if self._mesh is None:
             raise ValueError("refinement has ended; expected a step before")
         began, mesh = time.perf_counter(), self._mesh
-        both = self.upper_due if upper is None else upper
-        fields = Fields.on(self._setting, mesh, self._labels, velocities=both)
-        last = time.perf_counter() - began
-        self._times[both] = len(mesh), last
-        self._best = self._best.improved(fields, self._spent + last, self._gap)
+        with_velocities = self.upper_due if upper is None else upper
+        fields = Fields.on(self._setting, mesh, self._labels, velocities=with_velocities)
+        seconds = time.perf_counter() - began
+        self._times[with_velocities] = len(mesh), seconds
+        self._best = self._best.improved(fields, self._spent + seconds, self._gap)
         status = self._best.status
         # without one of the bounds refinement helps only so far
-        lone = status is not FieldStatus.OPEN and len(self._best.history) >= _PATIENCE
-        ended = status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or lone
-        self._mesh = None if ended else self._next(fields, self._spent + last)
+        one_sided = status is not FieldStatus.OPEN and len(self._best.history) >= _PATIENCE
+        ended = status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or one_sided
+        self._mesh = None if ended else self._next(fields, self._spent + seconds)
         self._spent += time.perf_counter() - began
         return self._best
 
@@ -590,7 +591,7 @@ class FieldRefinement:
                 simplices, took = self._times[True]
                 seconds_left = max(self._seconds - spent, 0.0)
                 most_simplices = min(most_simplices, int(simplices * (seconds_left / took) ** (1.0 / _GROWTH[3])))
-            layered = self._layered(fields) if self._adaptive and len(self._best.history) == 1 else None
+            layered = self._cut_in_layers(fields) if self._adaptive and len(self._best.history) == 1 else None
             if layered is not None and len(layered.coarse) <= most_simplices:
                 self._before, self._setting = (fields, self._setting), layered
                 return layered.coarse
@@ -602,7 +603,7 @@ class FieldRefinement:
         grown = len(finer) > _LEAST_GROWTH[self._dimension] * len(fields.mesh)
         return finer if grown and len(finer) <= most_simplices else None
 
-    def _layered(self, fields: Fields) -> FieldSetting | None:
+    def _cut_in_layers(self, fields: Fields) -> FieldSetting | None:
         """Return the setting with deforming long or flat cells cut in layers, None where none is."""
         if fields.velocity is None:
             return None
@@ -702,22 +703,22 @@ class PartialUpperBound:
 
     def field(self, labels: Bits, undecided: Bools) -> WeighedField | None:
         """Find the velocity field with the least bound for a partial labelling; None where none is finite."""
-        p = self._upper.problem
+        problem = self._upper.problem
         self.solves += 1
         answer = self._upper.propose(labels, undecided)
         ray = answer.status == "DualInfeasible"
         if not (answer.usable or ray):
             return None
-        velocity = answer.point[: 6 * len(p.mesh)].reshape(-1, 3, 2)
+        velocity = answer.point[: 6 * len(problem.mesh)].reshape(-1, 3, 2)
         if ray:
             return self._along(velocity, labels, undecided)
-        enough = (answer.objective + _OPENING_COST * abs(answer.objective)) * p.units.load
+        enough = (answer.objective + _OPENING_COST * abs(answer.objective)) * problem.units.load
         field = self._least(velocity, labels, undecided, enough)
         if field is not None and field.bound <= enough:
             return field
         if self._settling is None:
-            self._settling = Settling(p)
-        near = self._settling.settled(velocity, p.is_dry(np.where(undecided, self._as_dry, labels)))
+            self._settling = Settling(problem)
+        near = self._settling.settled(velocity, problem.is_dry(np.where(undecided, self._as_dry, labels)))
         fields = [field, self._least(near, labels, undecided, enough)]
         return min((one for one in fields if one is not None), key=lambda one: one.bound, default=None)
 
@@ -753,14 +754,14 @@ class PartialUpperBound:
         """Return a field that proves collapse under the dead load alone, or None."""
         # The field is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program
         # is unbounded.
-        p, size = self._upper.problem, float(abs(ray).max())
+        problem, size = self._upper.problem, float(abs(ray).max())
         if self._weightless is None:
-            self._weightless = PartialUpperBound(p.without_dead_load(), self._many)
+            self._weightless = PartialUpperBound(problem.without_dead_load(), self._many)
         base = self._weightless.field(labels, undecided)
         if base is None or not size > 0.0:
             return None
         ray = ray * (float(abs(base.velocity).max()) / size)
-        below_zero = _LEAST * p.units.load
+        below_zero = _LEAST * problem.units.load
         for far in _FAR:
             field = self._least(base.velocity + far * ray, labels, undecided, below_zero)
             if field is not None and field.bound <= below_zero:

@@ -64,16 +64,12 @@ class Factor:
 
 @dataclass(frozen=True)
 class Terms:
-    """Entries (e,) of the reduced system as sums over weights of rows.
+    """Entries (e,) of the reduced system as sums over weights of rows."""
 
-    fixed: part without weights. start, weight, coefficient: (e + 1,), (t,), (t,) terms. Entries are diagonal ones, then
-    those of `Factor.row`; weights those of linear rows, then six of each cone: its upper triangle row by row.
-    """
-
-    fixed: Floats
-    start: Ints
-    weight: Ints
-    coefficient: Floats
+    fixed: Floats  # (e,) part without weights: diagonal entries, then those of `Factor.row`
+    start: Ints  # (e + 1,) first term of each entry
+    weight: Ints  # (t,) weights: those of linear rows, then six of each cone, its upper triangle row by row
+    coefficient: Floats  # (t,)
 
 
 def independent_rows(matrix: sp.csr_array) -> Bools:

@@ -107,7 +107,7 @@ def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, F
     segments, rest = loaded_segments(assembly, patch, plain)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
     coarse = coarse_mesh(outlines_of(assembly, ends) if len(ends) else plain)
-    mesh = _tagged(coarse, segments)
+    mesh = _tag_loaded_edges(coarse, segments)
     return mesh, loads_on(assembly, mesh, segments, rest)
 
 
@@ -134,7 +134,7 @@ def _pieces(
     """Return the tractions on free faces, by the index of the face, and the rest (n, 3) of the loads."""
     pieces: dict[int, list[_Piece]] = {}
     for traction in loads.tractions:
-        index, piece = _pressed(assembly, faces, traction)
+        index, piece = _pressed_face(assembly, faces, traction)
         pieces.setdefault(index, []).append(piece)
     # forces without a width by their face, and points of loads on no free face: these stay body forces
     points, without_width = loads.points, dict[int, list[_Force]]()
@@ -156,14 +156,14 @@ def _pieces(
         if force.width is None:
             without_width.setdefault(at_face, []).append(force)
         else:
-            pieces.setdefault(at_face, []).append(_stated(assembly, face, force, force.width))
+            pieces.setdefault(at_face, []).append(_patch_of_width(assembly, face, force, force.width))
     for index, forces in without_width.items():
         pieces.setdefault(index, []).append(_spread(assembly, faces[index], forces))
     rest = replace(points, **{name: values[inside] for name, values in vars(points).items()})
     return pieces, resultants(replace(loads, points=rest, tractions=()), assembly.elements)
 
 
-def _pressed(assembly: Assembly, faces: list[_FreeFace], traction: Traction) -> tuple[int, _Piece]:
+def _pressed_face(assembly: Assembly, faces: list[_FreeFace], traction: Traction) -> tuple[int, _Piece]:
     """Return the index of the free face that a traction acts on, and its part; InputError if none."""
     reach = 2.0 * tolerances.ON_OUTLINE * assembly.size
     ends = traction.rings[0]
@@ -326,7 +326,7 @@ def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece
     return _Piece(0.0, face.length, np.array([mean - lean, mean + lean]))
 
 
-def _stated(assembly: Assembly, face: _FreeFace, force: _Force, width: float) -> _Piece:
+def _patch_of_width(assembly: Assembly, face: _FreeFace, force: _Force, width: float) -> _Piece:
     """Return a uniform patch of stated width about one force; raise InputError without room."""
     reach = tolerances.ON_OUTLINE * assembly.size
     low, high = force.at - 0.5 * width, force.at + 0.5 * width
@@ -349,7 +349,7 @@ def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
 _ON_SEGMENT = 1e-6  # distance, relative to the length of a loaded segment, within which an edge lies on it
 
 
-def _tagged(mesh: Mesh, segments: list[Segment]) -> Mesh:
+def _tag_loaded_edges(mesh: Mesh, segments: list[Segment]) -> Mesh:
     """Tag the free outline edges of a mesh that lie on loaded segments."""
     unique, number = mesh.side_nodes
     pairs, tags = [mesh.tagged], [mesh.tag]

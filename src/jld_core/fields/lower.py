@@ -159,11 +159,13 @@ class LowerBound:
     def joint_room(self, stress: Floats, rows: Ints) -> Floats:
         """Return the distances (k, d) of tractions at corners of sides (k,) to yield as dry joints, scaled."""
         # Shear on joints without friction and shear strength is left out: `certify` makes it zero.
-        p, normals = self.problem, self.problem.sides.normal[rows]
-        pull = tractions(p, stress, rows)
+        problem, normals = self.problem, self.problem.sides.normal[rows]
+        pull = tractions(problem, stress, rows)
         normal = np.einsum("fki,fi->fk", pull, normals)
-        face = p.face[rows]
-        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.shear, p.joints.crushing))
+        face = problem.face[rows]
+        mu, c, crush = (
+            v[face][:, None] for v in (problem.joints.friction, problem.joints.shear, problem.joints.crushing)
+        )
         slides = np.where(self.frictionless[face][:, None], np.inf, c - mu * normal - tangential(pull, normals))
         return np.asarray(np.minimum(np.minimum(-normal, slides), crush + normal))
 
@@ -177,29 +179,32 @@ class LowerBound:
         """Matrix E (rows, size + 1) and right-hand side f (rows,) of equilibrium E x = f."""
         # x: stresses in the order of `StressField.stress`, then λ, scaled. The rows are docs/method.md (9.6), (9.7) and
         # (10.4): equilibrium of simplices, equal tractions across sides, given tractions on free sides.
-        p, s, d = self.problem, self.problem.sides, self._dimension
+        problem, sides, d = self.problem, self.problem.sides, self._dimension
         count, rows, last = self._shape[0], Rows(), self._size
-        size = np.sqrt(2.0 * p.mesh.volume) if d == 2 else np.cbrt(6.0 * p.mesh.volume)
-        slope = normal_map(p.mesh.gradient * size[:, None, None])
+        size = np.sqrt(2.0 * problem.mesh.volume) if d == 2 else np.cbrt(6.0 * problem.mesh.volume)
+        slope = normal_map(problem.mesh.gradient * size[:, None, None])
         base = np.arange(last).reshape(count, -1)
         for axis in range(d):
-            entries = [(base, slope[:, :, axis].reshape(count, -1)), (np.full(count, last), size * p.live[:, axis])]
-            rows.add(entries, -size * p.dead[:, axis], count)
-        joined, outer = p.joined, p.outer
-        joined_map, outer_map = normal_map(s.normal[joined]), normal_map(s.normal[outer])
+            entries = [
+                (base, slope[:, :, axis].reshape(count, -1)),
+                (np.full(count, last), size * problem.live[:, axis]),
+            ]
+            rows.add(entries, -size * problem.dead[:, axis], count)
+        joined, outer = problem.joined, problem.outer
+        joined_map, outer_map = normal_map(sides.normal[joined]), normal_map(sides.normal[outer])
         for corner in range(d):
             in_a, in_b = self._columns(joined, corner), self._columns(joined, corner, other=True)
             in_outer = self._columns(outer, corner)
             for axis in range(d):
                 rows.add([(in_a, joined_map[:, axis]), (in_b, -joined_map[:, axis])], 0.0, len(joined))
-                pull = (np.full(len(outer), last), -p.pull[outer, corner, axis])
-                rows.add([(in_outer, outer_map[:, axis]), pull], p.dead_pull[outer, corner, axis], len(outer))
+                pull = (np.full(len(outer), last), -problem.pull[outer, corner, axis])
+                rows.add([(in_outer, outer_map[:, axis]), pull], problem.dead_pull[outer, corner, axis], len(outer))
         return rows.matrix(last + 1), rows.right
 
     def _columns(self, rows: Ints, corner: int, other: bool = False) -> Ints:
         """Return the columns (k, 3 or 6) of stresses at one corner of sides (k,), in simplex a or the other one."""
-        s, (_, corners, size) = self.problem.sides, self._shape
-        simplex, local = (s.b, s.corner_b) if other else (s.a, s.corner_a)
+        sides, (_, corners, size) = self.problem.sides, self._shape
+        simplex, local = (sides.b, sides.corner_b) if other else (sides.a, sides.corner_a)
         return np.asarray(size * (corners * simplex[rows] + local[rows, corner])[:, None] + np.arange(size))
 
     def _equalities(self, labels: Bits) -> tuple[sp.csr_array, object]:
@@ -260,7 +265,7 @@ class LowerBound:
         # Columns: stresses, what holds them within a circle (a radius ≥ √(d² + s²)) or between principal stresses (α ≥
         # σ1 and β ≤ σ3, docs/method.md (10.1)) at each corner, and λ. Rows: equilibrium, yield of the material, yield
         # of dry joints at the corners of sides, and the cones of radii or of tensors.
-        p, corners, parts = self.problem, self._shape[0] * self._shape[1], self._shape[2]
+        problem, corners, parts = self.problem, self._shape[0] * self._shape[1], self._shape[2]
         matrix, rhs = self.equilibrium
         every, planar = np.arange(corners), self._dimension == 2
         bounds = corners if planar else 2 * corners  # number of columns that bound the stresses
@@ -268,7 +273,7 @@ class LowerBound:
         linear, threes, tensors = Rows(), Rows(), Rows()
         radius = largest = self._size + every  # columns of radii in the plane, of α in space
         smallest = largest + corners  # columns of β
-        for a, b in p.material.lines:
+        for a, b in problem.material.lines:
             in_space = [(largest, 0.5 - 0.5 * b), (smallest, -0.5 - 0.5 * b)]
             linear.add([(radius, 1.0), (parts * every, -b)] if planar else in_space, a - margin, corners)
         owner = [np.full(linear.count, -1, dtype=np.int64), *self._joint_rows(rows, linear, threes, margin)]
@@ -299,11 +304,11 @@ class LowerBound:
     def _joint_rows(self, rows: Ints, linear: Rows, threes: Rows, margin: float) -> list[Ints]:
         """Append pressure, friction and crushing of joints at the corners of sides (k,); return the sides of rows."""
         # Friction is two inequalities in the plane, and a cone in space.
-        p, normal = self.problem, self.problem.sides.normal[rows]
-        face = p.face[rows]
-        mu, c, smooth = p.joints.friction[face], p.joints.shear[face], self.frictionless[face]
-        size, crushable = np.maximum(1.0, mu), np.flatnonzero(np.isfinite(p.joints.crushing[face]))
-        crush = p.joints.crushing[face[crushable]]
+        problem, normal = self.problem, self.problem.sides.normal[rows]
+        face = problem.face[rows]
+        mu, c, smooth = problem.joints.friction[face], problem.joints.shear[face], self.frictionless[face]
+        size, crushable = np.maximum(1.0, mu), np.flatnonzero(np.isfinite(problem.joints.crushing[face]))
+        crush = problem.joints.crushing[face[crushable]]
         pressed, *slid = (np.einsum("ki,kij->kj", way, normal_map(normal)) for way in (normal, *across(normal)))
         owner = []
         for corner in range(self._dimension):
@@ -326,6 +331,6 @@ class LowerBound:
 
 def tractions(problem: Problem, stress: Floats, rows: Ints) -> Floats:
     """Return the tractions (side, corner, axis), (k, d, d), on simplex a at sides (k,); tension positive."""
-    s = problem.sides
-    own = stress[s.a[rows][:, None], s.corner_a[rows]]
-    return np.asarray(np.einsum("fij,fkj->fki", normal_map(s.normal[rows]), own))
+    sides = problem.sides
+    own = stress[sides.a[rows][:, None], sides.corner_a[rows]]
+    return np.asarray(np.einsum("fij,fkj->fki", normal_map(sides.normal[rows]), own))

@@ -28,16 +28,12 @@ FREE = -1  # tag of an outline edge that belongs to no interface
 
 @dataclass(frozen=True)
 class Outlines:
-    """Outlines of all free cells over common nodes (p, 2).
+    """Outlines of all free cells over common nodes."""
 
-    rings: per outline (k,) its nodes, counter-clockwise. tags: per outline (k,) the interface on the edge from node i
-    to i + 1, or FREE.
-    """
-
-    points: Floats
-    cells: Ints
-    rings: tuple[Ints, ...]
-    tags: tuple[Ints, ...]
+    points: Floats  # (p, 2) nodes
+    cells: Ints  # element of each outline
+    rings: tuple[Ints, ...]  # (k,) nodes of each outline, counter-clockwise
+    tags: tuple[Ints, ...]  # (k,) interface on its edge from node i to i + 1, or FREE
 
 
 def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
@@ -176,8 +172,8 @@ class Mesh:
     @cached_property
     def volume(self) -> Floats:
         """(t,) volumes of the simplices, areas in the plane, positive."""
-        c = self.corners
-        arm, normal = c[:, 1] - c[:, 0], _outward(np.delete(c, 1, axis=1))
+        corners = self.corners
+        arm, normal = corners[:, 1] - corners[:, 0], _outward(np.delete(corners, 1, axis=1))
         if self.dimension == 2:
             return np.asarray(0.5 * (arm * normal).sum(axis=1))
         return np.asarray(np.einsum("ti,ti->t", arm, normal) / 6.0)
@@ -397,7 +393,7 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
         split[lead[nonconforming]] = True
     middle = np.full(len(unique), -1, dtype=np.int64)
     middle[split] = len(mesh.points) + np.arange(int(split.sum()))
-    triangles, parent = _bisected(mesh, middle[number], longest)
+    triangles, parent = _bisect(mesh, middle[number], longest)
     tagged = mesh.side_tags != FREE
     whole, halves = np.flatnonzero(tagged & ~split), np.flatnonzero(tagged & split)
     pairs = [unique[whole], *(np.column_stack([unique[halves, end], middle[halves]]) for end in (0, 1))]
@@ -412,7 +408,7 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
     )
 
 
-def _bisected(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, int, int]], list[int]]:
+def _bisect(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, int, int]], list[int]]:
     """Split triangles at middles (t, 3), −1 for none, edge `first` first; also the old triangle of each."""
     triangles: list[tuple[int, int, int]] = []
     parent: list[int] = []

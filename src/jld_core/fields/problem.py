@@ -51,30 +51,22 @@ def material_of(assembly: Assembly) -> Material:
 
 @dataclass(frozen=True)
 class Units:
-    """Units of a scaled problem: scene value = unit × scaled value.
-
-    velocity: of velocities on which the live load does unit work, 1 / force. origin: (2,) or (3,) point that becomes
-    zero.
-    """
+    """Units of a scaled problem: scene value = unit × scaled value."""
 
     length: float
     stress: float
     load: float
-    velocity: float
-    origin: Floats
+    velocity: float  # of velocities on which the live load does unit work, 1 / force
+    origin: Floats  # (2,) or (3,) point that becomes zero
 
 
 @dataclass(frozen=True)
 class Joints:
-    """Scaled strengths of the m interfaces as dry joints, (m,) each.
+    """Scaled strengths of the m interfaces as dry joints, (m,) each."""
 
-    friction: coefficient μ, 0 where the scene gives none. shear: resistance to shear without pressure, and crushing:
-    compressive strength, over `Units.stress`; inf where the joint cannot crush.
-    """
-
-    friction: Floats
-    shear: Floats
-    crushing: Floats
+    friction: Floats  # coefficient μ, 0 where the scene gives none
+    shear: Floats  # resistance to shear without pressure, over `Units.stress`
+    crushing: Floats  # compressive strength, over `Units.stress`; inf where the joint cannot crush
 
 
 @dataclass(frozen=True)

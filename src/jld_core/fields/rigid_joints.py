@@ -73,14 +73,14 @@ class RigidBlocks:
     @classmethod
     def of(cls, problem: Problem, labels: Bits) -> RigidBlocks:
         """Find the blocks of a labelling (m,), True = dry, of a spatial problem."""
-        s, cell = problem.sides, problem.mesh.cell
+        sides, cell = problem.sides, problem.mesh.cell
         count = int(cell.max()) + 1
         inner = (problem.face >= 0) & ~problem.is_dry(labels)
-        between_cells = inner & (s.b >= 0)
-        block = components(count, cell[s.a[between_cells]], cell[s.b[between_cells]])
+        between_cells = inner & (sides.b >= 0)
+        block = components(count, cell[sides.a[between_cells]], cell[sides.b[between_cells]])
         free = np.zeros(int(block.max()) + 1, dtype=bool)
         free[block[cell]] = True
-        free[block[cell[s.a[inner & (s.b < 0)]]]] = False
+        free[block[cell[sides.a[inner & (sides.b < 0)]]]] = False
         return cls(block, free, labels)
 
 
@@ -98,12 +98,15 @@ def rigid_balance(problem: Problem, blocks: RigidBlocks, *, at_nodes: bool) -> R
 
     at_nodes: forces at the corners of triangles, else linear tractions.
     """
-    p, rows = problem, blocks.dry(problem)
+    rows = blocks.dry(problem)
     balance = _equilibrium_matrix(problem, blocks, rows, at_nodes=at_nodes)
-    live, dead = _resultants(p, blocks, p.live, p.pull), _resultants(p, blocks, p.dead, p.dead_pull)
+    live, dead = (
+        _resultants(problem, blocks, problem.live, problem.pull),
+        _resultants(problem, blocks, problem.dead, problem.dead_pull),
+    )
     free = np.repeat(blocks.free, 6)
     equations = sp.hstack([balance, sp.csr_array(live.reshape(-1, 1))], format="csr")[free]
-    linear, threes = _joint_cones(p, rows)
+    linear, threes = _joint_cones(problem, rows)
     parts = [part for part in (linear, threes) if part.count]
     width = 9 * len(rows) + 1
     matrix = sp.csr_array(sp.vstack([equations, *(part.matrix(width) for part in parts)]))
@@ -121,17 +124,17 @@ def rigid_balance(problem: Problem, blocks: RigidBlocks, *, at_nodes: bool) -> R
 
 def _equilibrium_matrix(problem: Problem, blocks: RigidBlocks, rows: Ints, *, at_nodes: bool) -> sp.csr_array:
     """Return the map (6b, 9k) from tractions on dry triangles `rows` (k,) to wrenches of blocks about the origin."""
-    s, count = problem.sides, len(rows)
-    corners = problem.mesh.corners[s.a[rows][:, None], s.corner_a[rows]]
+    sides, count = problem.sides, len(rows)
+    corners = problem.mesh.corners[sides.a[rows][:, None], sides.corner_a[rows]]
     # the resultant of a linear pressure with value 1 at one corner acts at (2, 1, 1)/4
     at = corners if at_nodes else (corners + corners.sum(axis=1, keepdims=True)) / 4.0
-    wrench = _wrenches(at) * (s.area[rows] / 3.0)[:, None, None, None]  # (k, 3, 6, 3)
+    wrench = _wrenches(at) * (sides.area[rows] / 3.0)[:, None, None, None]  # (k, 3, 6, 3)
     # column 9 k + 3 corner + axis
     columns = np.broadcast_to(
         9 * np.arange(count)[:, None, None, None] + 3 * np.arange(3)[:, None, None] + np.arange(3), wrench.shape
     )
     entries = []
-    for sign, sided, tetrahedra in ((1.0, np.ones(count, dtype=bool), s.a), (-1.0, s.b[rows] >= 0, s.b)):
+    for sign, sided, tetrahedra in ((1.0, np.ones(count, dtype=bool), sides.a), (-1.0, sides.b[rows] >= 0, sides.b)):
         first = 6 * blocks.of_cell[problem.mesh.cell[tetrahedra[rows[sided]]]]
         row = np.broadcast_to(first[:, None, None, None] + np.arange(6)[:, None], wrench[sided].shape)
         entries.append((sign * wrench[sided].ravel(), row.ravel(), columns[sided].ravel()))
@@ -150,27 +153,26 @@ def _wrenches(at: Floats) -> Floats:
 
 def _resultants(problem: Problem, blocks: RigidBlocks, body: Floats, pull: Floats) -> Floats:
     """Sum body forces (t, 3) and tractions (f, 3, 3) to wrenches (b, 6) of blocks about the origin, scaled."""
-    mesh, s = problem.mesh, problem.sides
+    mesh, sides = problem.mesh, problem.sides
     total = np.zeros((len(blocks.free), 6))
     force = body * mesh.volume[:, None]
     np.add.at(total, blocks.of_cell[mesh.cell], np.einsum("tij,tj->ti", _wrenches(mesh.corners.mean(axis=1)), force))
     rows = np.flatnonzero(pull.any(axis=(1, 2)))
-    corner = mesh.corners[s.a[rows][:, None], s.corner_a[rows]]
-    push = (pull[rows] + pull[rows].sum(axis=1, keepdims=True)) * (s.area[rows] / 12.0)[:, None, None]
-    np.add.at(total, blocks.of_cell[mesh.cell[s.a[rows]]], np.einsum("kcij,kcj->ki", _wrenches(corner), push))
+    corner = mesh.corners[sides.a[rows][:, None], sides.corner_a[rows]]
+    push = (pull[rows] + pull[rows].sum(axis=1, keepdims=True)) * (sides.area[rows] / 12.0)[:, None, None]
+    np.add.at(total, blocks.of_cell[mesh.cell[sides.a[rows]]], np.einsum("kcij,kcj->ki", _wrenches(corner), push))
     return total
 
 
 def _joint_cones(problem: Problem, rows: Ints) -> tuple[Rows, Rows]:
     """Return the yield conditions (10.5) of k dry triangles over tractions (9k,): inequalities, cones of size 3."""
     # Pressure is limited by crushing of the joint, and by a share of the strength of the blocks in one direction.
-    p = problem
-    face, normal = p.face[rows], p.sides.normal[rows]
+    face, normal = problem.face[rows], problem.sides.normal[rows]
     tangents = across(normal)
-    mu, c = p.joints.friction[face], p.joints.shear[face]
+    mu, c = problem.joints.friction[face], problem.joints.shear[face]
     # tractions near the strength of the blocks would concentrate where no field can spread them
-    strength = min(2.0 * p.material.intercept / (1.0 - p.material.sine), p.material.crushing)
-    crush = np.minimum(p.joints.crushing[face], _PRESSED * strength)
+    strength = min(2.0 * problem.material.intercept / (1.0 - problem.material.sine), problem.material.crushing)
+    crush = np.minimum(problem.joints.crushing[face], _PRESSED * strength)
     crushed = np.flatnonzero(np.isfinite(crush))
     linear, threes = Rows(), Rows()
     for corner in range(3):
@@ -188,17 +190,17 @@ def _edges_of_loss(problem: Problem, blocks: RigidBlocks, traction: Floats, velo
     """Return the joint edges (e, 2) of the triangles with half of the lost power, longest first."""
     # The loss is the power of corner tractions against jumps. Each triangle gives the edge along which it changes most,
     # with a small bonus for length.
-    s, rows, mesh = problem.sides, blocks.dry(problem), problem.mesh
-    nodes = mesh.simplices[s.a[rows][:, None], s.corner_a[rows]]
+    sides, rows, mesh = problem.sides, blocks.dry(problem), problem.mesh
+    nodes = mesh.simplices[sides.a[rows][:, None], sides.corner_a[rows]]
     place = mesh.points[nodes]
     # the transpose of the map of forces to wrenches gives velocities of points by those of blocks
     move = _wrenches(place)
-    jump = -np.einsum("kcij,ki->kcj", move, velocity[blocks.of_cell[mesh.cell[s.a[rows]]]])
-    two_sided = s.b[rows] >= 0
+    jump = -np.einsum("kcij,ki->kcj", move, velocity[blocks.of_cell[mesh.cell[sides.a[rows]]]])
+    two_sided = sides.b[rows] >= 0
     jump[two_sided] += np.einsum(
-        "kcij,ki->kcj", move[two_sided], velocity[blocks.of_cell[mesh.cell[s.b[rows[two_sided]]]]]
+        "kcij,ki->kcj", move[two_sided], velocity[blocks.of_cell[mesh.cell[sides.b[rows[two_sided]]]]]
     )
-    force = (traction + traction.sum(axis=1, keepdims=True)) * (s.area[rows] / 12.0)[:, None, None]
+    force = (traction + traction.sum(axis=1, keepdims=True)) * (sides.area[rows] / 12.0)[:, None, None]
     lost = np.maximum(-np.einsum("kci,kci->kc", force, jump), 0.0)
     total = lost.sum(axis=1)
     if not total.any():

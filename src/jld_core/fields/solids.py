@@ -19,7 +19,7 @@ from jld_core.fields.mesh import Mesh, patch_tag, ring_of
 from jld_core.geometry import facets_of
 from jld_core.geometry.polyhedra import FacetFrames, Facets
 from jld_core.linalg import merged_points
-from jld_core.loads import Loads, Traction, resultants
+from jld_core.loads import Loads, PointForces, Traction, resultants
 
 
 @dataclass(frozen=True)
@@ -148,14 +148,10 @@ _OPPOSITE = -0.7  # cosine between outward normals of two facets below which the
 
 @dataclass(frozen=True)
 class Part:
-    """Convex part of a cell that planes cut.
+    """Convex part of a cell that planes cut."""
 
-    side: (k,) True where the part lies beyond a plane, in the direction of its normal. skin: pairs of facet and outline
-    (c, 3), for faces on facets of the cell. caps: pairs of plane and outline (c, 3), for faces on planes. Outlines are
-    in scene units.
-    """
-
-    side: tuple[bool, ...]
+    side: tuple[bool, ...]  # (k,) True where the part lies beyond a plane, in the direction of its normal
+    # number and outline (c, 3), scene units, of each face: on facets of the cell, and on planes
     skin: tuple[tuple[int, Floats], ...]
     caps: tuple[tuple[int, Floats], ...]
 
@@ -200,7 +196,7 @@ def corners_of(surface: Surface, layers: dict[int, Layers]) -> Floats:
     """Return the points (k, 3) where layered cells need nodes, scene units; some repeat."""
     # The points are the corners of the cells' parts, and of the pieces of interfaces, load patches and free regions on
     # their facets.
-    places = [outline for one in layers.values() for part in one.parts for _, outline in (*part.skin, *part.caps)]
+    places = [outline for layer in layers.values() for part in layer.parts for _, outline in (*part.skin, *part.caps)]
     for index, facet in enumerate(surface.facets):
         if facet.cell not in layers:
             continue
@@ -256,29 +252,30 @@ def _nodes(surface: Surface, facets: list[int]) -> Floats:
     return surface.points[np.unique(np.concatenate(rings))]
 
 
-def _planes(surface: Surface, one: Facet, other: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
+def _planes(surface: Surface, start: Facet, end: Facet, nodes: Floats) -> list[tuple[Floats, float]]:
     """Return the planes, unit normal (3,) and offset, that cut a long or flat cell between two facets."""
 
     # Where the facets lean, all planes meet in one line; a plane close to a node is moved to it.
-    def share(places: Floats) -> Floats:  # of the way from one facet to the other
-        near, far = (one.origin - places) @ one.normal, (other.origin - places) @ other.normal
-        return np.asarray(near / (near + far))
+    def share_of_way(points: Floats) -> Floats:
+        """Return 0 at points (k, 3) on the first facet, 1 on the second one."""
+        from_start, to_end = (start.origin - points) @ start.normal, (end.origin - points) @ end.normal
+        return np.asarray(from_start / (from_start + to_end))
 
     middle = nodes.mean(axis=0)
-    width = float((one.origin - middle) @ one.normal + (other.origin - middle) @ other.normal)
-    side = max(_smaller_side(surface, one), _smaller_side(surface, other))
+    width = float((start.origin - middle) @ start.normal + (end.origin - middle) @ end.normal)
+    side = max(_smaller_side(surface, start), _smaller_side(surface, end))
     if width >= _THRICE * side:
-        places = [side / width, 1.0 - side / width]
+        shares = [side / width, 1.0 - side / width]
     else:
-        places = [0.5] if width >= _TWICE * side else []
-    known = np.unique(np.round(share(nodes), _DIGITS))
+        shares = [0.5] if width >= _TWICE * side else []
+    of_nodes = np.unique(np.round(share_of_way(nodes), _DIGITS))
     planes = []
-    for place in places:
-        nearest = float(known[np.argmin(np.round(abs(known - place), _DIGITS))])
-        at = nearest if abs(nearest - place) * width <= _SNAP * side else place
-        normal = at * other.normal - (1.0 - at) * one.normal
+    for wanted in shares:
+        nearest = float(of_nodes[np.argmin(np.round(abs(of_nodes - wanted), _DIGITS))])
+        share = nearest if abs(nearest - wanted) * width <= _SNAP * side else wanted
+        normal = share * end.normal - (1.0 - share) * start.normal
         size = float(np.linalg.norm(normal))
-        offset = at * float(other.origin @ other.normal) - (1.0 - at) * float(one.origin @ one.normal)
+        offset = share * float(end.origin @ end.normal) - (1.0 - share) * float(start.origin @ start.normal)
         planes.append((normal / size, offset / size))
     return planes
 
@@ -296,7 +293,7 @@ def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float
     on_plane: list[Floats] = []
     for source, target in ((part.skin, skins), (part.caps, caps)):
         for name, outline in source:
-            for half, (piece, edge) in enumerate(_clipped(outline, normal, offset, reach)):
+            for half, (piece, edge) in enumerate(_cut_outline(outline, normal, offset, reach)):
                 on_plane.append(edge)
                 if len(piece) > 2:
                     target[half].append((name, piece))
@@ -307,7 +304,7 @@ def _halves(part: Part, number: int, normal: Floats, offset: float, reach: float
     return [Part((*part.side, bool(half)), tuple(skins[half]), (*caps[half], (number, cap))) for half in (0, 1)]
 
 
-def _clipped(outline: Floats, normal: Floats, offset: float, reach: float) -> list[tuple[Floats, Floats]]:
+def _cut_outline(outline: Floats, normal: Floats, offset: float, reach: float) -> list[tuple[Floats, Floats]]:
     """Cut a convex outline (c, 3) by a plane: pieces (c, 3) before and beyond it, with their points on it (j, 3)."""
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
@@ -566,7 +563,7 @@ def loaded_solids(
     plain = surface_of(assembly)
     pieces: dict[int, list[_Piece]] = {}
     rest = [
-        _pieces(assembly, plain, loads, kind, patch, pieces)
+        _add_pieces(assembly, plain, loads, kind, patch, pieces)
         for kind, loads in enumerate((assembly.dead_loads, assembly.live_loads))
     ]
     patches, tractions = list[Patch](), list[PatchLoad]()
@@ -586,38 +583,51 @@ def loaded_solids(
     return mesh, FieldLoads(dead, live, tuple(tractions))
 
 
-def _pieces(
+def _add_pieces(
     assembly: Assembly, surface: Surface, loads: Loads, kind: int, patch: float | None, pieces: dict[int, list[_Piece]]
 ) -> Floats:
-    """Add the tractions of loads to the pieces of each facet; return the rest (n, 6) of the loads."""
+    """Add tractions of dead (kind 0) or live loads (1) to the pieces by facet; return the rest (n, 6) of the loads."""
     for traction in loads.tractions:
-        index, polygon = _pressed(assembly, surface, traction)
+        index, polygon = _pressed_facet(assembly, surface, traction)
         pieces.setdefault(index, []).append(_piece(surface.facets[index], polygon, traction, kind))
-    points, chosen = loads.points, dict[tuple[int, int], list[_Force]]()
-    inside = np.ones(len(points), dtype=bool)  # points of loads on no free face: they stay body forces
+    points = loads.points
+    on_face, inside = _forces_by_region(assembly, surface, points, patch)
+    for (index, number), forces in on_face.items():
+        facet = surface.facets[index]
+        region = surface.free(facet)[number]
+        spread = [
+            _square_of_width(assembly, facet, region, force, surface.reach)
+            for force in forces
+            if force.width is not None
+        ]
+        without_width = [force for force in forces if force.width is None]
+        if without_width:
+            spread.append(_spread(assembly, facet, region, without_width))
+        pieces.setdefault(index, []).extend(_piece(facet, polygon, load, kind) for polygon, load in spread)
+    body_forces_at = replace(points, **{name: values[inside] for name, values in vars(points).items()})
+    return resultants(replace(loads, points=body_forces_at, tractions=()), assembly.elements)
+
+
+def _forces_by_region(
+    assembly: Assembly, surface: Surface, points: PointForces, patch: float | None
+) -> tuple[dict[tuple[int, int], list[_Force]], Bools]:
+    """Return forces by free region (facet, number), and (k,) True for those inside."""
+    on_face: dict[tuple[int, int], list[_Force]] = {}
+    inside = np.ones(len(points), dtype=bool)
     for k, (cell, place, vector) in enumerate(zip(points.element, points.at, points.force, strict=True)):
         stated = not np.isnan(points.width[k])
         force = _Force(place, vector, float(points.width[k]) if stated else patch)
         region_key = _region_of(assembly, surface, int(cell), force)
         if region_key is not None:
             inside[k] = False
-            chosen.setdefault(region_key, []).append(force)
+            on_face.setdefault(region_key, []).append(force)
         elif stated:
             raise InputError(
                 f"element {assembly.elements.ids[cell]!r}",
                 f"the force at {_place_text(place)} has a width and no free face",
                 "a place on a free face of the element, or no width",
             )
-    for (index, number), forces in chosen.items():
-        facet = surface.facets[index]
-        region = surface.free(facet)[number]
-        spread = [_stated(assembly, facet, region, force, surface.reach) for force in forces if force.width is not None]
-        plain = [force for force in forces if force.width is None]
-        if plain:
-            spread.append(_spread(assembly, facet, region, plain))
-        pieces.setdefault(index, []).extend(_piece(facet, polygon, one, kind) for polygon, one in spread)
-    left = replace(points, **{name: values[inside] for name, values in vars(points).items()})
-    return resultants(replace(loads, points=left, tractions=()), assembly.elements)
+    return on_face, inside
 
 
 def _piece(facet: Facet, polygon: shapely.Polygon, traction: Traction, kind: int) -> _Piece:
@@ -627,7 +637,7 @@ def _piece(facet: Facet, polygon: shapely.Polygon, traction: Traction, kind: int
     return _Piece(polygon, mean, slope)
 
 
-def _pressed(assembly: Assembly, surface: Surface, traction: Traction) -> tuple[int, shapely.Polygon]:
+def _pressed_facet(assembly: Assembly, surface: Surface, traction: Traction) -> tuple[int, shapely.Polygon]:
     """Return the facet that a traction acts on, and its part in the plane; InputError if none."""
     corners = np.concatenate(traction.rings)
     reach = max(surface.reach, 2.0 * tolerances.ON_OUTLINE * assembly.size)
@@ -696,7 +706,7 @@ def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: l
     return part, _linear(facet, part, forces)
 
 
-def _stated(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Spread:
+def _square_of_width(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Spread:
     """Spread a force over a square of its width; InputError if that exceeds the region by more than `reach`."""
     assert force.width is not None
     x, y = facet.flat(force.place[None])[0]

@@ -86,36 +86,36 @@ def mechanism_bounds(upper: UpperBound, velocity: Floats) -> FieldMechanism | No
 
     None without live work, or with infinite dissipation in blocks.
     """
-    p, s = upper.problem, upper.problem.sides
+    problem, sides = upper.problem, upper.problem.sides
     rates = upper.rates(velocity)
     allowance = upper.allowance(velocity)
     work = float((upper.live * velocity).sum())
     if not work > 0.0:
         return None
     # dissipation is convex along a side, so its corner values bound it
-    corner_share = s.area / p.mesh.dimension
-    ends = p.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
-    inside = corner_share[p.inside] * ends[p.inside].sum(axis=1)
-    blocks = p.mesh.volume * p.material.dissipation(rates.trace, rates.shear, allowance)
+    corner_share = sides.area / problem.mesh.dimension
+    ends = problem.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
+    inside = corner_share[problem.inside] * ends[problem.inside].sum(axis=1)
+    blocks = problem.mesh.volume * problem.material.dissipation(rates.trace, rates.shear, allowance)
     dead = upper.dead * velocity
     slack = tolerances.SUMMATION * (float(inside.sum()) + float(blocks.sum()) + float(np.abs(dead).sum()))
     constant = (float(inside.sum()) + float(blocks.sum()) - float(dead.sum()) + slack) / work
     if not np.isfinite(constant):
         return None
-    rows = p.on_faces
-    face, count = p.face[rows], len(p.joints.friction)
+    rows = problem.on_faces
+    face, count = problem.face[rows], len(problem.joints.friction)
     joint = corner_share[rows] * upper.joint_power(rates, rows, allowance).sum(axis=1)
     crack = corner_share[rows] * ends[rows].sum(axis=1)
-    load = p.units.load
+    load = problem.units.load
     dry, inner = (np.asarray(np.bincount(face, part, minlength=count) * (load / work)) for part in (joint, crack))
     return FieldMechanism(constant * load, dry.astype(np.float64), inner.astype(np.float64))
 
 
 def stresses_of(lower: LowerBound, field: StressField, labels: Bits) -> FieldStresses:
     """Compute the labellings for which a certified stress field proves its bound, with `field.charge` to spare."""
-    p = lower.problem
-    rows = p.on_faces
+    problem = lower.problem
+    rows = problem.on_faces
     fits = lower.joint_room(field.stress, rows).min(axis=1) >= field.charge
-    fits &= labels[p.face[rows]] | ~lower.frictionless[p.face[rows]]
-    wrong = np.bincount(p.face[rows], ~fits, minlength=len(p.joints.friction))
-    return FieldStresses(field.factor * p.units.load, wrong == 0)
+    fits &= labels[problem.face[rows]] | ~lower.frictionless[problem.face[rows]]
+    wrong = np.bincount(problem.face[rows], ~fits, minlength=len(problem.joints.friction))
+    return FieldStresses(field.factor * problem.units.load, wrong == 0)

@@ -27,10 +27,10 @@ Entries = list[tuple[Ints, Floats | float]]
 def jump_entries(problem: Problem, rows: Ints, corner: int) -> tuple[Ints, Floats]:
     """Return columns (k, 2d) and values (k, d, 2d) of the jump b − a at a corner; supports do not move."""
     # Column d·(d + 1)·simplex + d·corner + axis is a velocity; without b, its columns are those of a with values 0.
-    s, d = problem.sides, problem.mesh.dimension
-    of_a = d * (d + 1) * s.a[rows] + d * s.corner_a[rows, corner]
-    moves = s.b[rows] >= 0  # b is a simplex and no support
-    of_b = np.where(moves, d * (d + 1) * s.b[rows] + d * s.corner_b[rows, corner], of_a)
+    sides, d = problem.sides, problem.mesh.dimension
+    of_a = d * (d + 1) * sides.a[rows] + d * sides.corner_a[rows, corner]
+    moves = sides.b[rows] >= 0  # b is a simplex and no support
+    of_b = np.where(moves, d * (d + 1) * sides.b[rows] + d * sides.corner_b[rows, corner], of_a)
     columns = np.concatenate([of_a[:, None] + np.arange(d), of_b[:, None] + np.arange(d)], axis=1)
     values_of_a = np.broadcast_to(-np.eye(d), (len(rows), d, d))
     return columns, np.concatenate([values_of_a, moves[:, None, None] * np.eye(d)], axis=2)
@@ -72,11 +72,11 @@ class VelocityProgram:
         self._cohesive: list[Ints] = [np.empty(0, dtype=np.int64)]
         self._columns = live.size
         self._costs: list[Floats] = [-dead.ravel().astype(float)]
-        self._side_costs: list[tuple[Ints, Ints, Floats]] = []
-        every = np.arange(live.size)[None]
-        work.add([(every, live.reshape(1, -1))], 1.0, 1)
+        self._side_costs: list[tuple[Ints, Ints, Floats]] = []  # side, columns, cost where it is not dry
+        velocities = np.arange(live.size)[None]
+        work.add([(velocities, live.reshape(1, -1))], 1.0, 1)
         if driving is not None:
-            self._add(self._linear, [(every, -driving.reshape(1, -1))], -margin, 1)
+            self._add(self._linear, [(velocities, -driving.reshape(1, -1))], -margin, 1)
         self._simplices()
         # sides with jumps in the material, and those on dry joints: without labels a side can be both
         dry = None if labels is None else problem.is_dry(labels)
@@ -87,20 +87,21 @@ class VelocityProgram:
                 self._cut_corners(cut, corner)
             if joints.size:
                 self._dry_corners(joints, corner)
-        parts = [part for part in (work, self._linear, self._threes, self._fours, self._psd) if part.count]
-        matrix = sp.csr_array(sp.vstack([part.matrix(self._columns) for part in parts]))
-        rhs = np.concatenate([part.right for part in parts])
+        groups = [rows for rows in (work, self._linear, self._threes, self._fours, self._psd) if rows.count]
+        matrix = sp.csr_array(sp.vstack([rows.matrix(self._columns) for rows in groups]))
+        rhs = np.concatenate([rows.right for rows in groups])
         self._fixed = np.concatenate(self._costs)
-        three = self._threes.count // 3
-        self._whole = matrix, rhs, ConeSizes(1, self._linear.count, three, self._fours.count // 4, self._psd.count // 6)
+        threes = self._threes.count // 3
+        sizes = ConeSizes(1, self._linear.count, threes, self._fours.count // 4, self._psd.count // 6)
+        self._whole = matrix, rhs, sizes
         if self._switched:
             # only linear rows and cones of three are switched, and the one row of live work stands before them
-            groups = id(self._linear), id(self._threes)
-            self._off_owner = np.concatenate([np.array([-1]), *(part for key in groups for part in self._owner[key])])
-            self._off_dry = np.concatenate([[False], *(part for key in groups for part in self._when_dry[key])])
+            linear, cones = id(self._linear), id(self._threes)
+            self._off_owner = np.concatenate([np.array([-1]), *self._owner[linear], *self._owner[cones]])
+            self._off_dry = np.concatenate([[False], *self._when_dry[linear], *self._when_dry[cones]])
             self._off_cohesion = np.zeros(len(self._off_dry), dtype=bool)
             self._off_cohesion[1 + np.concatenate(self._cohesive)] = True
-            self._program = ConeProgram(self._fixed, matrix, rhs, ConeSizes(1, self._linear.count, three), many)
+            self._program = ConeProgram(self._fixed, matrix, rhs, ConeSizes(1, self._linear.count, threes), many)
 
     def solve(self, dry: Bools | None = None, undecided: Bools | None = None) -> Answer:
         """Solve the program for dry and undecided sides (f,); the answer is not certified."""
@@ -192,12 +193,12 @@ class VelocityProgram:
 
     def _cut_corners(self, rows: Ints, corner: int) -> None:
         """Add dissipation and flow rule |δ| ≤ y1 + y2 + y3 of jumps δ in the material at a corner of sides (k,)."""
-        s, d = self.problem.sides, self.problem.mesh.dimension
+        sides, d = self.problem.sides, self.problem.mesh.dimension
         columns, jump = jump_entries(self.problem, rows, corner)
-        normal = s.normal[rows]
+        normal = sides.normal[rows]
         opening = np.einsum("ki,kij->kj", normal, jump)
         owner = rows if self._switched else None
-        total = self._multipliers((columns, opening), s.area[rows] / d, owner)
+        total = self._multipliers((columns, opening), sides.area[rows] / d, owner)
         if d == 2:
             jump = np.stack([opening, np.einsum("ki,kij->kj", across(normal)[0], jump)], axis=1)
         self._cone(self._threes if d == 2 else self._fours, total, columns, jump, owner)
@@ -205,35 +206,37 @@ class VelocityProgram:
     def _dry_corners(self, rows: Ints, corner: int) -> None:
         """Add p ≥ |δs| and δn + q ≥ μ |δs| for jumps on dry joints at one corner of sides (k,)."""
         # δn: opening. δs: slip. p ≥ 0 costs shear strength, q ≥ 0 crushing. In the plane |δs| is two inequalities.
-        p, s, count = self.problem, self.problem.sides, len(rows)
-        face, size = p.face[rows], s.area[rows] / p.mesh.dimension
-        mu, shear, crush = p.joints.friction[face], p.joints.shear[face], p.joints.crushing[face]
-        columns, jump = jump_entries(p, rows, corner)
-        normal = s.normal[rows]
+        problem, sides, count = self.problem, self.problem.sides, len(rows)
+        spatial = problem.mesh.dimension == 3
+        face, size = problem.face[rows], sides.area[rows] / problem.mesh.dimension  # share of the side at a corner
+        joints = problem.joints
+        mu, shear, crush = joints.friction[face], joints.shear[face], joints.crushing[face]
+        columns, jump = jump_entries(problem, rows, corner)
+        normal = sides.normal[rows]
         opening, *slips = (np.einsum("ki,kij->kj", way, jump) for way in (normal, *across(normal)))
-        finite = np.isfinite(crush)
-        extra: Entries = []
-        slid = self._new(size * shear) if len(slips) > 1 else None
-        if slid is not None or finite.any():
-            crushed = self._new(np.where(finite, size * crush, 0.0))
-            extra = [(crushed, np.where(finite, -1.0, 0.0))]
-            self._add(self._linear, [(crushed, -1.0)], 0.0, count)
-        margin = np.where(finite & (len(slips) > 1), 0.0, -self._margin)
-        if slid is not None:
-            self._add(self._linear, [(columns, -opening), (slid, mu), *extra], margin, count)
-            self._cone(self._threes, [(slid, 1.0)], columns, np.stack(slips, axis=1))
+        crushes = np.isfinite(crush)
+        plus_q: Entries = []
+        p = self._new(size * shear) if spatial else None
+        if spatial or crushes.any():
+            q = self._new(np.where(crushes, size * crush, 0.0))
+            plus_q = [(q, np.where(crushes, -1.0, 0.0))]
+            self._add(self._linear, [(q, -1.0)], 0.0, count)
+        margin = np.where(crushes & spatial, 0.0, -self._margin)
+        if p is not None:
+            self._add(self._linear, [(columns, -opening), (p, mu), *plus_q], margin, count)
+            self._cone(self._threes, [(p, 1.0)], columns, np.stack(slips, axis=1))
             return
-        scale = np.maximum(1.0, mu)
+        slip, scale = slips[0], np.maximum(1.0, mu)  # rows of a size of one, also for steep friction
         for sign in (1.0, -1.0):
-            slide = (columns, (sign * mu / scale)[:, None] * slips[0])
-            entries = [(columns, -opening / scale[:, None]), slide, *((c, v / scale) for c, v in extra)]
+            friction = (columns, (sign * mu / scale)[:, None] * slip)
+            entries = [(columns, -opening / scale[:, None]), friction, *((c, v / scale) for c, v in plus_q)]
             self._add(self._linear, entries, margin, count, rows, True)
         if shear.any():
-            stuck = self._new(size * shear)
-            self._add(self._linear, [(stuck, -1.0)], 0.0, count)
+            p = self._new(size * shear)
+            self._add(self._linear, [(p, -1.0)], 0.0, count)
             for sign in (1.0, -1.0):
                 self._cohesive.append(self._linear.count + np.arange(count))
-                self._add(self._linear, [(columns, sign * slips[0]), (stuck, -1.0)], 0.0, count, rows, True)
+                self._add(self._linear, [(columns, sign * slip), (p, -1.0)], 0.0, count, rows, True)
 
     def _cone(self, group: Rows, head: Entries, columns: Ints, tail: Floats, owner: Ints | None = None) -> None:
         """Append cones head ≥ |tail| (k, j, columns) to a group, rows together; owner: switching sides (k,)."""
@@ -279,7 +282,7 @@ def opening_motion(problem: Problem) -> Floats | None:
 def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     """Find gradients (t, 2) of a function linear on triangles and convex in each cell, by a linear program; or None."""
     # One exists for every mesh of fans, trees of triangles and their bisections, which are regular subdivisions.
-    mesh, e = problem.mesh, problem.sides
+    mesh, sides = problem.mesh, problem.sides
     # one value of the function for each node of each cell
     key = number[:, None] * len(mesh.points) + mesh.simplices
     unique, node = np.unique(key, return_inverse=True)
@@ -287,13 +290,13 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     inside = problem.inside
     rows, count = np.arange(len(inside)), len(unique)
     entries = []
-    for triangle, sign in ((e.b[inside], 1.0), (e.a[inside], -1.0)):
-        jump = sign * np.einsum("eki,ei->ek", mesh.gradient[triangle], e.normal[inside])
+    for triangle, sign in ((sides.b[inside], 1.0), (sides.a[inside], -1.0)):
+        jump = sign * np.einsum("eki,ei->ek", mesh.gradient[triangle], sides.normal[inside])
         entries += [(rows, node[triangle, k], jump[:, k]) for k in range(3)]
     row, column, value = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
     matrix = sp.csr_array((value, (row, column)), shape=(len(inside), count))
     # jumps in proportion to the size of triangles, as those of |x|² are
-    size = np.minimum(np.sqrt(mesh.volume[e.a[inside]]), np.sqrt(mesh.volume[e.b[inside]]))
+    size = np.minimum(np.sqrt(mesh.volume[sides.a[inside]]), np.sqrt(mesh.volume[sides.b[inside]]))
     convex = sp.hstack([-matrix, sp.csr_array(size[:, None])])
     objective = np.zeros(count + 1)
     objective[-1] = -1.0
@@ -328,22 +331,22 @@ def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> 
 
 def _add_joint_rules(linear: Rows, problem: Problem, number: Ints, centre: Floats, width: int) -> None:
     """Append slack √(1 + μ²) ≤ δn ± μ δs at both ends of edges on interfaces, μ the larger of joint and material."""
-    p, e, rows = problem, problem.sides, problem.on_faces
-    slope = np.maximum(p.joints.friction, p.material.friction)[p.face[rows]]
+    sides, rows = problem.sides, problem.on_faces
+    slope = np.maximum(problem.joints.friction, problem.material.friction)[problem.face[rows]]
     size = np.hypot(1.0, slope)
     slack = np.full(len(rows), width - 1)
-    normal = e.normal[rows]
+    normal = sides.normal[rows]
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
     for end in (0, 1):
-        place = p.mesh.corners[e.a[rows], e.corner_a[rows, end]]
+        place = problem.mesh.corners[sides.a[rows], sides.corner_a[rows, end]]
         for sign in (1.0, -1.0):
             along = normal - sign * slope[:, None] * tangent
             entries = [(slack, 1.0 * size)]
-            for triangle, weight in ((e.a[rows], -1.0), (e.b[rows], 1.0)):
+            for triangle, weight in ((sides.a[rows], -1.0), (sides.b[rows], 1.0)):
                 # a support has no columns: those of the other side stand in, with values 0
                 moves = triangle >= 0
                 cell = number[np.maximum(triangle, 0)]
-                first = np.where(moves, 6 * cell, 6 * number[e.a[rows]])
+                first = np.where(moves, 6 * cell, 6 * number[sides.a[rows]])
                 arm = place - centre[cell]
                 for axis in (0, 1):
                     value = -np.where(moves, weight, 0.0) * along[:, axis]
@@ -354,6 +357,7 @@ def _add_joint_rules(linear: Rows, problem: Problem, number: Ints, centre: Float
 
 def _add_cell_rules(linear: Rows, cones: Rows, sine: float, count: int, width: int) -> None:
     """Append slack ≤ e and g sin φ ≤ e − slack of each cell, with e and g of docs/method.md (9.2)."""
+    # Columns 6 c + 2 … 6 c + 5 are the velocity gradient of cell c, row by row; the last column is the slack.
     first, slack, ones = 6 * np.arange(count) + 2, np.full(count, width - 1), np.ones(count)
     trace = [(first, -ones), (first + 3, -ones), (slack, ones)]
     linear.add(trace, 0.0, count)
@@ -415,18 +419,18 @@ class Settling:
 
     def _active(self, velocity: Floats, dry: Bools) -> sp.csr_array | None:
         """Return equations over velocities (6t,) that keep active flow rules at equality; None if none is active."""
-        p, small = self.problem, _ACTIVE * float(abs(velocity).max())
+        problem, small = self.problem, _ACTIVE * float(abs(velocity).max())
         rates = self._rates @ velocity
-        rigid = bool(np.isinf(p.material.crushing))
-        joint, face = dry[self._cut], p.face[self._cut]
+        rigid = bool(np.isinf(problem.material.crushing))
+        joint, face = dry[self._cut], problem.face[self._cut]
         # of a joint the flow rule is δn ≥ μ|δs|, of the material δn ≥ sin φ √(δn² + δs²), so δn ≥ tan φ |δs|
-        slope = np.full(len(face), p.material.friction)
-        slope[joint] = p.joints.friction[face[joint]]
+        slope = np.full(len(face), problem.material.friction)
+        slope[joint] = problem.joints.friction[face[joint]]
         held = np.full(len(face), rigid)  # where crushing does not replace the flow rule
-        held[joint] = np.isinf(p.joints.crushing[face[joint]])
-        count = len(p.mesh)
+        held[joint] = np.isinf(problem.joints.crushing[face[joint]])
+        count = len(problem.mesh)
         # of triangles, and of both ends of edges
-        rules = [(np.full(count, p.material.sine), np.full(count, rigid)), (slope, held), (slope, held)]
+        rules = [(np.full(count, problem.material.sine), np.full(count, rigid)), (slope, held), (slope, held)]
         equations = Rows()
         for (head, *tail), (steep, without_crushing) in zip(self._groups, rules, strict=True):
             _add_active_rules(equations, rates, head, tail, steep, without_crushing, small)
@@ -517,22 +521,24 @@ class UpperBound:
         self._settling: Settling | None = None
         self._tried = False
         self.status = ""
-        p, corners = problem, problem.mesh.dimension + 1
+        corners = problem.mesh.dimension + 1
         # strain rates are velocities over heights of simplices
-        self._steep = max(1.0, float(abs(p.mesh.gradient).max()))
-        corner = p.mesh.volume[:, None, None] / corners
-        self.live = np.repeat(p.live[:, None, :] * corner, corners, axis=1) + self._pulled(p.pull)
-        self.dead = np.repeat(p.dead[:, None, :] * corner, corners, axis=1) + self._pulled(p.dead_pull)
+        self._steep = max(1.0, float(abs(problem.mesh.gradient).max()))
+        corner = problem.mesh.volume[:, None, None] / corners
+        self.live = np.repeat(problem.live[:, None, :] * corner, corners, axis=1) + self._nodal_forces(problem.pull)
+        self.dead = np.repeat(problem.dead[:, None, :] * corner, corners, axis=1) + self._nodal_forces(
+            problem.dead_pull
+        )
 
-    def _pulled(self, pull: Floats) -> Floats:
+    def _nodal_forces(self, pull: Floats) -> Floats:
         """Return nodal forces (t, d + 1, d) of linear tractions (f, d, d) on linear velocities."""
-        p, s, d = self.problem, self.problem.sides, self.problem.mesh.dimension
-        forces = np.zeros((len(p.mesh), d + 1, d))
+        problem, sides, d = self.problem, self.problem.sides, self.problem.mesh.dimension
+        forces = np.zeros((len(problem.mesh), d + 1, d))
         rows = np.flatnonzero(pull.any(axis=(1, 2)))
         for corner in range(d):
             others = np.delete(pull[rows], corner, axis=1).sum(axis=1)
-            share = (2.0 * pull[rows, corner] + others) * (s.area[rows] / (d * (d + 1)))[:, None]
-            np.add.at(forces, (s.a[rows], s.corner_a[rows, corner]), share)
+            share = (2.0 * pull[rows, corner] + others) * (sides.area[rows] / (d * (d + 1)))[:, None]
+            np.add.at(forces, (sides.a[rows], sides.corner_a[rows, corner]), share)
         return forces
 
     def bound(self, labels: Bits) -> VelocityField | None:
@@ -559,8 +565,8 @@ class UpperBound:
         """Return a mechanism in space that the dead load drives, with positive live work, or None."""
         # The factor of the field is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance;
         # the factor is at least `_RAY`, and any larger bound holds too.
-        p, none = self.problem, np.zeros_like(self.dead)
-        answer = VelocityProgram(p, self.dead, none, _FALLING, labels=labels, driving=self.live).solve()
+        problem, none = self.problem, np.zeros_like(self.dead)
+        answer = VelocityProgram(problem, self.dead, none, _FALLING, labels=labels, driving=self.live).solve()
         velocity = self._velocity(answer)
         found = self._proven(velocity, self.rates(velocity), labels) if answer.usable else None
         return replace(found, factor=max(found.factor, _RAY)) if found is not None and found.factor < 0.0 else None
@@ -611,15 +617,15 @@ class UpperBound:
 
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
         """Repair velocities (t, 3, 2) until every flow rule holds, and compute their upper bound."""
-        opened = self._opened(velocity, labels)
+        opened = self._open_until_valid(velocity, labels)
         if opened is not None and opened.factor - expected <= _CHEAP * abs(opened.factor):
             return opened
         if self._settling is None:
             self._settling = Settling(self.problem)
-        near = self._opened(self._settling.settled(velocity, self.problem.is_dry(labels)), labels)
+        near = self._open_until_valid(self._settling.settled(velocity, self.problem.is_dry(labels)), labels)
         return min((one for one in (near, opened) if one is not None), key=lambda one: one.factor, default=None)
 
-    def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
+    def _open_until_valid(self, velocity: Floats, labels: Bits) -> VelocityField | None:
         """Open velocities (t, 3, 2) until every flow rule holds, and compute their bound; or None."""
         rates = self.rates(velocity)
         worst, share, allowance = self._worst(rates, labels), 0.0, 0.0
@@ -686,50 +692,52 @@ class UpperBound:
 
     def rates(self, velocity: Floats) -> Rates:
         """Compute strain rates and jumps of velocities (t, d + 1, d); supports stand still."""
-        p, s = self.problem, self.problem.sides
-        slope = np.einsum("tki,tkj->tij", velocity, p.mesh.gradient)
-        jump = jumps(p, velocity, np.arange(len(s)))
-        opening = np.einsum("fki,fi->fk", jump, s.normal)
+        problem, sides = self.problem, self.problem.sides
+        slope = np.einsum("tki,tkj->tij", velocity, problem.mesh.gradient)
+        jump = jumps(problem, velocity, np.arange(len(sides)))
+        opening = np.einsum("fki,fi->fk", jump, sides.normal)
         trace = np.trace(slope, axis1=1, axis2=2)
-        return Rates(trace, shear_rate(slope), opening, tangential(jump, s.normal))
+        return Rates(trace, shear_rate(slope), opening, tangential(jump, sides.normal))
 
     def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
         """Return the opening that flow rules lack in triangles (t,), inner (k, 2) and dry edges (j, 2).
 
         −inf if crushing.
         """
-        p = self.problem
-        dry = p.is_dry(labels)
-        cut = p.jumps[~dry[p.jumps]]
+        problem = self.problem
+        dry = problem.is_dry(labels)
+        cut = problem.jumps[~dry[problem.jumps]]
         joint = np.flatnonzero(dry)
         opening, slip = rates.opening[joint], rates.slip[joint]
-        face = p.face[joint]
-        lack = p.joints.friction[face][:, None] * slip - opening
+        face = problem.face[joint]
+        lack = problem.joints.friction[face][:, None] * slip - opening
         return (
-            p.material.missing(rates.trace, rates.shear),
-            p.material.missing(rates.opening[cut], np.hypot(rates.opening[cut], rates.slip[cut])),
-            np.where(np.isinf(p.joints.crushing[face])[:, None], lack, -np.inf),
+            problem.material.missing(rates.trace, rates.shear),
+            problem.material.missing(rates.opening[cut], np.hypot(rates.opening[cut], rates.slip[cut])),
+            np.where(np.isinf(problem.joints.crushing[face])[:, None], lack, -np.inf),
         )
 
     def power(self, rates: Rates, labels: Bits, allowance: float = 0.0) -> Floats:
         """Return the power dissipated in each triangle with half of its edges, (t,), scaled."""
         # Power on a side is the mean of its corners, which bounds that of a linear jump from above: dissipation is
         # convex.
-        p, s, dry = self.problem, self.problem.sides, self.problem.is_dry(labels)
-        power = p.mesh.volume * p.material.dissipation(rates.trace, rates.shear, allowance)
-        cut, joint, ends = p.jumps[~dry[p.jumps]], np.flatnonzero(dry), np.zeros_like(rates.opening)
+        problem, sides, dry = self.problem, self.problem.sides, self.problem.is_dry(labels)
+        power = problem.mesh.volume * problem.material.dissipation(rates.trace, rates.shear, allowance)
+        cut, joint, ends = problem.jumps[~dry[problem.jumps]], np.flatnonzero(dry), np.zeros_like(rates.opening)
         opening, slip = rates.opening[cut], rates.slip[cut]
-        ends[cut] = p.material.dissipation(opening, np.hypot(opening, slip), allowance)
+        ends[cut] = problem.material.dissipation(opening, np.hypot(opening, slip), allowance)
         ends[joint] = self.joint_power(rates, joint, allowance)
-        total = s.area / p.mesh.dimension * ends.sum(axis=1)
-        return halved(p, power, np.arange(len(s)), total)
+        total = sides.area / problem.mesh.dimension * ends.sum(axis=1)
+        return halved(problem, power, np.arange(len(sides)), total)
 
     def joint_power(self, rates: Rates, rows: Ints, allowance: float = 0.0) -> Floats:
         """Return the power per area (k, 2) of edges (k,) as dry joints, at both ends, scaled."""
-        p = self.problem
-        face = p.face[rows]
+        problem = self.problem
+        face = problem.face[rows]
         slip, opening = rates.slip[rows], rates.opening[rows]
-        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.shear, p.joints.crushing))
+        mu, c, crush = (
+            v[face][:, None] for v in (problem.joints.friction, problem.joints.shear, problem.joints.crushing)
+        )
         lack = mu * slip - opening
         with np.errstate(invalid="ignore"):
             crushed = np.where(lack > np.where(np.isinf(crush), allowance, 0.0), crush * lack, 0.0)
@@ -738,16 +746,16 @@ class UpperBound:
 
 def jumps(problem: Problem, velocity: Floats, rows: Ints) -> Floats:
     """Return the velocity jumps (k, d, d), b less a, at the corners of sides (k,)."""
-    s = problem.sides
-    jump = -velocity[s.a[rows][:, None], s.corner_a[rows]]
-    both = s.b[rows] >= 0
-    jump[both] += velocity[s.b[rows[both]][:, None], s.corner_b[rows[both]]]
+    sides = problem.sides
+    jump = -velocity[sides.a[rows][:, None], sides.corner_a[rows]]
+    both = sides.b[rows] >= 0
+    jump[both] += velocity[sides.b[rows[both]][:, None], sides.corner_b[rows[both]]]
     return np.asarray(jump)
 
 
 def halved(problem: Problem, power: Floats, rows: Ints, total: Floats) -> Floats:
     """Add values (k,) of sides to the simplices (t,) on both of their sides, half to each."""
-    s, both = problem.sides, problem.sides.b[rows] >= 0
-    np.add.at(power, s.a[rows], np.where(both, 0.5, 1.0) * total)
-    np.add.at(power, s.b[rows[both]], 0.5 * total[both])
+    sides, both = problem.sides, problem.sides.b[rows] >= 0
+    np.add.at(power, sides.a[rows], np.where(both, 0.5, 1.0) * total)
+    np.add.at(power, sides.b[rows[both]], 0.5 * total[both])
     return power

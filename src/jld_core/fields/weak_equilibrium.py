@@ -45,8 +45,8 @@ class WeakEquilibrium:
 
     def __init__(self, problem: Problem, labels: Bits) -> None:
         self.problem, self._labels = problem, labels
-        e, dry = problem.sides, problem.is_dry(labels)
-        there = (e.b >= 0) | (problem.face >= 0)
+        sides, dry = problem.sides, problem.is_dry(labels)
+        there = (sides.b >= 0) | (problem.face >= 0)
         self._material: Ints = np.flatnonzero(there & ~dry)
         self._dry: Ints = np.flatnonzero(dry)
         self._panels = len(problem.mesh) + 2 * len(self._material)
@@ -80,7 +80,7 @@ class WeakEquilibrium:
 
     def _balance(self) -> tuple[sp.csr_array, Floats]:
         """Return the equations (6t, width) of nodal forces, row 6·triangle + 2·corner + axis, and their right side."""
-        p, mesh = self.problem, self.problem.mesh
+        problem, mesh = self.problem, self.problem.mesh
         count, load_column = len(mesh), self.width - 1
         live, dead = self._loads
         loads = Rows()
@@ -93,10 +93,10 @@ class WeakEquilibrium:
             for axis, parts in enumerate(((gx, gx, gy), (gy, -gy, gx))):
                 for j, value in enumerate(parts):
                     entries.add(row + 2 * k + axis, base + j, value)
-        e = p.sides
+        sides = problem.sides
         for edges, end, first, shear in self._pairs():
-            half = 0.5 * e.area[edges]
-            nx, ny = e.normal[edges].T
+            half = 0.5 * sides.area[edges]
+            nx, ny = sides.normal[edges].T
             normals = [first, first + 1] if edges is self._material else [first]
             for axis, (n, t) in enumerate(((nx, -ny), (ny, nx))):
                 for place, sign, which in self._corners(edges, end, axis):
@@ -107,18 +107,19 @@ class WeakEquilibrium:
 
     def _corners(self, edges: Ints, end: int, axis: int) -> list[tuple[Ints, float, Ints]]:
         """Return rows, signs and places in `edges` (k,) of the triangles on both sides of edges at one end."""
-        e = self.problem.sides
-        two_sided = np.flatnonzero(e.b[edges] >= 0)
-        first = 6 * e.a[edges] + 2 * e.corner_a[edges, end] + axis
-        second = 6 * e.b[edges[two_sided]] + 2 * e.corner_b[edges[two_sided], end] + axis
+        sides = self.problem.sides
+        two_sided = np.flatnonzero(sides.b[edges] >= 0)
+        first = 6 * sides.a[edges] + 2 * sides.corner_a[edges, end] + axis
+        second = 6 * sides.b[edges[two_sided]] + 2 * sides.corner_b[edges[two_sided], end] + axis
         return [(first, -1.0, np.arange(len(edges))), (second, 1.0, two_sided)]
 
     def _yield(self) -> Rows:
-        p, linear, panels = self.problem, Rows(), np.arange(self._panels)
-        for a, b in p.material.lines:
+        """Return the linear rows of material and dry joints."""
+        problem, linear, panels = self.problem, Rows(), np.arange(self._panels)
+        for a, b in problem.material.lines:
             linear.add([(3 * self._panels + panels, 1.0), (3 * panels, -b)], a, self._panels)
-        face = p.face[self._dry]
-        mu, c, crush = p.joints.friction[face], p.joints.shear[face], p.joints.crushing[face]
+        face = problem.face[self._dry]
+        mu, c, crush = problem.joints.friction[face], problem.joints.shear[face], problem.joints.crushing[face]
         size = np.maximum(1.0, mu)
         crushable = np.flatnonzero(np.isfinite(crush))
         for edges, _, normal, shear in self._pairs():
@@ -142,21 +143,21 @@ class WeakEquilibrium:
 
     def stands(self) -> bool:
         """Return False if the mesh proves that the dead load alone cannot be carried, else True."""
-        p = self.problem
-        if not p.loaded:
+        problem = self.problem
+        if not problem.loaded:
             return True
-        solved = WeakEquilibrium(p.under_dead_load(), self._labels).solve()
+        solved = WeakEquilibrium(problem.under_dead_load(), self._labels).solve()
         # a program without a largest multiple has no answer, and stands
         return solved is None or solved[1] >= 1.0
 
     def rates(self, point: Floats) -> sp.csr_array:
         """Return the derivatives (6t, 2p) of A x − b by the positions of p nodes, at a point (width,)."""
         # Stresses and λ, loads per volume and nodal forces of tractions are held constant; column 2·node + axis.
-        p, mesh = self.problem, self.problem.mesh
+        problem, mesh = self.problem, self.problem.mesh
         count, entries = len(mesh), _Entries()
         m, d, s = point[: 3 * count].reshape(-1, 3).T
         row, nodes = 6 * np.arange(count), mesh.simplices
-        load = p.dead + float(point[-1]) * p.live
+        load = problem.dead + float(point[-1]) * problem.live
         for axis, (sx, sy) in enumerate(((m + d, s), (s, m - d))):
             for k in range(3):
                 place = row + 2 * k + axis
@@ -166,8 +167,8 @@ class WeakEquilibrium:
                 for j in range(3):
                     grown = mesh.volume[:, None] * mesh.gradient[:, j] * (-load[:, axis] / 3.0)[:, None]
                     entries.add_vector(place, nodes[:, j], grown)
-        e = p.sides
-        ends = nodes[e.a[:, None], e.corner_a]
+        sides = problem.sides
+        ends = nodes[sides.a[:, None], sides.corner_a]
         for edges, end, first, shear in self._pairs():
             normal = point[first] + (point[first + 1] if edges is self._material else 0.0)
             slide = point[shear]

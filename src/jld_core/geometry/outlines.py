@@ -275,7 +275,7 @@ def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
     faces: list[Floats] = []
     for members in _planes(list(seen.values()), reach):
         if len(members) > 1:
-            faces += _united(members, reach)
+            faces += _unite_facets(members, reach)
         elif members[0].area > reach * members[0].length:
             plane = across(members[0].normal)
             flat = straightened(members[0].ring @ plane.T, reach)
@@ -299,7 +299,7 @@ def _planes(facets: Sequence[Facet], reach: float) -> list[list[Facet]]:
     return groups
 
 
-def _united(facets: Sequence[Facet], reach: float) -> list[Floats]:
+def _unite_facets(facets: Sequence[Facet], reach: float) -> list[Floats]:
     """Unite the facets of one plane, and return the boundary loops (k, 3) of their regions."""
     # Regions where facets of opposite normals meet lie inside the union of solids and are left out.
     normal, offset, grid = facets[0].normal, facets[0].offset, SNAP * reach
@@ -695,8 +695,8 @@ def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Ge
     reach = abs(boxes - middle[None, :, None]).max(axis=(0, 2, 3))
     unit = np.maximum(size, reach / _MOST)
     unit[unit == 0.0] = 1.0
-    scaled = [_moved(regions, -middle / unit[:, None], 1.0 / unit) for regions in (regions_1, regions_2)]
-    return _moved(shapely.intersection(*scaled, grid_size=_GRID), middle, unit)
+    scaled = [_scale_and_shift(regions, -middle / unit[:, None], 1.0 / unit) for regions in (regions_1, regions_2)]
+    return _scale_and_shift(shapely.intersection(*scaled, grid_size=_GRID), middle, unit)
 
 
 def area_of(region: shapely.Geometry) -> shapely.MultiPolygon:
@@ -716,7 +716,7 @@ def area_of(region: shapely.Geometry) -> shapely.MultiPolygon:
     return shapely.MultiPolygon([part for part in parts if part.geom_type == "Polygon" and part.area > 0.0])
 
 
-def _moved(regions: Any, shift: Floats, factor: Floats) -> Any:
+def _scale_and_shift(regions: Any, shift: Floats, factor: Floats) -> Any:
     """Scale regions (n,) by factors (n,), then shift them by (n, 2)."""
     owner = np.repeat(np.arange(len(regions)), shapely.get_num_coordinates(regions))
     return shapely.transform(regions, lambda points: points * factor[owner, None] + shift[owner])
@@ -735,8 +735,8 @@ def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
             if 2.0 * abs(measures.area(shell[None])[0]) <= reach * extent:
                 continue
             holes = [ring for ring in piece.interiors if 2.0 * shapely.Polygon(ring).area > reach * ring.length]
-            inner = tuple(_turned(measures.corners(_ring(hole), reach), -1.0) for hole in holes)
-            parts_with_holes.append((_turned(shell, 1.0), inner))
+            inner = tuple(_orient(measures.corners(_ring(hole), reach), -1.0) for hole in holes)
+            parts_with_holes.append((_orient(shell, 1.0), inner))
     return sorted(parts_with_holes, key=lambda rings: tuple(rings[0].mean(axis=0)))
 
 
@@ -760,6 +760,6 @@ def _ring(ring: shapely.LinearRing) -> Floats:
     return corners
 
 
-def _turned(ring: Floats, sense: float) -> Floats:
+def _orient(ring: Floats, sense: float) -> Floats:
     """Orient a ring (k, 2) counter-clockwise (sense 1) or clockwise (sense −1)."""
     return ring if sense * measures.area(ring[None])[0] > 0.0 else ring[::-1].copy()

@@ -98,11 +98,11 @@ def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
     Source: interface frame of Iannuzzo et al. 2024, with normals from element faces.
     """
     near = _near(_shapes(polygons), tolerances.CONTACT * _spans(polygons))
-    found = []
+    contacts = []
     for pair, pieces in _touching_pieces(polygons, near):
         a, b = near[pair].tolist()
-        found += [PlanarContact(a, b, ends, normal) for ends, normal in _join_in_line(pieces)]
-    return found
+        contacts += [PlanarContact(a, b, ends, normal) for ends, normal in _join_in_line(pieces)]
+    return contacts
 
 
 def _near(shapes: Any, reach: Floats) -> Ints:

@@ -118,7 +118,7 @@ def solids(
     """
     vertices, faces = list(vertices), list(faces)
     surface = lay_out(vertices, faces)
-    torn = np.flatnonzero(~_closed(surface, len(ids)))
+    torn = np.flatnonzero(~_is_closed(surface, len(ids)))
     for index in torn:
         faces[index] = _close_surface(ids[index], vertices[index], faces[index])
     if torn.size:
@@ -133,7 +133,7 @@ def solids(
     return vertices, faces, np.abs(volume), centroid
 
 
-def _closed(surface: Surface, count: int) -> Bools:
+def _is_closed(surface: Surface, count: int) -> Bools:
     """Return a mask (n,) of elements whose surface is closed and consistently oriented."""
     # Each edge of such an element occurs equally often in both senses, and none joins a vertex to itself.
     width = len(surface.points)
@@ -151,15 +151,15 @@ _SAME: Final = 1e-2  # share of `tolerances.FACE` of the size of an element up t
 
 def _close_surface(name: str, vertices: Floats, faces: Faces) -> Faces:
     """Return the faces of an element with coinciding vertices as one, oriented alike; InputError if they are open."""
-    loops = _welded(vertices, faces)
+    loops = _weld_vertices(vertices, faces)
     refusal = InputError(f"element {name!r}", "its faces do not close", "faces that meet in pairs along every edge")
     oriented = _oriented_alike(loops)
-    if oriented is None or not _closed(lay_out([vertices], [oriented]), 1)[0]:
+    if oriented is None or not _is_closed(lay_out([vertices], [oriented]), 1)[0]:
         raise refusal
     return oriented
 
 
-def _welded(vertices: Floats, faces: Faces) -> list[tuple[int, ...]]:
+def _weld_vertices(vertices: Floats, faces: Faces) -> list[tuple[int, ...]]:
     """Return the loops of faces with the first of each group of coinciding vertices in the place of all."""
     from scipy.spatial import cKDTree  # local imports here and below: slow to import, and used by spatial scenes only
 

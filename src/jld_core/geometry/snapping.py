@@ -340,48 +340,51 @@ def _planes(place: Floats, loops: _Loops, solid: Ints, tolerance: float) -> tupl
     plane = (area[smaller] > 0.0) & (bulge[larger] <= tolerance)
     larger, smaller = larger[plane], smaller[plane]
     joined = faces.farthest(smaller, larger) <= tolerance
-    leader = _leaders(-area, larger[joined], smaller[joined], faces.farthest, tolerance)
+    # from the largest face to the smallest
     order = np.argsort(-area, kind="stable")
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = every
+    leader = _leaders(order, rank, larger[joined], smaller[joined], faces.farthest, tolerance)
     first, group = np.unique(rank[leader], return_inverse=True)
     # faces that are themselves not plane within the tolerance move no corner
     group[bulge > tolerance] = -1
     return group, normal[order[first]], faces.middle[order[first]]
 
 
-def _leaders(key: Floats, one: Ints, two: Ints, farthest: Callable[[Ints, Ints], Floats], tolerance: float) -> Ints:
-    """Return the face (faces,) whose plane each face joins; of faces nearly in one plane that of largest `key`."""
-    # The first face of a plane defines it. Groups grow along pairs from the face of least key; every candidate is
-    # compared with that face, so that chains do not drift.
-    order = np.argsort(key, kind="stable")
-    rank = np.empty(len(key), dtype=np.int64)
-    rank[order] = np.arange(len(key))
-    part = components(len(key), one, two)
-    first_rank = np.full(int(part.max(initial=-1)) + 1, len(key), dtype=np.int64)  # of each part
+def _leaders(
+    order: Ints, rank: Ints, a: Ints, b: Ints, farthest: Callable[[Ints, Ints], Floats], tolerance: float
+) -> Ints:
+    """Return for each face (n,) that whose plane it joins: the first in `order`, reached by coplanar pairs (a, b).
+
+    rank: (n,) places in `order`. farthest: largest distance of faces from planes of others.
+    """
+    count = len(order)
+    part = components(count, a, b)
+    first_rank = np.full(int(part.max(initial=-1)) + 1, count, dtype=np.int64)  # of each part
     np.minimum.at(first_rank, part, rank)
     leader = order[first_rank[part]]
-    # Where all faces joined by pairs lie in the plane of their first one, they are one group.
+    # Where all faces joined by pairs lie in the plane of their first one, they are one group. A part that drifts away
+    # from it, pair by pair, is divided: every face is compared with the leader, not with its neighbour.
     drifts = np.zeros(len(first_rank), dtype=bool)
-    drifts[part[farthest(np.arange(len(key)), leader) > tolerance]] = True
-    open_pair = drifts[part[one]]
+    drifts[part[farthest(np.arange(count), leader) > tolerance]] = True
+    in_drifting = drifts[part[a]]
     partners: dict[int, list[int]] = {}
-    for a, b in zip(one[open_pair].tolist(), two[open_pair].tolist(), strict=True):
-        partners.setdefault(a, []).append(b)
-        partners.setdefault(b, []).append(a)
-    remaining = order[drifts[part[order]]].tolist()
-    leader[remaining] = -1
-    for seed in remaining:
-        if leader[seed] >= 0:
+    for one, two in zip(a[in_drifting].tolist(), b[in_drifting].tolist(), strict=True):
+        partners.setdefault(one, []).append(two)
+        partners.setdefault(two, []).append(one)
+    undivided = order[drifts[part[order]]].tolist()
+    leader[undivided] = -1
+    for first in undivided:
+        if leader[first] >= 0:
             continue
-        leader[seed] = seed
-        pending = [seed]
+        leader[first] = first
+        pending = [first]
         while pending:
             near = [face for face in partners.get(pending.pop(), ()) if leader[face] < 0]
             faces = np.array(near, dtype=np.int64)
-            level = faces[farthest(faces, np.full(len(faces), seed)) <= tolerance]
-            leader[level] = seed
-            pending += level.tolist()
+            joined = faces[farthest(faces, np.full(len(faces), first)) <= tolerance]
+            leader[joined] = first
+            pending += joined.tolist()
     return leader
 
 
@@ -392,15 +395,15 @@ def _onto_planes(place: Floats, loops: _Loops, group: Ints, normal: Floats, orig
     pairs = np.unique(loops.node * base + np.repeat(group, loops.count) + 1)
     pairs = pairs[pairs % base > 0]
     node, plane = pairs // base, pairs % base - 1
-    amount = np.bincount(node, minlength=len(place))
-    first = np.concatenate([[0], np.cumsum(amount)])[:-1]
+    planes_of_node = np.bincount(node, minlength=len(place))
+    first = np.concatenate([[0], np.cumsum(planes_of_node)])[:-1]
     moved = place.copy()
-    for count in np.unique(amount[amount > 0]).tolist():
-        which = np.flatnonzero(amount == count)
-        planes = plane[first[which, None] + np.arange(count)]
+    for count in np.unique(planes_of_node[planes_of_node > 0]).tolist():
+        nodes = np.flatnonzero(planes_of_node == count)
+        planes = plane[first[nodes, None] + np.arange(count)]
         rows = normal[planes]
-        off = np.einsum("nki,nki->nk", origin[planes] - place[which, None], rows)
-        step = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=_RANK), off)
+        distances = np.einsum("nki,nki->nk", origin[planes] - place[nodes, None], rows)
+        step = np.einsum("nik,nk->ni", np.linalg.pinv(rows, rcond=_RANK), distances)
         near = np.linalg.norm(step, axis=1) <= _FAR * tolerance  # others stay
-        moved[which[near]] += step[near]
+        moved[nodes[near]] += step[near]
     return moved

@@ -72,7 +72,7 @@ def extrude(region: Region, depth: float) -> Surface:
     rings = (region.shell, *region.holes)
     flat = np.concatenate(rings)
     count = len(flat)
-    cap = triangulate_region(flat, _numbered(rings))
+    cap = triangulate_region(flat, _number_corners(rings))
     points = np.concatenate([np.column_stack([flat[:, 0], np.full(count, y), flat[:, 1]]) for y in (0.0, depth)])
     # Seen from −y with x to the right and z up, counter-clockwise rings face outward; sides run from there along +y.
     front = [tuple(t) for t in cap]
@@ -210,7 +210,7 @@ def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) ->
     return full
 
 
-def _numbered(rings: Sequence[Floats]) -> list[list[int]]:
+def _number_corners(rings: Sequence[Floats]) -> list[list[int]]:
     """Return consecutive indices for the corners of several rings, one list per ring."""
     stops = np.cumsum([0, *(len(ring) for ring in rings)])
     return [list(range(a, b)) for a, b in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True)]

@@ -322,7 +322,7 @@ class ProofAttempt(AttemptState):
             return
         motion = given = self.prover.motion(velocity / size, self.labels, normalise=False)
         if motion.margin < 0.0:
-            motion = self._opened(motion, normalise=False)
+            motion = self._add_opening(motion, normalise=False)
         if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
             # Negative live work proves nothing about large λ, unless the work is zero up to rounding.
             idle = -1e-3 * tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
@@ -338,7 +338,7 @@ class ProofAttempt(AttemptState):
             if fine and motion.bound < -max(tolerances.ROUNDING, motion.noise):
                 self.proof.collapse_below_zero = motion
 
-    def _opened(self, motion: Motion, normalise: bool = True) -> Motion:
+    def _add_opening(self, motion: Motion, normalise: bool = True) -> Motion:
         """Add an opening motion to a motion until its dissipation is finite, else reduce faces."""
         # Facial reduction serves confined assemblies, which have no opening motion.
         simple = self.repair.expansion()
@@ -398,7 +398,7 @@ class ProofAttempt(AttemptState):
             return
         motion = self.prover.motion(raw.dual, labels)
         if motion.margin < 0.0 and not self.mechanism_found:
-            proof.offer_motion(self._opened(motion))
+            proof.offer_motion(self._add_opening(motion))
 
     def solve_by_schur_complement(self) -> None:
         """Solve by Schur complements, which keep digits that Clarabel loses; inaccurate answers are dropped."""

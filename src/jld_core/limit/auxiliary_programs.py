@@ -35,36 +35,52 @@ def slack_rows(structure: Structure) -> Ints:
 def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
     """Return the program max t ≤ 1, the least slack of all yield rows; load_fixed: λ = 0."""
     # t is the last column, and t ≤ 1 the last linear row.
-    s = program.structure
+    structure = program.structure
     matrix = program.matrix.tocsr()
-    column = np.zeros(s.shape[0])
-    column[slack_rows(s)] = 1.0
+    column = np.zeros(structure.shape[0])
+    column[slack_rows(structure)] = 1.0
     kept = matrix[:, :-1] if load_fixed else matrix
-    first_cone = s.equalities + s.linear
+    first_cone = structure.equalities + structure.linear
     slack_at_most_one = sp.csr_array(([1.0], ([0], [kept.shape[1]])), shape=(1, kept.shape[1] + 1))
     with_slack = sp.hstack([kept, sp.csr_array(column[:, None])]).tocsr()
     rows = sp.vstack([with_slack[:first_cone], slack_at_most_one, with_slack[first_cone:]])
     rhs = np.concatenate([program.rhs[:first_cone], [1.0], program.rhs[first_cone:]])
     objective = np.zeros(with_slack.shape[1])
     objective[-1] = -1.0
-    return pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones, s.places, program.bodies)
+    return pack(
+        rows,
+        rhs,
+        objective,
+        structure.equalities,
+        structure.linear + 1,
+        structure.cones,
+        structure.places,
+        program.bodies,
+    )
 
 
 def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
     """Return the program of the columns `kept` (columns,), without empty rows; cones stay or go as a whole."""
-    s = program.structure
+    structure = program.structure
     matrix = program.matrix.tocsr()[:, np.flatnonzero(kept)]
     asks = np.diff(matrix.indptr) > 0
-    asks[: s.equalities + 1] = True
-    start = s.equalities + s.linear
-    ends = start + np.cumsum(s.cones, dtype=np.int64)
-    cones = tuple(size for size, end in zip(s.cones, ends, strict=True) if asks[end - size : end].any())
-    for size, end in zip(s.cones, ends, strict=True):
+    asks[: structure.equalities + 1] = True
+    start = structure.equalities + structure.linear
+    ends = start + np.cumsum(structure.cones, dtype=np.int64)
+    cones = tuple(size for size, end in zip(structure.cones, ends, strict=True) if asks[end - size : end].any())
+    for size, end in zip(structure.cones, ends, strict=True):
         asks[end - size : end] = asks[end - size : end].any()
     rows = np.flatnonzero(asks)
-    linear = int(asks[s.equalities : start].sum())
+    linear = int(asks[structure.equalities : start].sum())
     return pack(
-        matrix[rows], program.rhs[rows], program.objective[kept], s.equalities, linear, cones, s.places, program.bodies
+        matrix[rows],
+        program.rhs[rows],
+        program.objective[kept],
+        structure.equalities,
+        linear,
+        cones,
+        structure.places,
+        program.bodies,
     )
 
 
@@ -100,18 +116,20 @@ def largest_support(
     equilibrium, None: 0. largest: bound on the size of each unknown.
     """
     # Among such points it has the most cones whose first row is positive.
-    s = program.structure
-    rhs = np.zeros(s.shape[0])
+    structure = program.structure
+    rhs = np.zeros(structure.shape[0])
     if target is not None:
-        rhs[: s.equalities] = target
+        rhs[: structure.equalities] = target
     stated = _slack_sum_program(program, rhs, columns, 1.0, largest, heads=True)
     # Where the cones have no interior point, full accuracy is out of reach. Half the digits suffice to separate 0 from
     # 1.
     raw = (
-        solve_auxiliary(stated) if is_large(s) else ClarabelSolver(1e-7, iterative_refinement_enable=True).solve(stated)
+        solve_auxiliary(stated)
+        if is_large(structure)
+        else ClarabelSolver(1e-7, iterative_refinement_enable=True).solve(stated)
     )
     point = np.where(np.isfinite(raw.point), raw.point, 0.0)
-    tips = len(slack_rows(s))
+    tips = len(slack_rows(structure))
     y = point[:columns]
     return LargestSupport(y, point[columns : columns + tips], -(program.matrix[:, :columns] @ y))
 
@@ -121,29 +139,31 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
     # The point is exact to rounding. The corners of a polygon lie on its cone, among them those on the axes of the
     # face's frame. A self-stress on the friction boundary along an axis is a vertex here, while an interior-point
     # method finds only half its digits. The method needs cones of three rows.
-    s = program.structure
-    if set(s.cones) - {3} or s.shape[1] > _SIMPLEX:
+    structure = program.structure
+    if set(structure.cones) - {3} or structure.shape[1] > _SIMPLEX:
         return None
     matrix = program.matrix.tocsr()
-    start, count = s.equalities + s.linear, len(s.cones)
+    start, count = structure.equalities + structure.linear, len(structure.cones)
     angle = (np.arange(_SIDES) + 0.5) * 2.0 * np.pi / _SIDES
     sides = np.column_stack([np.full(_SIDES, np.cos(np.pi / _SIDES)), -np.cos(angle), -np.sin(angle)])
     flat = sp.kron(sp.eye_array(count), sp.csr_array(sides / sides[0, 0])) @ matrix[start:]
-    rows = sp.vstack([matrix[:start], matrix[s.heads], flat])
+    rows = sp.vstack([matrix[:start], matrix[structure.heads], flat])
     rhs = np.zeros(rows.shape[0])
     if target is not None:
-        rhs[: s.equalities] = target
-    linear = s.linear + count * (1 + _SIDES)
-    plain = pack(rows, np.zeros(rows.shape[0]), program.objective, s.equalities, linear, (), s.places)
+        rhs[: structure.equalities] = target
+    linear = structure.linear + count * (1 + _SIDES)
+    plain = pack(rows, np.zeros(rows.shape[0]), program.objective, structure.equalities, linear, (), structure.places)
     # Simplex takes 33 s for 7 400 columns of stiff cubes, an interior point with crossover 2 s for the same vertex.
-    solver = HighsSolver("highs" if s.shape[1] <= _SMALL else "highs-ipm")
+    solver = HighsSolver("highs" if structure.shape[1] <= _SMALL else "highs-ipm")
     raw = solver.solve(_slack_sum_program(plain, rhs, columns, 1.0))
     if raw.status is not RawStatus.OPTIMAL:
         return None
     point = raw.point[:columns]
     values = -(matrix[:, :columns] @ point)
     cones = values[start:].reshape(count, 3)
-    slack = np.concatenate([raw.point[columns : columns + s.linear - 1], cones[:, 0] - np.hypot(*cones[:, 1:].T)])
+    slack = np.concatenate(
+        [raw.point[columns : columns + structure.linear - 1], cones[:, 0] - np.hypot(*cones[:, 1:].T)]
+    )
     return LargestSupport(point, slack, values)
 
 
@@ -154,11 +174,11 @@ def project_onto_faces(
     # The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
     # whose tip the point lies. In a cone on whose boundary the point lies, the rows after the first keep their
     # direction.
-    s, columns = program.structure, len(found.point)
+    structure, columns = program.structure, len(found.point)
     matrix = program.matrix.tocsr()[:, :columns]
-    linear = s.linear - 1
-    rows = [matrix[: s.equalities], matrix[slack_rows(s)[:linear][found.slack[:linear] < tight]]]
-    for start, size, slack in zip(s.heads, s.cones, found.slack[linear:], strict=True):
+    linear = structure.linear - 1
+    rows = [matrix[: structure.equalities], matrix[slack_rows(structure)[:linear][found.slack[:linear] < tight]]]
+    for start, size, slack in zip(structure.heads, structure.cones, found.slack[linear:], strict=True):
         if slack > tight:
             continue
         of_cone, way = matrix[start : start + size], found.boundary_direction(start, size, tight)
@@ -167,7 +187,7 @@ def project_onto_faces(
         else:
             rows.append(of_cone[1:] - sp.csr_array(without_small_components(way, snap)[:, None]) @ of_cone[:1])
     equations = sp.csr_array(sp.vstack(rows))
-    rhs = np.concatenate([target, np.zeros(equations.shape[0] - s.equalities)])
+    rhs = np.concatenate([target, np.zeros(equations.shape[0] - structure.equalities)])
     return ConsistentProjector(equations).project(found.point, rhs)
 
 
@@ -181,17 +201,17 @@ def _slack_sum_program(
     program: ConicProgram, rhs: Floats, columns: int, cap: float, largest: float = np.inf, *, heads: bool = False
 ) -> ConicProgram:
     """Return the program that maximises the sum of slacks; heads: also those of first rows of cones."""
-    s = program.structure
+    structure = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
-    tips = slack_rows(s)
+    tips = slack_rows(structure)
     # columns: point, slacks, slacks of first rows of cones
-    count, heads_count = len(tips), len(s.cones) if heads else 0
-    pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count + heads_count))
-    first_cone = s.equalities + s.linear
+    count, heads_count = len(tips), len(structure.cones) if heads else 0
+    pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(structure.shape[0], count + heads_count))
+    first_cone = structure.equalities + structure.linear
     with_slacks = sp.hstack([matrix, pick]).tocsr()
     bound = sp.hstack([sp.csr_array((count + heads_count, columns)), sp.eye_array(count + heads_count)])
     above = (
-        [sp.hstack([matrix[s.heads], sp.csr_array((heads_count, count)), sp.eye_array(heads_count)])]
+        [sp.hstack([matrix[structure.heads], sp.csr_array((heads_count, count)), sp.eye_array(heads_count)])]
         if heads_count
         else []
     )
@@ -203,8 +223,17 @@ def _slack_sum_program(
     ends = [rhs[:first_cone], np.full(count, cap), np.ones(heads_count), np.zeros(count + 2 * heads_count)]
     ends += [np.full(len(box) * columns, largest), rhs[first_cone:]]
     objective = np.concatenate([np.zeros(columns), -np.ones(count + heads_count)])
-    inequalities = s.linear + 2 * count + 3 * heads_count + len(box) * columns
-    return pack(rows, np.concatenate(ends), objective, s.equalities, inequalities, s.cones, s.places, program.bodies)
+    inequalities = structure.linear + 2 * count + 3 * heads_count + len(box) * columns
+    return pack(
+        rows,
+        np.concatenate(ends),
+        objective,
+        structure.equalities,
+        inequalities,
+        structure.cones,
+        structure.places,
+        program.bodies,
+    )
 
 
 _BALANCED = 1e-6  # residual of balance, scaled, up to which multipliers count as a solution
@@ -213,22 +242,22 @@ _BALANCED = 1e-6  # residual of balance, scaled, up to which multipliers count a
 def interior_motion(program: ConicProgram, columns: int) -> Floats | None:
     """Find velocities (equalities,) with jumps strictly inside those of finite dissipation; None if there are none."""
     # The jumps are −Gᵀz, where G are the yield rows and z lies at least 1 inside their dual cones.
-    s = program.structure
+    structure = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
-    yields = matrix[s.equalities + 1 :]
-    linear = s.linear - 1
+    yields = matrix[structure.equalities + 1 :]
+    linear = structure.linear - 1
     at_least = np.zeros(yields.shape[0])
     at_least[:linear] = 1.0
-    starts = linear + beginnings(s.cones)
+    starts = linear + beginnings(structure.cones)
     at_least[starts] = 1.0
-    point = least_multipliers(matrix[: s.equalities], yields, at_least, linear, s.cones, s)
-    residual = sp.hstack([matrix[: s.equalities].T, yields.T]) @ point
-    multipliers = point[s.equalities :]
+    point = least_multipliers(matrix[: structure.equalities], yields, at_least, linear, structure.cones, structure)
+    residual = sp.hstack([matrix[: structure.equalities].T, yields.T]) @ point
+    multipliers = point[structure.equalities :]
     if not np.all(np.isfinite(residual)) or abs(residual).max(initial=0.0) > _BALANCED:
         return None
     if np.any(multipliers[:linear] < 0.5) or np.any(multipliers[starts] < 0.5):
         return None
-    return point[: s.equalities]
+    return point[: structure.equalities]
 
 
 def least_multipliers(

@@ -94,19 +94,20 @@ class BatchAnalysis:
         return self.judged(low, high, np.where(locked, LOCKED, np.where(falls, FALLS, 0)))
 
     def judged(self, low: Floats, high: Floats, verdict: Ints) -> BatchBounds:
+        """Judge scaled bounds (k,): settled if narrow, falling or locked."""
         falls, locked = verdict == FALLS, verdict == LOCKED
         size = np.maximum(abs(low), abs(high))
         with np.errstate(invalid="ignore"):
             # Require a width relative to λ itself. A bracket that contains zero is compared with the load scale
             # instead.
-            around = (low <= 0.0) & (high >= 0.0)
-            narrow = high - low <= self._gap * np.where(around, np.maximum(size, self._load_scale), size)
+            contains_zero = (low <= 0.0) & (high >= 0.0)
+            narrow = high - low <= self._gap * np.where(contains_zero, np.maximum(size, self._load_scale), size)
             sound = np.isfinite(low) & np.isfinite(high) & ~np.asarray(crossed(low, high))
         settled = falls | (narrow & sound & ~locked)
         # An upper bound below zero by more than rounding proves instability. One below zero by less than that is left
         # open.
-        edge = ~falls & (high < 0.0)
-        settled = (settled & ~edge) | locked
+        barely_negative = ~falls & (high < 0.0)
+        settled = (settled & ~barely_negative) | locked
         low, high = np.minimum(low, high), np.maximum(low, high)
         low[falls] = high[falls | locked] = np.nan
         return BatchBounds(settled, falls, locked, low, high)

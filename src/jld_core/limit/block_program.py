@@ -633,7 +633,7 @@ class ConeProgram(AllBlocksProgram):
     def _copies(self, columns: OwnedIndices, face: Ints, block: Ints, active: Bools) -> _Copies:
         """Create the columns of copies of faces (k,) for blocks (k,): active (m, q) resultants, extra variables."""
         q = self._template.assembly.freedoms
-        number = np.array([len(one) for one in self._face_columns], dtype=np.int64)[face]
+        number = np.array([len(column) for column in self._face_columns], dtype=np.int64)[face]
         given = columns.of(np.repeat(block, number))
         begin = given[0] + np.cumsum(number) - number if len(given) else np.zeros(len(face), dtype=np.int64)
         # The resultants come first among the columns of a face.

@@ -123,7 +123,7 @@ class BatchBlockProgram:
 
 def _balance(parts: BlockParts, blocks: Sequence[BlockColumns]) -> Ints:
     """Return the indices (k, q) of the equilibrium rows of all parts, the first rows of each block."""
-    begin = np.concatenate([[0], np.cumsum([one.own for one in blocks])])
+    begin = np.concatenate([[0], np.cumsum([block.own for block in blocks])])
     first = np.searchsorted(parts.part_block, parts.part_block)
     place = begin[parts.part_block] + Q * (np.arange(len(first)) - first)
     return np.asarray(place[:, None] + np.arange(Q))
@@ -236,12 +236,12 @@ class BlockRelaxation:
 
         allowed: (p,) blocks that may be chosen.
         """
-        found = self._choose(allowed, threshold, most, self._coarse_solver)
-        if not self._is_close(found, threshold):
-            return found
+        choice = self._choose(allowed, threshold, most, self._coarse_solver)
+        if not self._is_close(choice, threshold):
+            return choice
         # Segmentations about as strong as the best known one are refuted by a small excess: solve with a finer
         # residual.
-        return self._choose(allowed, threshold, found.bound, self._fine_solver)
+        return self._choose(allowed, threshold, choice.bound, self._fine_solver)
 
     def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
         """Bound λ by the mechanism of an earlier program: bound, refutation and useless blocks; no solver."""
@@ -298,22 +298,23 @@ class BlockRelaxation:
         share = np.clip(np.nan_to_num(answer.share), 0.0, 1.0)
         mechanism = self._repair(answer, allowed, most)
         if mechanism is None:
-            return Choice(most, False, share, np.zeros(len(allowed)), np.zeros(len(allowed), dtype=bool))
-        proof = (BlockMechanism(0, answer),)
+            nothing = np.zeros(len(allowed))
+            return Choice(most, refuted=False, share=share, inside=nothing, useless=nothing.astype(bool))
         # The lower bound of Σ e_p is concave in θ: if it is positive at two load factors, it is positive between them.
         at_most, spare_at_most = self._excess(mechanism, most, allowed)
         at_threshold, spare_at_threshold = self._excess(mechanism, threshold, allowed)
         useless = allowed & (at_threshold + spare_at_threshold > 0.0) & (at_most + spare_at_most > 0.0)
-        if not at_most > 0.0:
-            return Choice(most, False, share, mechanism.inside, useless, proof)
-        if at_threshold > 0.0:
-            return Choice(min(most, threshold), True, share, mechanism.inside, useless, proof)
-        start = float(mechanism.price.sum())
-        for step in _STEPS:
-            tried = start + step * max(1.0, abs(start))
-            if 0.0 <= tried < most and self._excess(mechanism, tried, allowed)[0] > 0.0:
-                return Choice(tried, False, share, mechanism.inside, useless, proof)
-        return Choice(most, False, share, mechanism.inside, useless, proof)
+        refuted = at_most > 0.0 and at_threshold > 0.0
+        bound = min(most, threshold) if refuted else most
+        if at_most > 0.0 and not refuted:
+            # the least λ near that of the mechanism from which on the bound holds
+            start = float(mechanism.price.sum())
+            for step in _STEPS:
+                load_factor = start + step * max(1.0, abs(start))
+                if 0.0 <= load_factor < most and self._excess(mechanism, load_factor, allowed)[0] > 0.0:
+                    bound = load_factor
+                    break
+        return Choice(bound, refuted, share, mechanism.inside, useless, (BlockMechanism(0, answer),))
 
     # --- proof ------------------------------------------------------------------------------------------
 

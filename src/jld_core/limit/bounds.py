@@ -40,31 +40,33 @@ class Reduced:
 
 def kept_rows(program: ConicProgram) -> Reduced:
     """Return all yield rows but that of λ, from which facial reduction starts."""
-    s = program.structure
-    return Reduced(slack_rows(s)[: s.linear - 1], tuple(range(len(s.cones))))
+    structure = program.structure
+    return Reduced(slack_rows(structure)[: structure.linear - 1], tuple(range(len(structure.cones))))
 
 
 def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
     """Return a program with the yield rows of `reduced` alone; right: False sets their right-hand sides to zero."""
     # The new rows are the equations, the row that bounds λ, the kept inequalities, one inequality s₀ ≥ d·s for each ray
     # of direction d, and the kept cones. Here s₀ is the first slack of the cone, s are the others.
-    s = program.structure
-    first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
-    cones = [np.arange(s.heads[cone], s.heads[cone] + s.cones[cone]) for cone in reduced.cones]
+    structure = program.structure
+    first = np.concatenate([np.arange(structure.equalities + 1), reduced.linear]).astype(np.int64)
+    cones = [np.arange(structure.heads[cone], structure.heads[cone] + structure.cones[cone]) for cone in reduced.cones]
     last = np.concatenate(cones or [np.empty(0)]).astype(np.int64)
-    pick = [sp.eye_array(s.shape[0]).tocsr()[first]]
+    pick = [sp.eye_array(structure.shape[0]).tocsr()[first]]
     if reduced.rays:
-        ways = sp.lil_array((len(reduced.rays), s.shape[0]))
+        ways = sp.lil_array((len(reduced.rays), structure.shape[0]))
         for row, (cone, direction) in enumerate(reduced.rays.items()):
-            ways[row, s.heads[cone]] = 1.0
+            ways[row, structure.heads[cone]] = 1.0
             for place, value in enumerate(direction, start=1):
-                ways[row, s.heads[cone] + place] = -value
+                ways[row, structure.heads[cone] + place] = -value
         pick.append(ways.tocsr())
-    chosen: sp.csr_array = sp.vstack([*pick, sp.eye_array(s.shape[0]).tocsr()[last]]).tocsr()
+    chosen: sp.csr_array = sp.vstack([*pick, sp.eye_array(structure.shape[0]).tocsr()[last]]).tocsr()
     rhs = np.asarray(chosen @ program.rhs) if right else np.zeros(chosen.shape[0])
     linear = 1 + len(reduced.linear) + len(reduced.rays)
-    sizes = tuple(s.cones[cone] for cone in reduced.cones)
-    return pack(chosen @ program.matrix.tocsr(), rhs, program.objective, s.equalities, linear, sizes, s.places)
+    sizes = tuple(structure.cones[cone] for cone in reduced.cones)
+    return pack(
+        chosen @ program.matrix.tocsr(), rhs, program.objective, structure.equalities, linear, sizes, structure.places
+    )
 
 
 def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
@@ -73,20 +75,33 @@ def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> 
     # boundary the self-stress R lies, along d, let V be the shear and t its bound. The forces then keep s (2 |R|) ≥ |V
     # across d|², where s = t − d·V.
     reduced_program = program_of_rows(program, reduced, right=True)
-    s, matrix, structure = program.structure, program.matrix.tocsr(), reduced_program.structure
-    rows, ends = [reduced_program.matrix.tocsr()], [reduced_program.rhs]
-    last = structure.equalities + structure.linear - len(reduced.rays)
-    for number, (cone, way) in enumerate(reduced.rays.items()):
-        at = slice(s.heads[cone], s.heads[cone] + s.cones[cone])
-        touch, end = reduced_program.matrix.tocsr()[[last + number]], reduced_program.rhs[last + number]
-        size = float(-(matrix[[s.heads[cone]]][:, : len(stress)] @ stress)[0])
-        across = sp.csr_array(la.null_space(way[None]).T) * (2.0 / np.sqrt(2.0 * size))
-        rows += [touch, across @ matrix[at][1:], touch]
-        ends += [np.array([end + 1.0]), np.asarray(across @ program.rhs[at][1:]), np.array([end - 1.0])]
-    sizes = structure.cones + tuple(s.cones[cone] for cone in reduced.rays)
-    tall = sp.vstack(rows)
+    cone_structure, matrix, structure = program.structure, program.matrix.tocsr(), reduced_program.structure
+    rows, sides = [reduced_program.matrix.tocsr()], [reduced_program.rhs]
+    first_ray = structure.equalities + structure.linear - len(reduced.rays)
+    for number, (cone, direction) in enumerate(reduced.rays.items()):
+        rows_of_cone = slice(cone_structure.heads[cone], cone_structure.heads[cone] + cone_structure.cones[cone])
+        bound_row, bound_side = (
+            reduced_program.matrix.tocsr()[[first_ray + number]],
+            reduced_program.rhs[first_ray + number],
+        )
+        size = float(-(matrix[[cone_structure.heads[cone]]][:, : len(stress)] @ stress)[0])
+        across = sp.csr_array(la.null_space(direction[None]).T) * (2.0 / np.sqrt(2.0 * size))
+        rows += [bound_row, across @ matrix[rows_of_cone][1:], bound_row]
+        sides += [
+            np.array([bound_side + 1.0]),
+            np.asarray(across @ program.rhs[rows_of_cone][1:]),
+            np.array([bound_side - 1.0]),
+        ]
+    sizes = structure.cones + tuple(cone_structure.cones[cone] for cone in reduced.rays)
+    stacked = sp.vstack(rows)
     return pack(
-        tall, np.concatenate(ends), program.objective, structure.equalities, structure.linear, sizes, structure.places
+        stacked,
+        np.concatenate(sides),
+        program.objective,
+        structure.equalities,
+        structure.linear,
+        sizes,
+        structure.places,
     )
 
 
@@ -94,24 +109,25 @@ def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -
     """Return the yield rows that are left once a large self-stress acts; None if all are."""
     # Rows in which the self-stress has slack are removed. A cone on whose boundary it lies becomes a ray.
     sizes = [program.structure.cones[cone] for cone in reduced.cones]
-    linear = len(reduced.linear) + len(reduced.rays)
-    loose: Bools = found.slack > 0.5
-    kept = reduced.linear[~loose[: len(reduced.linear)]]
-    turned = dict(zip(reduced.rays, loose[len(reduced.linear) : linear], strict=True))
-    rays = {cone: way for cone, way in reduced.rays.items() if not turned[cone]}
+    # rows in order: linear rows, one for each ray, cones
+    first_ray, first_cone = len(reduced.linear), len(reduced.linear) + len(reduced.rays)
+    has_slack: Bools = found.slack > 0.5  # slacks are 0 or 1, up to the solver's residual
+    linear = reduced.linear[~has_slack[:first_ray]]
+    of_rays = zip(reduced.rays.items(), has_slack[first_ray:first_cone], strict=True)
+    rays = {cone: direction for (cone, direction), removed in of_rays if not removed}
     cones = []
     starts = len(found.values) - sum(sizes) + np.cumsum([0, *sizes])[:-1]
-    for cone, start, size, free in zip(reduced.cones, starts, sizes, loose[linear:], strict=True):
-        if free:
+    for cone, start, size, removed in zip(reduced.cones, starts, sizes, has_slack[first_cone:], strict=True):
+        if removed:
             continue
-        way = found.boundary_direction(start, size)
-        if way is None:
+        direction = found.boundary_direction(start, size)
+        if direction is None:
             cones.append(cone)
         else:
-            rays[cone] = way
-    if len(kept) == len(reduced.linear) and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
+            rays[cone] = direction
+    if len(linear) == len(reduced.linear) and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
         return None
-    return Reduced(kept, tuple(cones), rays)
+    return Reduced(linear, tuple(cones), rays)
 
 
 def rows_by_element(rows: Floats, freedoms: int) -> Floats:
@@ -333,11 +349,12 @@ class Prover:
         table[abs(table).max(axis=1) <= _LAST_DIGIT * abs(table).max(initial=0.0)] = 0.0
         forces = table.ravel()
         residual = self.template.matrix @ forces + live
+        # a face with small forces must hold as exactly as others: its slack counts relative to them
         largest = abs(table).max(axis=1)
-        slack = self.template.yield_set.recession_slack(table, labels)
-        slack = np.where(largest > 0.0, slack / np.where(largest > 0.0, np.minimum(largest, 1.0), 1.0), slack)
-        share = self.imbalance(forces, live)
-        return State(table, 1.0, float(slack.min()), max(error_or_inf(error, residual, forces), share))
+        size = np.where(largest > 0.0, np.minimum(largest, 1.0), 1.0)
+        slack = self.template.yield_set.recession_slack(table, labels) / size
+        error = max(error_or_inf(error, residual, forces), self.imbalance(forces, live))
+        return State(table, 1.0, float(slack.min()), error)
 
     def imbalance(self, forces: Floats, load: Floats) -> float:
         """Return the largest residual of A F + load of an element, relative to its terms but at most 1."""
@@ -641,17 +658,17 @@ FACES_WHERE_BATCH_IS_FASTER: Final = (48, 400)
 
 
 def offer_results(
-    found: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
+    results: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
 ) -> None:
     """Check the batch solver's bounds of one labelling, and add the valid ones to a proof."""
-    if found.forces is None:
+    if results.forces is None:
         return
-    if np.isfinite(found.low[0]):
-        proof.offer_state(prover.state(np.append(found.forces[0], found.low[0]), labels))
-    if found.verdict[0] == LOCKED and found.rays is not None:
-        ray = prover.ray(np.append(found.rays[0], 1.0), labels)
+    if np.isfinite(results.low[0]):
+        proof.offer_state(prover.state(np.append(results.forces[0], results.low[0]), labels))
+    if results.verdict[0] == LOCKED and results.rays is not None:
+        ray = prover.ray(np.append(results.rays[0], 1.0), labels)
         proof.ray = ray if prover.is_ray(ray) else proof.ray
-    elif found.velocity is not None and found.velocity[0].any():
-        motion = prover.motion(found.velocity[0], labels)
-        wider = opening() if motion.margin < 0.0 else None
-        proof.offer_motion(motion if wider is None else prover.add_opening(motion, wider, labels))
+    elif results.velocity is not None and results.velocity[0].any():
+        motion = prover.motion(results.velocity[0], labels)
+        widening = opening() if motion.margin < 0.0 else None
+        proof.offer_motion(motion if widening is None else prover.add_opening(motion, widening, labels))

@@ -112,6 +112,9 @@ _OPENED: Final = 1e-9  # share of its speed by which a mechanism is opened, so t
 class SharedHull:
     """Programs of partial labellings of a template whose joints may crush; ValueError for rows of extra columns."""
 
+    # Convex hull of both labels: forces are the sum of two copies, 1 − w and w times forces within the yield set of a
+    # label. An undecided face has copy 0 dry and copy 1 inner, any other face both with its label.
+
     def __init__(self, template: Template) -> None:
         pattern = template.yield_set.pattern
         if pattern.extra:
@@ -154,22 +157,28 @@ class SharedHull:
         self._pressure[0 : 2 * resultants : template.assembly.freedoms] = -1.0
 
     def _add_copy(self, entries: _HullEntries, template: Template, copy: int, places: Ints) -> None:
-        """Add equilibrium and yield rows of one of two copies; places: (rows,) rows of its yield set."""
+        """Add equilibrium and yield rows of copy 0 or 1; places: (rows,) rows of its yield set."""
         sets, pattern, matrix = template.yield_set, template.yield_set.pattern, template.matrix.tocoo()
         faces, resultants = len(template.assembly.interfaces), matrix.shape[1]
+        first_column, first_owner = resultants * copy, faces * copy
         row, column = (np.asarray(part, dtype=np.int64) for part in matrix.coords)
+        # equilibrium of the resultants that a label has at all
         every = np.ones(faces, dtype=bool)
         dry, inner = (
             np.asarray(matrix.data * sets.active(labels).ravel()[column], dtype=float) for labels in (every, ~every)
         )
-        first_column, first_owner = resultants * copy, faces * copy
-        owner = column // template.assembly.freedoms + first_owner
-        entries.add(row, column + first_column, owner, dry, inner)
-        owner = pattern.face + first_owner
-        entries.add(places[pattern.row], pattern.column + first_column, owner, pattern.dry, pattern.inner)
-        # right-hand sides are shared: h (1 − w) of the first copy, h w of the second
+        face = column // template.assembly.freedoms
+        entries.add(row, column + first_column, face + first_owner, dry, inner)
+        entries.add(
+            places[pattern.row],
+            pattern.column + first_column,
+            pattern.face + first_owner,
+            pattern.dry,
+            pattern.inner,
+        )
+        # right-hand sides are shared: h (1 − w) of copy 0, with its constant in the vector, h w of copy 1
         sign = -1.0 if copy else 1.0
-        share = 2 * resultants + pattern.row_face
+        share = 2 * resultants + pattern.row_face  # columns of w
         entries.add(places, share, pattern.row_face + first_owner, sign * pattern.h_dry, sign * pattern.h_inner)
 
     @staticmethod
@@ -327,12 +336,12 @@ class Relaxation(PartialLabellingBounds):
             which, velocities = which[lacking], velocities[lacking]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
+        bounds = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._batch is not None:
             # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower
             # bound.
-            found += self._refute_by_solver(labels[None], undecided[None], np.array([_ANY]))
-        return min((one for one in found if one is not None), key=lambda one: one.bound, default=None)
+            bounds += self._refute_by_solver(labels[None], undecided[None], np.array([_ANY]))
+        return min((one for one in bounds if one is not None), key=lambda one: one.bound, default=None)
 
     def _refute_by_solver(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """Refute scaled λ one by one, by the interior-point solver."""
@@ -381,19 +390,19 @@ class _Cases(Generic[_Kind]):
 
     @property
     def solves(self) -> int:
-        return sum(one.solves for one in self._cases)
+        return sum(case.solves for case in self._cases)
 
     @property
     def batched(self) -> bool:
         """Return True if the batch solver solves the programs of every case many at a time."""
-        return all(one.batched for one in self._cases)
+        return all(case.batched for case in self._cases)
 
     def _reorder(self, refuted: Sequence[int]) -> None:
         """Sort the cases by refutations (c,), in a new list, as other threads may iterate over the old one."""
         self._order = sorted(self._order, key=lambda case: -refuted[case])
 
 
-def _raised(bound: float) -> float:
+def _raise_by_rounding(bound: float) -> float:
     """Raise a bound by the rounding error of a change of units."""
     return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
 
@@ -426,7 +435,7 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
             )
             for k, of_case in zip(open_ones.tolist(), answers, strict=True):
                 if of_case is not None:
-                    refutations[k] = replace(of_case, bound=_raised(of_case.bound * unit), case=case)
+                    refutations[k] = replace(of_case, bound=_raise_by_rounding(of_case.bound * unit), case=case)
                     counts[case] += 1
             open_ones = np.array([k for k in open_ones.tolist() if refutations[k] is None], dtype=np.int64)
         self._reorder(counts)
@@ -449,26 +458,29 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
                 if conflict.bound is None:
                     carried[labelling] &= conflict.carries or not conflict.drawn
                     continue
-                bound = _raised(conflict.bound * unit)
+                bound = _raise_by_rounding(conflict.bound * unit)
                 conflicts.append(replace(conflict, labelling=labelling, bound=bound, case=case))
                 if conflict.drawn:
                     refuted.add(labelling)
             counts[case] = len(refuted)
             open_ones = np.array([k for k in open_ones.tolist() if k not in refuted], dtype=np.int64)
         self._reorder(counts)
-        unrefuted = [MinimizedConflict(k, True, request.free, None, bool(carried[k])) for k in open_ones.tolist()]
+        unrefuted = [
+            MinimizedConflict(k, drawn=True, decided=request.free, bound=None, carries=bool(carried[k]))
+            for k in open_ones.tolist()
+        ]
         return conflicts + unrefuted
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
         bounds = self._cases[case].evaluate_mechanisms(0, velocities, labellings, undecided) * self._units[case]
-        return np.array([_raised(bound) for bound in bounds.tolist()])
+        return np.array([_raise_by_rounding(bound) for bound in bounds.tolist()])
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        found = [one.least_bound(labels, undecided) for one in self._cases]
+        found = [case.least_bound(labels, undecided) for case in self._cases]
         known = [
-            replace(one, bound=_raised(one.bound * unit), case=case)
+            replace(one, bound=_raise_by_rounding(one.bound * unit), case=case)
             for case, (one, unit) in enumerate(zip(found, self._units, strict=True))
             if one is not None
         ]
@@ -485,7 +497,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
         unit = self._units[mechanism.case]
         scaled = self._in_units(threshold, most, unit)
         found = self._cases[mechanism.case].evaluate(mechanism, allowed, *scaled)
-        bound = threshold if found.refuted else _raised(found.bound * unit)
+        bound = threshold if found.refuted else _raise_by_rounding(found.bound * unit)
         return replace(found, bound=min(most, bound), mechanisms=(mechanism,))
 
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
@@ -506,7 +518,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
                     counts[case] += 1
                     choices[k] = replace(of_case, bound=min(upper, threshold), useless=useless, mechanisms=proof)
                     continue
-                bound = min(upper, _raised(of_case.bound * unit))
+                bound = min(upper, _raise_by_rounding(of_case.bound * unit))
                 if before is None or bound < before.bound:
                     choices[k] = replace(of_case, bound=bound, useless=useless, mechanisms=proof)
                 else:
@@ -518,7 +530,7 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
     @staticmethod
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
         """Convert factors to scaled λ of a case: threshold rounded down, most rounded up, so that bounds hold."""
-        return (threshold - abs(threshold) * _ROUNDING) / unit, _raised(most) / unit
+        return (threshold - abs(threshold) * _ROUNDING) / unit, _raise_by_rounding(most) / unit
 
 
 AnyRelaxation = Relaxation | CaseRelaxation  # relaxation of partial labellings under one load or several load cases
@@ -579,17 +591,17 @@ class NormalCaps:
 
     def tighten(self, threshold: float, most: float, deadline: Deadline) -> None:
         """Lower the caps for labellings whose scaled λ is from `threshold` to `most`, as far as time allows."""
-        program, s = self._program, self._program.structure
+        program, structure = self._program, self._program.structure
         faces = len(self._labels)
         place = 3 * np.arange(faces)  # columns of N
-        pick = sp.csr_array((np.ones(faces), (np.arange(faces), place)), shape=(faces, s.shape[1]))
+        pick = sp.csr_array((np.ones(faces), (np.arange(faces), place)), shape=(faces, structure.shape[1]))
         rows = sp.vstack([program.matrix.tocsr(), pick]).tocsc()
         low = np.full(rows.shape[0], -np.inf)
-        low[: s.equalities] = program.rhs[: s.equalities]
+        low[: structure.equalities] = program.rhs[: structure.equalities]
         high = np.concatenate([program.rhs, self.caps])
-        high[s.equalities] = -threshold
-        free = np.full(s.shape[1], np.inf)
-        highs = highs_of(rows, np.zeros(s.shape[1]), low, high, -free, free, _SOLVER)
+        high[structure.equalities] = -threshold
+        free = np.full(structure.shape[1], np.inf)
+        highs = highs_of(rows, np.zeros(structure.shape[1]), low, high, -free, free, _SOLVER)
         for f in range(faces):
             if deadline.passed():
                 break
@@ -597,10 +609,10 @@ class NormalCaps:
             highs.run()
             dual = -np.array(highs.getSolution().row_dual)
             highs.changeColCost(int(place[f]), 0.0)
-            cap = self._cap(dual[: s.equalities], f, threshold, most)
+            cap = self._cap(dual[: structure.equalities], f, threshold, most)
             if cap < self.caps[f]:
                 self.caps[f] = max(cap, 0.0)
-                highs.changeRowBounds(int(s.shape[0] + f), -np.inf, self.caps[f])
+                highs.changeRowBounds(int(structure.shape[0] + f), -np.inf, self.caps[f])
 
     def _cap(self, velocity: Floats, face: int, threshold: float, most: float) -> float:
         """Return the bound on N of a face that velocities prove; inf where they prove none."""

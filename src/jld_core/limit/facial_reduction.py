@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -77,11 +78,10 @@ class FacialReduction:
         # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
         # first with rays of the live load treated as self-stress.
         idle = not normalise and abs(motion.work) < _NO_WORK
-        return (self._repaired(motion, labels, normalise, idle, True) if idle else None) or self._repaired(
-            motion, labels, normalise, idle, False
-        )
+        repaired = self._best_repair(motion, labels, normalise, idle=True, loaded=True) if idle else None
+        return repaired or self._best_repair(motion, labels, normalise, idle=idle, loaded=False)
 
-    def _repaired(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
+    def _best_repair(self, motion: Motion, labels: Bits, normalise: bool, *, idle: bool, loaded: bool) -> Motion | None:
         """Return the repaired motion of least bound; idle: no live work.
 
         loaded: self-stresses may balance live load.
@@ -95,14 +95,16 @@ class FacialReduction:
                     continue
                 step = self.prover.motion(inside, labels, normalise=False)
                 # A motion that needs a large share of the step inside is a poor bound: try all, and keep the best.
-                tried = [
-                    given and self._blended(given, step, program, reduced, labels, normalise, idle, turned)
-                    for given in (motion, self._solved(program, reduced, labels, normalise))
-                    for turned in ((False, True) if reduced.rays else (False,))
-                ]
-                repaired = [one for one in tried if one is not None]
+                blend = partial(
+                    self._blend_inward,
+                    step=step, program=program, reduced=reduced, labels=labels, normalise=normalise, idle=idle,
+                )  # fmt: skip
+                starts = [motion, self._motion_of_reduced(program, reduced, labels, normalise)]
+                turns = (False, True) if reduced.rays else (False,)
+                tried = [blend(start, turned=turned) for start in starts if start is not None for turned in turns]
+                repaired = [found for found in tried if found is not None]
                 if repaired:
-                    return min(repaired, key=lambda one: one.bound)
+                    return min(repaired, key=lambda found: found.bound)
         return None
 
     def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
@@ -111,10 +113,12 @@ class FacialReduction:
         rows = kept_rows(program).linear
         own = multipliers[rows]
         reduced = Reduced(rows[own > _POSITIVE * own.max(initial=0.0)], ())
-        return self._blended(motion, None, program, reduced, labels, True, False, False)
+        return self._blend_inward(motion, None, program, reduced, labels, normalise=True, idle=False, turned=False)
 
-    def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
-        """Solve the program of the rows left by facial reduction, and return its mechanism."""
+    def _motion_of_reduced(
+        self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool
+    ) -> Motion | None:
+        """Solve the program of the rows left by facial reduction, and return its mechanism, or None."""
         # More accurate than the mechanism of `program`, the program of all rows.
         if not reduced.rays:
             return None
@@ -122,7 +126,9 @@ class FacialReduction:
         raw = ClarabelSolver(iterative_refinement_enable=True).solve(reduced_program)
         velocity = raw.dual[: self.template.matrix.shape[0]]
         size = float(abs(velocity).max())
-        if (raw.status is RawStatus.INFEASIBLE) is normalise or not (np.isfinite(size) and size > 0.0):
+        # The dual of an infeasible program is a fall under dead load, wanted only where live work is not normalised.
+        falls = raw.status is RawStatus.INFEASIBLE
+        if falls == normalise or not (np.isfinite(size) and size > 0.0):
             return None
         return self.prover.motion(velocity if normalise else velocity / size, labels, normalise)
 
@@ -155,13 +161,14 @@ class FacialReduction:
                     states.append(self.prover.state(y, labels, passes=3))
         return states
 
-    def _blended(
+    def _blend_inward(
         self,
         motion: Motion,
         step: Motion | None,
         program: ConicProgram,
         reduced: Reduced,
         labels: Bits,
+        *,
         normalise: bool,
         idle: bool,
         turned: bool,
@@ -203,15 +210,15 @@ class FacialReduction:
         # tangent along the self-stress. By duality a jump is a combination of the rows that are left, J = Gᵀz, so that
         # these rows span what is allowed. A face without a reduced row needs no projector. Columns of further unknowns
         # (beyond the resultants) have no jump: only combinations z that vanish there count.
-        s, q = program.structure, self.template.assembly.freedoms
+        structure, q = program.structure, self.template.assembly.freedoms
         yields = program.matrix.tocsr()
         row_face = self.template.yield_set.pattern.row_face
         faces = len(self.template.assembly.interfaces)
-        first = s.equalities + 1
-        whole = np.zeros(s.shape[0], dtype=bool)
+        first = structure.equalities + 1
+        whole = np.zeros(structure.shape[0], dtype=bool)
         whole[reduced.linear] = True
         for cone in reduced.cones:
-            whole[s.heads[cone] : s.heads[cone] + s.cones[cone]] = True
+            whole[structure.heads[cone] : structure.heads[cone] + structure.cones[cone]] = True
         whole = whole[first : first + len(row_face)]
         edge = np.unique(row_face[~whole])
         place = np.full(faces, -1)
@@ -219,8 +226,8 @@ class FacialReduction:
         kept = np.flatnonzero(whole & (place[row_face] >= 0))
         rows, owner = [yields[first + kept]], [place[row_face[kept]]]
         for cone, direction in reduced.rays.items():
-            cone_rows = yields[s.heads[cone] : s.heads[cone] + s.cones[cone]].toarray()
-            face = int(row_face[s.heads[cone] - first])
+            cone_rows = yields[structure.heads[cone] : structure.heads[cone] + structure.cones[cone]].toarray()
+            face = int(row_face[structure.heads[cone] - first])
             tangents = _tangent(cone_rows, direction, jumps[face], q * face, speed)
             rows.append(sp.csr_array(np.array(tangents)))
             owner.append(np.full(len(tangents), place[face]))
@@ -400,7 +407,7 @@ class SelfStress:
         self.program = self.template.program(labels)
         self.columns = self.program.structure.shape[1] - 1
         small = self.template.matrix.shape[0] <= DENSE and set(self.program.structure.cones) == {3}
-        self.stages = list(self._reduced())[::-1] if small else []
+        self.stages = list(self._stages())[::-1] if small else []
 
     def ray(self) -> State | None:
         """Find a ray R₁, A R₁ + b_λ = 0, that is admissible in the rows which large self-stresses leave (3.14a).
@@ -432,20 +439,22 @@ class SelfStress:
         # Forces that are admissible in the rows that the self-stresses leave are blended with `inside`. Self-stresses
         # are then added until all rows hold.
         resultants = self.template.matrix.shape[1]
-        inner = self._balanced(inside)
+        inner = self._project_onto_equilibrium(inside)
         for stage, (tolerance, kept) in itertools.product(self.stages, _ACCURACIES):
             stated = program_of_rows(self.template.program(self.labels, kept), stage.left, right=True)
-            outer = self._balanced(ClarabelSolver(tolerance, proximal=(resultants, _CALM)).solve(stated).point)
+            outer = self._project_onto_equilibrium(
+                ClarabelSolver(tolerance, proximal=(resultants, _CALM)).solve(stated).point
+            )
             if inner is None or outer is None:
                 continue
-            point = _blended(program_of_rows(self.program, stage.left, right=True), outer[0], inner[0])
+            point = _move_inward(program_of_rows(self.program, stage.left, right=True), outer[0], inner[0])
             forces = None if point is None else self._with_stresses(point, stage)
             error = max(inner[1], outer[1])
             if point is not None and forces is not None and error <= 1e-3 * _LEFT:
                 error = max(error, _LAST_DIGITS * float(abs(forces).max()))
                 yield State(self._table(forces[:resultants]), float(point[-1]), 2.0 * error, error)
 
-    def _balanced(self, point: Floats) -> tuple[Floats, float] | None:
+    def _project_onto_equilibrium(self, point: Floats) -> tuple[Floats, float] | None:
         """Project a point (columns + 1,) onto equilibrium, with the error left; None if unusable."""
         if not usable(point):
             return None
@@ -471,7 +480,7 @@ class SelfStress:
                 return None
         return point
 
-    def _reduced(self) -> Iterator[_Stage]:
+    def _stages(self) -> Iterator[_Stage]:
         """Find self-stresses one after the other; yield each stage with a cone reduced to a ray."""
         # The search ends where no self-stress removes another row, or after `_ROUNDS` rounds.
         stage = _Stage((), (), kept_rows(self.program))
@@ -493,27 +502,28 @@ class SelfStress:
             else:
                 return
 
-    def _remaining_rows(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
+    def _remaining_rows(self, stress: Floats, program: ConicProgram, reduced: Reduced) -> Reduced | None:
         """Return the rows left beside a self-stress (columns,); None if it removes none or is no valid one."""
-        position, size = _row_position(left, stress), float(abs(stress).max())
-        exact = self.prover.exact * max(1.0, size)
-        balance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
-        if balance > self.prover.exact * max(1.0, size) or position.least < -exact:
+        position, size = _row_position(program, stress), float(abs(stress).max())
+        rounding = self.prover.exact * max(1.0, size)
+        imbalance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
+        if imbalance > rounding or position.least < -rounding:
             return None
+        # Rows with slack beyond `strict` are removed; linear rows come first, then those of rays.
         strict = _STRICT * size
         count = len(reduced.linear)
-        kept = reduced.linear[position.linear[:count] <= strict]
-        tight = position.linear[count:] <= strict
-        rays = {cone: way for (cone, way), holds in zip(reduced.rays.items(), tight, strict=True) if holds}
+        linear = reduced.linear[position.linear[:count] <= strict]
+        of_rays = zip(reduced.rays.items(), position.linear[count:] <= strict, strict=True)
+        rays = {cone: direction for (cone, direction), tight in of_rays if tight}
         cones = []
         for cone, head, tail, slack in zip(reduced.cones, position.head, position.tail, position.inside, strict=True):
-            if head > strict and slack <= strict:
-                rays[cone] = tail / np.linalg.norm(tail)
-            elif head <= strict:
+            if head <= strict:  # at the apex
                 cones.append(cone)
-        if len(kept) == count and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
+            elif slack <= strict:  # on the boundary, along one ray
+                rays[cone] = tail / np.linalg.norm(tail)
+        if len(linear) == count and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
             return None
-        return Reduced(kept, tuple(cones), rays)
+        return Reduced(linear, tuple(cones), rays)
 
 
 def _without_last_digits(point: Floats) -> Floats:
@@ -521,7 +531,7 @@ def _without_last_digits(point: Floats) -> Floats:
     return np.where(abs(point) <= _LAST_DIGITS * abs(point).max(initial=0.0), 0.0, point)
 
 
-def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
+def _move_inward(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
     """Move a point towards an inner one until all rows have slack `_LEFT`; None if the inner one has less."""
     out, within = _row_position(rows, outer).least, _row_position(rows, inner).least
     if within <= _LEFT:
@@ -532,7 +542,11 @@ def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
 
 def _row_position(program: ConicProgram, point: Floats) -> _RowPosition:
     """Return the slacks of a vector (≤ columns,) in all linear rows and cones but that of λ."""
-    s = program.structure
+    structure = program.structure
     values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point
-    tails = [values[s.heads + k] for k in (1, 2)] if s.cones else [np.zeros(0)] * 2
-    return _RowPosition(values[s.equalities + 1 : s.equalities + s.linear], values[s.heads], np.column_stack(tails))
+    tails = [values[structure.heads + k] for k in (1, 2)] if structure.cones else [np.zeros(0)] * 2
+    return _RowPosition(
+        values[structure.equalities + 1 : structure.equalities + structure.linear],
+        values[structure.heads],
+        np.column_stack(tails),
+    )

@@ -170,7 +170,7 @@ def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) 
     lift = gap.min(axis=2, initial=np.inf) - dilates * rubbing
     if criteria := assembly.face_strengths.criteria:  # these state no friction: their rows say what is dilation
         margin = _margin(assembly, labels, jumps)
-        stated = np.logical_or.reduce([one.faces for one in criteria])
+        stated = np.logical_or.reduce([criterion.faces for criterion in criteria])
         lift = np.where(stated & np.isfinite(margin), margin, lift)
     opens = lift > _LIFTS * size
     kinds = np.where(labels, np.where(opens, Movement.OPEN, slides), cracks)
@@ -285,7 +285,7 @@ class WorkBalances:
         every = np.ones(faces, dtype=bool)
         if self.template.assembly.dimension == 2:
             return np.array([measure(jumps, every), measure(jumps, ~every)])
-        each = [[measure(one, labels) for one in jumps] for labels in (every, ~every)]
+        each = [[measure(jump, labels) for jump in jumps] for labels in (every, ~every)]
         return np.array(each).reshape(2, *jumps.shape[:2])
 
     def _opened(self, velocities: Floats, matters: Bools | np.bool) -> tuple[Floats, Floats, Floats]:

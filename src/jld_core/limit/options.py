@@ -343,12 +343,18 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
         for position, case in enumerate(cases):
             if case.status is status:
                 return Governing(status, nan, nan, nan, position)
+    # over the required factors; what is unknown is −inf below and inf above, and NaN as a value
     lows, highs, values = [], [], []
     for case, factor in zip(cases, required, strict=True):
-        locked = case.status is Status.LOCKED
-        lows.append(inf if locked else -inf if math.isnan(case.low) else case.low / factor)
-        highs.append(inf if locked or math.isnan(case.high) else case.high / factor)
-        values.append(inf if locked else nan if math.isnan(case.load_factor) else case.load_factor / factor)
+        if case.status is Status.LOCKED:
+            low = high = value = inf
+        else:
+            low = -inf if math.isnan(case.low) else case.low / factor
+            high = inf if math.isnan(case.high) else case.high / factor
+            value = case.load_factor / factor
+        lows.append(low)
+        highs.append(high)
+        values.append(value)
     if all(case.status is Status.LOCKED for case in cases):
         known_lows = [case.low / factor for case, factor in zip(cases, required, strict=True)]
         position = min(range(len(cases)), key=lambda k: inf if math.isnan(known_lows[k]) else known_lows[k])

@@ -161,8 +161,8 @@ class Repair:
 
         None: neither found.
         """
-        found = self.proof_at_zero(labels)
-        return None if found is None else isinstance(found, State)
+        proof = self.proof_at_zero(labels)
+        return None if proof is None else isinstance(proof, State)
 
     def proof_at_zero(self, labels: Bits, until: Deadline | None = None) -> State | Motion | None:
         """Return the state or motion that decides whether λ = 0 is admissible; None if neither is found.
@@ -172,12 +172,12 @@ class Repair:
         program = largest_slack_program(self.template.program(labels), load_fixed=True)
         # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
         for gap in _GAPS if is_large(program.structure) else _GAPS[1:]:
-            found = self._settled(solve_auxiliary(program, gap, until), labels)
-            if found is not None:
+            proof = self._settle(solve_auxiliary(program, gap, until), labels)
+            if proof is not None:
                 break
-        return found
+        return proof
 
-    def _settled(self, raw: RawSolution, labels: Bits) -> State | Motion | None:
+    def _settle(self, raw: RawSolution, labels: Bits) -> State | Motion | None:
         """Return a state that proves λ = 0 admissible, or a motion that proves it is not; None without proof."""
         # cheap repairs first
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
@@ -212,20 +212,20 @@ class Repair:
         # a state that leaves all other rows slack. Rounding is judged per face and per row, by the size of the terms in
         # it.
         program = self.template.program(labels)
-        s = program.structure
-        columns = s.shape[1] - int(load_fixed)
+        structure = program.structure
+        columns = structure.shape[1] - int(load_fixed)
         answer, slack = maximise_slacks(program, program.rhs, columns, cap=_LEAST_SLACK)
         tight = slack < 1e-3 * _LEAST_SLACK
         values = program.rhs - program.matrix[:, :columns] @ answer.point[:columns]
-        balance = sp.csr_array(sp.eye_array(s.equalities, s.shape[0]))
-        picked = sp.csr_array(sp.vstack([balance, *self._equations(s, tight, values)]))
+        balance = sp.csr_array(sp.eye_array(structure.equalities, structure.shape[0]))
+        picked = sp.csr_array(sp.vstack([balance, *self._equations(structure, tight, values)]))
         equations, ends = sp.csr_array((picked @ program.matrix)[:, :columns]), picked @ program.rhs
         if not usable(answer.point):
             return None
         projector = ConsistentProjector(equations)
         inside = projector.project(answer.point[:columns], ends)
         start = projector.project(point[:columns], ends) if point is not None and usable(point) else inside
-        faces = self.template.yield_set.pattern.row_face[slack_rows(s)[tight] - s.equalities - 1]
+        faces = self.template.yield_set.pattern.row_face[slack_rows(structure)[tight] - structure.equalities - 1]
         edge = np.isin(np.arange(len(labels)), faces)
         for share in _SHARES:
             y = (1.0 - share) * start + share * inside

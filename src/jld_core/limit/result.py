@@ -526,24 +526,25 @@ def _instability_mechanism(template: Template, proof: Proof) -> Floats | None:
 def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) -> LimitAnalysisResult:
     """Combine the results of load cases, in their order, into that of the structure."""
     results = list(cases.values())
-    known = [CaseBounds(one.status, *one.bracket, one.load_factor) for one in results]
-    decided = governing(known, assembly.required.tolist())
-    first = results[decided.case]
-    scale = max(1e-300, load_scale(first.assembly) / float(assembly.required[decided.case]))
+    bounds = [CaseBounds(result.status, *result.bracket, result.load_factor) for result in results]
+    decided = governing(bounds, assembly.required.tolist())
+    worst = results[decided.case]
+    scale = max(1e-300, load_scale(worst.assembly) / float(assembly.required[decided.case]))
     width = relative_width(decided.low, decided.high, scale)
-    stands = [one.stands_at_zero for one in results]
-    ends = [[end / factor for end in one.least_bracket] for one, factor in zip(results, assembly.required, strict=True)]
-    least_bracket = (float(np.max([low for low, _ in ends])), float(np.max([high for _, high in ends])))
+    stands = [result.stands_at_zero for result in results]
+    # the structure stands from the largest of the least factors on
+    least = np.array([result.least_bracket for result in results]) / assembly.required[:, None]
+    least_bracket = (float(least[:, 0].max()), float(least[:, 1].max()))
     return replace(
-        first,
+        worst,
         assembly=assembly,
         status=decided.status,
         load_factor=decided.load_factor,
         bracket=(decided.low, decided.high),
         gap=math.nan if decided.status in (Status.UNSTABLE, Status.LOCKED) else width,
         stands_at_zero=False if False in stands else None if None in stands else True,
-        iterations=sum(one.iterations for one in results),
-        seconds={key: sum(one.seconds[key] for one in results) for key in first.seconds},
+        iterations=sum(result.iterations for result in results),
+        seconds={key: sum(result.seconds[key] for result in results) for key in worst.seconds},
         cases=cases,
         least_bracket=least_bracket,
         governing=list(cases)[decided.case],

@@ -216,7 +216,7 @@ class Fronts:
                 unknowns = self.passed[child]
                 own = int(np.searchsorted(unknowns, self.bounds[part + 1]))
                 rest = np.searchsorted(self.passed[part], unknowns[own:])
-                runs = [*_runs(unknowns[:own] - self.bounds[part], 0, True), *_runs(rest, own, False)]
+                runs = [*_runs(unknowns[:own] - self.bounds[part], 0, own=True), *_runs(rest, own, own=False)]
                 if runs:  # the root of a connected component has no update matrix
                     self._onto[part].append((child, runs))
             if parent[part] >= 0:
@@ -320,25 +320,26 @@ class Factor:
         self._fronts, self._pivots, self._panels = fronts, pivots, panels
 
     def solve(self, rhs: Floats) -> Floats:
+        """Solve for right-hand sides (n,) or (n, k)."""
         fronts = self._fronts
         x = np.array(rhs[fronts.order], dtype=float)
         if x.ndim == 1:
             x = x[:, None]
         bounds = fronts.bounds.tolist()
-        for part, passed in enumerate(fronts.passed):
-            first, last = bounds[part], bounds[part + 1]
+        for front, later in enumerate(fronts.passed):
+            first, last = bounds[front], bounds[front + 1]
             if last > first:
-                y = blas.dtrsm(1.0, self._pivots[part], x[first:last], lower=1)
+                y = blas.dtrsm(1.0, self._pivots[front], x[first:last], lower=1)
                 x[first:last] = y
-                if len(passed):
-                    x[passed] -= self._panels[part] @ y
-        for part in range(len(fronts.passed) - 1, -1, -1):
-            first, last, passed = bounds[part], bounds[part + 1], fronts.passed[part]
+                if len(later):
+                    x[later] -= self._panels[front] @ y
+        for front in range(len(fronts.passed) - 1, -1, -1):
+            first, last, later = bounds[front], bounds[front + 1], fronts.passed[front]
             if last > first:
                 y = x[first:last]
-                if len(passed):
-                    y = y - self._panels[part].T @ x[passed]
-                x[first:last] = blas.dtrsm(1.0, self._pivots[part], y, lower=1, trans_a=1)
+                if len(later):
+                    y = y - self._panels[front].T @ x[later]
+                x[first:last] = blas.dtrsm(1.0, self._pivots[front], y, lower=1, trans_a=1)
         return x[fronts.place].reshape(rhs.shape)
 
 

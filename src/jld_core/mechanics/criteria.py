@@ -197,26 +197,33 @@ def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
         raise InputError(key, problem, "d of at least 0: zero inside the yield set")
     constants[idle] = 0.0
     if dimension == 3:
-        own = np.any(rows != 0.0, axis=(0, 1))
-        held = [own[1] or own[2], own[5]] if len(own) == 6 else [False, False]
-        limits = [sum(gauge.shear is not None for gauge in gauges), sum(np.any(gauge.torsion) for gauge in gauges)]
-        odd = any(count + by_rows != 1 for count, by_rows in zip(limits, held, strict=True))
-        if odd or any(np.any(gauge.torsion) != np.all(gauge.torsion) for gauge in gauges):
-            problem = f'{limits[0]} gauges of "{one.name}" limit shear and {limits[1]} limit torsion'
-            raise InputError(key, problem, "one for both, or one for each, or rows of six columns")
-        if any(gauge.shear is not None and np.min(abs(np.linalg.det(gauge.shear))) <= 0.0 for gauge in gauges):
-            raise InputError(key, f'a matrix B of "{one.name}" is singular', "a limit on both directions of shear")
-        if any(np.min(part) < 0.0 for gauge in gauges for part in (gauge.torsion, gauge.capacity, gauge.friction)):
-            raise InputError(key, f'a number of a gauge of "{one.name}" is negative', "k, c and μ of at least 0")
+        _refuse_gauges(one, rows, gauges)
     elif gauges:
         raise InputError(key, f'"{one.name}" states gauges in the plane', "rows of (n, v, m) alone")
     return FaceRows(rows, constants, gauges)
 
 
+def _refuse_gauges(criterion: StatedCriterion, rows: Floats, gauges: tuple[Gauge, ...]) -> None:
+    """Raise InputError unless rows or one gauge limit shear, and likewise torsion."""
+    key, name = criterion.key, criterion.name
+    limits = np.any(rows != 0.0, axis=(0, 1))  # (q,) resultants that rows limit
+    shear_by_rows, torsion_by_rows = (limits[1] or limits[2], limits[5]) if len(limits) == 6 else (False, False)
+    of_shear = sum(gauge.shear is not None for gauge in gauges)
+    of_torsion = sum(np.any(gauge.torsion) for gauge in gauges)
+    limited_once = of_shear + shear_by_rows == 1 and of_torsion + torsion_by_rows == 1
+    if not limited_once or any(np.any(gauge.torsion) != np.all(gauge.torsion) for gauge in gauges):
+        problem = f'{of_shear} gauges of "{name}" limit shear and {of_torsion} limit torsion'
+        raise InputError(key, problem, "one for both, or one for each, or rows of six columns")
+    if any(gauge.shear is not None and np.min(abs(np.linalg.det(gauge.shear))) <= 0.0 for gauge in gauges):
+        raise InputError(key, f'a matrix B of "{name}" is singular', "a limit on both directions of shear")
+    if any(np.min(part) < 0.0 for gauge in gauges for part in (gauge.torsion, gauge.capacity, gauge.friction)):
+        raise InputError(key, f'a number of a gauge of "{name}" is negative', "k, c and μ of at least 0")
+
+
 def _arrays(gauge: Gauge, k: int) -> Gauge:
     shear = None if gauge.shear is None else np.array(np.broadcast_to(np.asarray(gauge.shear, dtype=float), (k, 2, 2)))
     numbers = (gauge.torsion, gauge.capacity, gauge.friction)
-    return Gauge(shear, *(np.array(np.broadcast_to(np.asarray(one, dtype=float), (k,))) for one in numbers))
+    return Gauge(shear, *(np.array(np.broadcast_to(np.asarray(number, dtype=float), (k,))) for number in numbers))
 
 
 # Violation of a row, relative to its terms, above which a point of intersection is no vertex in floats
@@ -382,8 +389,8 @@ def row_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending 
     InputError for joints that crush and unusable rows.
     """
     dry, inner = _of_stresses(assembly, inner_bending)
-    sets = _aligned(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
-    dry, inner, both = (one.scaled(assembly.interfaces.area / scaling.force) for one in sets)
+    sets = _align_rows(assembly.dimension, [dry, inner, _enclosing(assembly.dimension, dry, inner)])
+    dry, inner, both = (rows.scaled(assembly.interfaces.area / scaling.force) for rows in sets)
     return RowYield(assembly.dimension, dry, inner, both, assembly.face_strengths.criteria)
 
 
@@ -394,8 +401,8 @@ def _of_stresses(assembly: Assembly, inner_bending: InnerBending) -> tuple[Label
         none = np.zeros(len(assembly.interfaces), dtype=bool)
         bending = bending_of(assembly.interfaces, none, inner_bending, np.isfinite(numbers.side(dry=False).crush))
     groups = [_rows(assembly, numbers, bending, label) for label in (True, False)]
-    width = max(rows.C.shape[2] for one in groups for _, rows in one)
-    dry, inner = (_compiled(assembly, one, width, label) for one, label in zip(groups, (True, False), strict=True))
+    width = max(rows.C.shape[2] for group in groups for _, rows in group)
+    dry, inner = (_compile(assembly, one, width, label) for one, label in zip(groups, (True, False), strict=True))
     return dry, inner
 
 
@@ -424,10 +431,10 @@ def maps_criteria(assembly: Assembly, face_to: Ints, matrix: Floats) -> bool:
             core[:, 1:3, 1:3], core[:, 5, 5] = shear, turned
         bends = slice(1, 3) if core.shape[1] == 3 else slice(3, 5)
         core[:, bends, bends] = turned * shear
-    return all(_mapped(one, face_to, core, shear) for one in sets)
+    return all(_maps_onto_image(rows, face_to, core, shear) for rows in sets)
 
 
-def _mapped(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
+def _maps_onto_image(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
     """Return True if maps of the core (m, q, q) and of shear (m, 2, 2) turn each set into that of its image."""
     for points in (sets.vertices, sets.rays):
         if not points.shape[1]:
@@ -492,34 +499,38 @@ def _taken(gauge: Gauge, faces: Bools) -> Gauge:
     return Gauge(None if gauge.shear is None else gauge.shear[faces], *numbers)
 
 
-def _compiled(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: int, dry: bool) -> LabelRows:
+def _compile(assembly: Assembly, groups: list[tuple[Ints, FaceRows]], width: int, dry: bool) -> LabelRows:
     """Return one label's sets in stresses: needed rows, vertices, rays, class of each face.
 
     width: resultants of the core. InputError for unusable rows.
     """
-    count, most = len(assembly.interfaces), max(rows.C.shape[1] for _, rows in groups)
-    table = np.zeros((count, most, width + 1))
-    for which, rows in groups:
+    count, most_rows = len(assembly.interfaces), max(rows.C.shape[1] for _, rows in groups)
+    table = np.zeros((count, most_rows, width + 1))
+    for faces_of_group, rows in groups:
         size = abs(rows.C).max(axis=2, initial=0.0)
         size = np.where(size > 0.0, size, 1.0)[..., None]
         columns = np.arange(width) if rows.C.shape[2] == width else np.array([0, 3, 4])
-        places = which[:, None, None], np.arange(rows.C.shape[1])[:, None]
-        table[(*places, columns)], table[(*places, [width])] = rows.C / size, rows.d[..., None] / size
-    kinds, first, kind = np.unique(table.reshape(count, -1), axis=0, return_index=True, return_inverse=True)
-    kind, own = kind.ravel(), [one for one in assembly.face_strengths.criteria if (one.label == "dry") == dry]
-    names = [next(((one.key, one.name) for one in own if one.faces[face]), ("materials", "standard")) for face in first]
-    parts = [_core(one, *name) for one, name in zip(kinds.reshape(-1, most, width + 1), names, strict=True)]
-    limits, vertices, rays = (_padded([part[k] for part in parts], repeat=k == 1)[kind] for k in range(3))
+        entries = faces_of_group[:, None, None], np.arange(rows.C.shape[1])[:, None]
+        table[(*entries, columns)], table[(*entries, [width])] = rows.C / size, rows.d[..., None] / size
+    tables, first, table_of_face = np.unique(table.reshape(count, -1), axis=0, return_index=True, return_inverse=True)
+    table_of_face = table_of_face.ravel()
+    criteria = [criterion for criterion in assembly.face_strengths.criteria if (criterion.label == "dry") == dry]
+    cores = []
+    for distinct, face in zip(tables.reshape(-1, most_rows, width + 1), first, strict=True):
+        # what an error names: the criterion of a face that has these rows
+        names = ((criterion.key, criterion.name) for criterion in criteria if criterion.faces[face])
+        cores.append(_core(distinct, *next(names, ("materials", "standard"))))
+    limits, vertices, rays = (_pad([core[k] for core in cores], repeat=k == 1)[table_of_face] for k in range(3))
     shear, numbers, coupled = _gauges(groups, count)
     k, c, mu = numbers
-    found = LabelRows(limits[..., :-1], limits[..., -1], shear, k, c, mu, coupled, vertices, rays, kind)
-    for one in own:
-        low = vertices[one.faces, :, 0].min(axis=1, initial=np.inf)[:, None]
-        spare = c[one.faces] + mu[one.faces] * low
-        if spare.min(initial=0.0) < -_ROUNDED * max(1e-300, float(c[one.faces].max(initial=0.0))):
-            problem = f'N of "{one.name}" reaches {float(low.min()):g}, where c + μN is negative'
-            raise InputError(one.key, problem, "N of at least −c/μ")
-    return found
+    compiled = LabelRows(limits[..., :-1], limits[..., -1], shear, k, c, mu, coupled, vertices, rays, table_of_face)
+    for criterion in criteria:
+        low = vertices[criterion.faces, :, 0].min(axis=1, initial=np.inf)[:, None]
+        spare = c[criterion.faces] + mu[criterion.faces] * low
+        if spare.min(initial=0.0) < -_ROUNDED * max(1e-300, float(c[criterion.faces].max(initial=0.0))):
+            problem = f'N of "{criterion.name}" reaches {float(low.min()):g}, where c + μN is negative'
+            raise InputError(criterion.key, problem, "N of at least −c/μ")
+    return compiled
 
 
 def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Floats, Bools]:
@@ -542,7 +553,7 @@ def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Fl
     return shear, numbers, coupled
 
 
-def _padded(parts: list[Floats], *, repeat: bool) -> Floats:
+def _pad(parts: list[Floats], *, repeat: bool) -> Floats:
     """Return arrays (r, q) of several lengths as one (k, most, q), filled with zeros or with their first row."""
     most = max(len(part) for part in parts)
     found = np.zeros((len(parts), most, parts[0].shape[1]))
@@ -587,14 +598,16 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
     # circle in the two of shear, with a line above the capacities of both labels.
     vertices = np.concatenate([dry.vertices, inner.vertices], axis=1)
     rays = np.concatenate([dry.rays, inner.rays], axis=1)
-    facts = [part for one in (dry, inner) for part in (one.kind, one.B.reshape(-1, 4), one.k, one.c, one.mu)]
+    facts = [
+        part for label in (dry, inner) for part in (label.kind, label.B.reshape(-1, 4), label.k, label.c, label.mu)
+    ]
     _, first, kind = np.unique(np.column_stack(facts), axis=0, return_index=True, return_inverse=True)
     parts = [_hull_of(dimension, dry, inner, face) for face in first.tolist()]
     kind = kind.ravel()
-    table = _padded(parts, repeat=False)[kind]
-    ends = [(one.vertices[:, :, 0].min(axis=1), one.vertices[:, :, 0].max(axis=1)) for one in (dry, inner)]
+    table = _pad(parts, repeat=False)[kind]
+    ends = [(label.vertices[:, :, 0].min(axis=1), label.vertices[:, :, 0].max(axis=1)) for label in (dry, inner)]
     low = vertices[:, :, 0].min(axis=1)[:, None]
-    steep = np.max([np.where(one.endless[:, None], one.mu, 0.0) for one in (dry, inner)], axis=0)
+    steep = np.max([np.where(label.endless[:, None], label.mu, 0.0) for label in (dry, inner)], axis=0)
     # The line starts at the least N of both, above every end of the capacities.
     start = np.max(
         [
@@ -604,7 +617,7 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
         ],
         axis=0,
     )
-    narrow = np.min([np.linalg.svd(one.B, compute_uv=False)[:, 1] for one in (dry, inner)], axis=0)
+    narrow = np.min([np.linalg.svd(label.B, compute_uv=False)[:, 1] for label in (dry, inner)], axis=0)
     turns = np.minimum(dry.k, inner.k)
     held = np.column_stack([narrow, turns[:, 1]]) > 0.0  # the others stand in rows
     return LabelRows(
@@ -624,18 +637,24 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
 def _hull_of(dimension: int, dry: LabelRows, inner: LabelRows, face: int) -> Floats:
     """Return the rows (r, q + 1) of the hulls of both labels of a face, in each part of their core."""
     both, width = (dry, inner), dry.C.shape[2]
-    parts = [[0, 2], [0, 1]] if dimension == 2 else [[0, 1, 2] if width == 3 else [0, 3, 4]]
-    if width > 3:
-        parts += [[0, 1, 2]] * any(not one.B[face].any() for one in both)
-        parts += [[0, 5]] * any(not one.k[face, 1] for one in both)
+    # Columns that rows of a hull couple: N with bending, with shear where no gauge limits it, with torsion likewise.
+    if dimension == 2:
+        parts = [[0, 2], [0, 1]]
+    else:
+        parts = [[0, 1, 2] if width == 3 else [0, 3, 4]]
+        if width > 3 and any(not rows.B[face].any() for rows in both):
+            parts.append([0, 1, 2])
+        if width > 3 and any(not rows.k[face, 1] for rows in both):
+            parts.append([0, 5])
     table = list[Floats]()
-    for part in parts:
-        vertices, rays = (np.vstack([_ends(one, face, part, ends) for one in both]) for ends in ("vertices", "rays"))
-        rows, constants = enclosing_rows(vertices, rays[np.any(rays != 0.0, axis=1)])
-        found = np.zeros((len(rows), width + 1))
-        found[:, part], found[:, -1] = rows, constants
-        # All parts have the same range of N.
-        table.append(found if not table else found[np.any(found[:, part[1:]] != 0.0, axis=1)])
+    for columns in parts:
+        vertices = np.vstack([_ends(rows, face, columns, "vertices") for rows in both])
+        rays = np.vstack([_ends(rows, face, columns, "rays") for rows in both])
+        enclosing, constants = enclosing_rows(vertices, rays[np.any(rays != 0.0, axis=1)])
+        hull = np.zeros((len(enclosing), width + 1))
+        hull[:, columns], hull[:, -1] = enclosing, constants
+        # All parts have the same range of N, stated by the first.
+        table.append(hull if not table else hull[np.any(hull[:, columns[1:]] != 0.0, axis=1)])
     return np.vstack(table)
 
 
@@ -657,9 +676,11 @@ def _ends(one: LabelRows, face: int, part: list[int], ends: str) -> Floats:
     return np.column_stack([np.repeat(normal, len(around)), points.reshape(-1, around.shape[1])])
 
 
-def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
+def _align_rows(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
     """Return sets whose rows of bending, shear and others have places of their own, so that they share sparsity."""
-    # Within a kind rows stand by falling N, in space by the angle of the moments, or of shear.
+    # Kinds in the plane: 0 bending alone, 1 shear alone, 2 others; in space: 0 bending with N of coefficient above 0,
+    # 1 other bending, 2 with shear or torsion; 3 idle. Within a kind rows stand by falling N, in space by the angle of
+    # the moments.
     ordered, kinds = [], []
     for one in sets:
         c = one.C
@@ -681,19 +702,21 @@ def _aligned(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
         kinds.append(np.take_along_axis(kind, order, 1))
     slots = [max(int((kind == number).sum(axis=1).max(initial=0)) for kind in kinds) for number in range(3)]
     p, q = (max(getattr(one, name).shape[1] for one in sets) for name in ("vertices", "rays"))
-    found = []
+    aligned = []
     for one, (c, d), kind in zip(sets, ordered, kinds, strict=True):
         rows, constants = np.zeros((*c.shape[:1], sum(slots), c.shape[2])), np.zeros((len(c), sum(slots)))
         for number in range(3):
             face, place = np.nonzero(kind == number)
             first = np.argmax(kind == number, axis=1)[face]
-            at = sum(slots[:number]) + place - first
-            rows[face, at], constants[face, at] = c[face, place], d[face, place]
-        found.append(replace(one, C=rows, d=constants, vertices=_widened(one.vertices, p), rays=_widened(one.rays, q)))
-    return found
+            slot = sum(slots[:number]) + place - first
+            rows[face, slot], constants[face, slot] = c[face, place], d[face, place]
+        aligned.append(
+            replace(one, C=rows, d=constants, vertices=_repeat_last(one.vertices, p), rays=_repeat_last(one.rays, q))
+        )
+    return aligned
 
 
-def _widened(points: Floats, most: int) -> Floats:
+def _repeat_last(points: Floats, most: int) -> Floats:
     """Return points (m, p, q), the last repeated until there are `most`; zeros where there are none."""
     more = most - points.shape[1]
     last = points[:, -1:] if points.shape[1] else np.zeros((len(points), 1, points.shape[2]))

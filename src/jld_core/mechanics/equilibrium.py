@@ -43,7 +43,7 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
     Notes
     -----
     Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (1.1), (1.2). Entries that are zero by construction are
-    exactly zero, see `_cleared`, so that the sparsity does not depend on units, position or order.
+    exactly zero, see `_clear_rounding`, so that the sparsity does not depend on units, position or order.
     """
     faces, elements, q, d = assembly.interfaces, assembly.elements, assembly.freedoms, assembly.dimension
     count, plain = len(faces), ~assembly.of_members
@@ -64,12 +64,12 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
                 along = directions[j][free]
                 block[:, :d] = along
                 block[:, d:] = moment_about(arm, along)
-                block = _cleared(block, unit, least)
+                block = _clear_rounding(block, unit, least)
             elif d == 2:
                 block[:, 2] = 1.0
             else:
                 block[:, 3:] = couples[j - d][free]  # type: ignore[index]
-                block = _cleared(block, unit, tolerances.ROUNDING * unit)
+                block = _clear_rounding(block, unit, tolerances.ROUNDING * unit)
             rows.append((base[:, None] + np.arange(q)).ravel())
             columns.append(np.repeat(column, q))
             values.append((sign * block).ravel())
@@ -77,7 +77,7 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
         if row_of[held] >= 0:
             block = np.append(force, moment_about(at - elements.centroid[held], force))[None]
             size = np.array([float(np.linalg.norm(force))])
-            block = _cleared(block, size, size * _least_arm(assembly, np.array([held])))
+            block = _clear_rounding(block, size, size * _least_arm(assembly, np.array([held])))
             rows.append(q * row_of[held] + np.arange(q))
             columns.append(np.full(q, place))
             values.append(block.ravel())
@@ -125,11 +125,11 @@ def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
     # zero, so that an element without a moment has none wherever the structure lies and in whatever unit.
     for load in (assembly.dead[free], assembly.live[free]):
         force = np.linalg.norm(load[:, : assembly.dimension], axis=1)
-        vectors.append(_cleared(load, force, force * _least_arm(assembly, free)).ravel())
+        vectors.append(_clear_rounding(load, force, force * _least_arm(assembly, free)).ravel())
     return vectors[0], vectors[1]
 
 
-def _cleared(block: Floats, force: Floats, moment: Floats) -> Floats:
+def _clear_rounding(block: Floats, force: Floats, moment: Floats) -> Floats:
     """Set entries (k, q) to zero that are rounding errors of forces (k,), or of moments (k,) up to a magnitude."""
     d = 2 if block.shape[1] == 3 else 3
     least = np.repeat(np.column_stack([tolerances.ROUNDING * force, moment]), [d, block.shape[1] - d], axis=1)

@@ -19,27 +19,24 @@ class EffectiveAreas:
     """Effective rectangles of m spatial faces, parts that resist torsion, as factors.
 
     A part lies about the centre of pressure x. With V and mT = MT / c_T the limit on shear is |V| + ρ |mT + a·V| ≤ μN.
-    ratio: (m,) ρ = c_T / c_T,e ≥ 1, of the torsion lengths of the whole face and the part. arm: (m, 2) a = (x2, −x1) /
-    c_T.
-    Whole faces have 1 and 0. Source: Iannuzzo et al. 2024, eq. (5), (8); docs/method.md (2.14), (2.15).
+    Source: Iannuzzo et al. 2024, eq. (5), (8); docs/method.md (2.14), (2.15).
     """
 
-    ratio: Floats
-    arm: Floats
+    ratio: Floats  # (m,) ρ = c_T / c_T,e ≥ 1, of the torsion lengths of the whole face and the part; 1 for whole faces
+    arm: Floats  # (m, 2) a = (x2, −x1) / c_T; 0 for whole faces
 
 
 @dataclass(frozen=True)
 class PrescribedFriction:
     """Yield set with friction μ (α N + (1 − α) N_prev) and frozen effective areas; bending is that of `base`.
 
-    alpha: 1 is associative friction, 0 friction without dilation. previous: (m,) n_prev, raised to the least N that a
-    face carries. areas: None leaves the torsion of dry faces. Source: Gilbert et al. 2006; docs/method.md (4.1).
+    Source: Gilbert et al. 2006; docs/method.md (4.1).
     """
 
     base: FrictionSet
-    alpha: float
-    previous: Floats
-    areas: EffectiveAreas | None = None
+    alpha: float  # 1 is associative friction, 0 friction without dilation
+    previous: Floats  # (m,) N_prev, raised to the least N that a face carries
+    areas: EffectiveAreas | None = None  # None leaves the torsion of dry faces
 
     @property
     def associative(self) -> FrictionSet:

@@ -59,12 +59,12 @@ class Crushing(Protocol):
 
 @dataclass(frozen=True)
 class Parabolas:
-    """Planar faces that crush; wide: (k,) N_c of the parabola of both labels, inf for none, moved by shift σtA."""
+    """Planar faces that crush: |m| ≤ N (1 − N/N_c) of dry ones, and a wider parabola that encloses both labels."""
 
-    faces: Ints
-    limit: Floats
-    wide: Floats
-    shift: Floats
+    faces: Ints  # (k,)
+    limit: Floats  # (k,) N_c
+    wide: Floats  # (k,) N_c of the wider parabola, inf for none
+    shift: Floats  # (k,) σtA, by which it is moved
 
     def slack(self, forces: Floats) -> Floats:
         n = forces[:, 0]
@@ -205,7 +205,7 @@ def parabolic_hull(dry: Side, inner: Side, crushed: Ints) -> ParabolicBending | 
     at = np.maximum(x, foot_knee)
     above = y > at * at / limit + (1.0 - 2.0 * at / limit) * x
     knee = np.where(above, x + np.sqrt(np.maximum(x * x - limit * (x - y), 0.0)), foot_knee)
-    (rough, stuck), (mu, c) = ((one.friction[crushed], one.shear[crushed]) for one in (inner, dry))
+    (rough, stuck), (mu, c) = ((label.friction[crushed], label.shear[crushed]) for label in (inner, dry))
     foot = stuck - rough * tension
     # Without tensile strength the foot is at N = 0, where the dry face may resist shear.
     foot = np.where(tension > 0.0, foot, np.maximum(foot, c))
@@ -268,28 +268,21 @@ def _interaction_planes(strengths: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LabelRows:
-    """Yield sets of m faces under one label: core rows C (m, r, q) x + d (m, r) ≥ 0, and gauges B, k, c, mu (m, 2).
+    """Yield sets of m faces under one label: core rows C x + d ≥ 0, and gauges of shear and torsion."""
 
-    C: (m, r, q) rows of the core; zeros are idle. d: (m, r) constants. B: (m, 2, 2) of the gauge of shear; 0: none.
-    k, c, mu: (m, 2) factor of torsion, capacity without N and friction of the gauge of shear, then of that of torsion;
-    k = 0: no such gauge. coupled: (m,) one gauge limits shear and torsion; its numbers stand twice. vertices, rays: (m,
-    p, q) of the core, filled up. kind: (m,) class of faces with the same rows of stresses. acting: (m, q) resultants
-    that may be non-zero; None: those of vertices and rays. sized: set whose rows have the scale of the program's; None:
-    this one.
-    """
-
-    C: Floats
-    d: Floats
-    B: Floats
+    C: Floats  # (m, r, q) rows of the core; zeros are idle
+    d: Floats  # (m, r) constants
+    B: Floats  # (m, 2, 2) of the gauge of shear; 0: none
+    # (m, 2) of the gauges of shear and of torsion: factor of torsion (0: no such gauge), capacity without N, friction
     k: Floats
     c: Floats
     mu: Floats
-    coupled: Bools
-    vertices: Floats
+    coupled: Bools  # (m,) one gauge limits shear and torsion; its numbers stand twice
+    vertices: Floats  # (m, p, q) of the core, filled up
     rays: Floats
-    kind: Ints
-    acting: Bools | None = None
-    sized: LabelRows | None = None
+    kind: Ints  # (m,) class of faces with the same rows of stresses
+    acting: Bools | None = None  # (m, q) resultants that may be non-zero; None: those of vertices and rays
+    sized: LabelRows | None = None  # set whose rows have the scale of the program's; None: this one
 
     def scaled(self, unit: Floats) -> LabelRows:
         """Return the sets of resultants from those of stresses; unit: (m,) area over the force scale."""
@@ -384,19 +377,15 @@ class LabelRows:
 
 @dataclass(frozen=True, eq=False)
 class RowYield:
-    """Yield sets of m faces of either dimension, stated as rows; the interface is that of `YieldSet`.
-
-    enclosing: sets that enclose both labels; None: `_enclosed` makes them. late: number of core rows that stand after
-    those of gauges. crushing: dry faces that crush.
-    """
+    """Yield sets of m faces of either dimension, stated as rows; the interface is that of `YieldSet`."""
 
     dimension: int
     dry: LabelRows
     inner: LabelRows
-    enclosing: LabelRows | None
+    enclosing: LabelRows | None  # sets that enclose both labels; None: `_enclosed` makes them
     criteria: tuple[StatedCriterion, ...] = ()
-    late: int = 0
-    crushing: Crushing | None = None
+    late: int = 0  # number of core rows that stand after those of gauges
+    crushing: Crushing | None = None  # dry faces that crush
 
     @property
     def _core(self) -> list[int]:
@@ -523,19 +512,21 @@ class RowYield:
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
         """Return the largest ratio (m,) of a demand to its capacity, see `YieldSet.utilisation`."""
-        # The demand of a row are its shear and moments, and its capacity the rest. Along N, it is N over the end of N.
         core, c, d = forces[:, self._core], self._of(labels, "C"), self._of(labels, "d")
-        demands = self._demands(forces, labels)
-        least = 1e-6 * max(float(abs(forces[:, 0]).max(initial=0.0)), float(demands.max(initial=0.0)), 1e-300)
-        across = -np.einsum("mrj,mj->mr", c[:, :, 1:], core[:, 1:])
-        idle, along = self._of(labels, "idle"), c[:, :, 0] * core[:, :1]
-        shares = np.where(idle, 0.0, np.maximum(used(across, d + along, least), used(-along, d, least))).max(axis=1)
-        first, mu = (self._of(labels, name)[:, : demands.shape[1]] for name in ("c", "mu"))
-        shares = np.maximum(shares, used(demands, first + mu * forces[:, :1], least).max(axis=1))
+        shears = self._demands(forces, labels)
+        negligible = 1e-6 * max(float(abs(forces[:, 0]).max(initial=0.0)), float(shears.max(initial=0.0)), 1e-300)
+        # Rows C x + d ≥ 0: moments and shear use what N and d give; N < 0 or > 0 alone uses d.
+        from_normal = c[:, :, 0] * core[:, :1]
+        from_others = -np.einsum("mrj,mj->mr", c[:, :, 1:], core[:, 1:])
+        ratios = np.maximum(used(from_others, d + from_normal, negligible), used(-from_normal, d, negligible))
+        shares = np.where(self._of(labels, "idle"), 0.0, ratios).max(axis=1)
+        # shear and torsion use c + μ N
+        capacity, mu = (self._of(labels, name)[:, : shears.shape[1]] for name in ("c", "mu"))
+        shares = np.maximum(shares, used(shears, capacity + mu * forces[:, :1], negligible).max(axis=1))
         if self.crushing is not None:
-            own = self.crushing.faces
-            crushed = np.maximum(shares[own], self.crushing.share(forces[own], least))
-            shares[own] = np.where(labels[own], crushed, shares[own])
+            faces = self.crushing.faces
+            crushed = np.maximum(shares[faces], self.crushing.share(forces[faces], negligible))
+            shares[faces] = np.where(labels[faces], crushed, shares[faces])
         return np.asarray(np.clip(shares, 0.0, 1.0))
 
     @cached_property
@@ -580,7 +571,7 @@ def _patterns(sets: RowYield, labels: tuple[LabelRows, ...]) -> tuple[RowPattern
     _core_rows(sheet, sets, labels, slice(0, early))
     if sets.dimension == 2:
         cones: list[tuple[Ints, list[Row]]] = []
-        if any(one.k.any() for one in labels):
+        if any(label.k.any() for label in labels):
             _shear_rows(sheet, labels)
     else:
         cones = _gauge_rows(sheet, labels)
@@ -598,14 +589,16 @@ def _patterns(sets: RowYield, labels: tuple[LabelRows, ...]) -> tuple[RowPattern
 
 def _core_rows(sheet: Sheet, sets: RowYield, labels: tuple[LabelRows, ...], part: slice) -> None:
     """Add the core's rows of some places, for the faces that have them under any label."""
-    stands = np.any([np.any(one.C[:, part] != 0.0, axis=2) for one in labels], axis=0)
+    stands = np.any([np.any(label.C[:, part] != 0.0, axis=2) for label in labels], axis=0)
     if sets.dimension == 3:
         face, place = np.nonzero(stands)
     else:
         place, face = np.nonzero(stands.T)
-    tables = [one.program_rows for one in labels]
+    tables = [label.program_rows for label in labels]
     values = [rows[:, part][face, place] for rows, _ in tables]
-    terms = [(sheet.column(face, resultant), [one[:, j] for one in values]) for j, resultant in enumerate(sets._core)]
+    terms = [
+        (sheet.column(face, resultant), [value[:, j] for value in values]) for j, resultant in enumerate(sets._core)
+    ]
     sheet.add(face, terms, [sides[:, part][face, place] for _, sides in tables])
 
 
@@ -614,15 +607,15 @@ def _shear_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> None:
     face = np.arange(sheet.faces)
     for sign in (1.0, -1.0):
         terms = [
-            (sheet.column(face, 0), [-one.mu[:, 0] / one.gauge_sizes[:, 0] for one in labels]),
-            (sheet.column(face, 1), [sign / one.gauge_sizes[:, 0] for one in labels]),
+            (sheet.column(face, 0), [-label.mu[:, 0] / label.gauge_sizes[:, 0] for label in labels]),
+            (sheet.column(face, 1), [sign / label.gauge_sizes[:, 0] for label in labels]),
         ]
         sheet.add(face, terms, _capacities(labels, face, 0), limits_shear=True)
 
 
 def _capacities(labels: tuple[LabelRows, ...], face: Ints, which: int) -> list[Floats]:
     """Return the right-hand sides of gauges; 1 keeps rows of a resultant idle that a label leaves out."""
-    parts = [(one, one.c[face, which] / one.gauge_sizes[face, which]) for one in labels]
+    parts = [(label, label.c[face, which] / label.gauge_sizes[face, which]) for label in labels]
     return [np.where(one.held[face, which], c, 1.0) for one, c in parts]
 
 
@@ -630,13 +623,13 @@ def _gauge_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> list[tuple[Ints,
     """Add the linear rows of shear and torsion of spatial faces; return faces and rows of the cones of shear."""
     # A variable t of each face bounds shear: |B V| ≤ t, and t ± k mT ≤ c + μN where one gauge limits both, else t and ±
     # k mT have rows of their own. Where nothing twists, |B V| ≤ c + μN needs no variable.
-    twists = np.any([one.k[:, 1] > 0.0 for one in labels], axis=0)
-    shears = np.any([one.B.any(axis=(1, 2)) for one in labels], axis=0)
+    twists = np.any([label.k[:, 1] > 0.0 for label in labels], axis=0)
+    shears = np.any([label.B.any(axis=(1, 2)) for label in labels], axis=0)
     face, single = np.flatnonzero(twists), np.flatnonzero(~twists & shears)
     bound = sheet.new_columns(len(face))
-    alone = not all(one.coupled.all() for one in labels)
+    alone = not all(label.coupled.all() for label in labels)
     for which, sign in [(1, 1.0), (1, -1.0)] + [(0, 0.0)] * alone:
-        parts = [(one, one.gauge_sizes[face, which]) for one in labels]
+        parts = [(label, label.gauge_sizes[face, which]) for label in labels]
         terms = [
             (sheet.column(face, 0), [-one.mu[face, which] / size for one, size in parts]),
             (sheet.column(face, 5), [sign * one.k[face, 1] / size for one, size in parts]),
@@ -645,10 +638,10 @@ def _gauge_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> list[tuple[Ints,
         sheet.add(face, terms, _capacities(labels, face, which), limits_shear=True)
     cones: list[tuple[Ints, list[Row]]] = []
     minus = [-np.ones(len(face))] * len(labels)
-    held = [np.where(one.held[face, 0], 0.0, 1.0) for one in labels]
+    held = [np.where(label.held[face, 0], 0.0, 1.0) for label in labels]
     for own, scale, first in (
         (face, [1.0] * len(labels), ([(bound, minus)], held)),
-        (single, [one.gauge_sizes[single, 0] for one in labels], None),
+        (single, [label.gauge_sizes[single, 0] for label in labels], None),
     ):
         if first is None:
             values = [-one.mu[own, 0] / size for one, size in zip(labels, scale, strict=True)]

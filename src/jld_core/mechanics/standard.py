@@ -32,18 +32,18 @@ InnerBending = Literal["uncoupled", "kern"]
 class Bending:
     """Bending sets of m faces in scaled x = (m1, m2): c·x ≤ N of dry faces, c·x ≤ N + σtA of inner ones.
 
-    Face f has the rows start[f] to start[f + 1] − 1 of `dry` and `inner` (rows, 2), in order of angle; corners (rows,
-    2) of {x : c·x ≤ 1} lie between a row and the next. crushed: faces with c·x ≥ N − σcA also; crush_corners: (corners,
-    3) corners (ν, x) of their solids, from crush_start on, where N = −σtA + ν (σcA + σtA) and x is divided by σcA +
-    σtA.
+    Face f has the rows start[f] to start[f + 1] − 1, in order of angle.
     """
 
     start: Ints
+    # (rows, 2) c under either label
     dry: Floats
     inner: Floats
+    # (rows, 2) corners of {x : c·x ≤ 1} between a row and the next
     dry_corners: Floats
     inner_corners: Floats
-    crushed: Ints
+    crushed: Ints  # faces with c·x ≥ N − σcA also
+    # corners (ν, x) (corners, 3) of their solids, from crush_start on: N = −σtA + ν (σcA + σtA), x over σcA + σtA
     crush_start: Ints
     crush_corners: Floats
 
@@ -242,13 +242,13 @@ class StandardYield(RowYield):
         most = np.maximum(dry.friction, inner.friction)
         wide = np.maximum(inner.shear - inner.friction * inner.tension, dry.shear - most * inner.tension)
         side = Side(inner.tension, wide + most * inner.tension, most, np.full(len(most), np.inf))
-        found = standard_rows(side, self.bending, self.point, late, dry=True)
+        rows = standard_rows(side, self.bending, self.point, late, dry=True)
         if late and self.dimension == 3:
             capped = np.flatnonzero(np.isfinite(dry.crush) & np.isfinite(inner.crush))
-            last = np.any(found.C[capped, :-late] != 0.0, axis=2)
-            found.C[capped, -late:, 0] = -(last / np.maximum(dry.crush, inner.crush)[capped, None])
-            found.d[capped, -late:] = last
-        return replace(found, sized=self.dry)
+            last = np.any(rows.C[capped, :-late] != 0.0, axis=2)
+            rows.C[capped, -late:, 0] = -(last / np.maximum(dry.crush, inner.crush)[capped, None])
+            rows.d[capped, -late:] = last
+        return replace(rows, sized=self.dry)
 
     @cached_property
     def has_inner_friction(self) -> bool:
@@ -365,15 +365,15 @@ def _sides(numbers: Strengths, point: Bools) -> tuple[Side, Side]:
 
 
 def _crushing(dry: Side, inner: Side, *, plane: bool) -> Crushing | None:
+    """Return the curved sets of dry faces that crush, planar ones with those of undecided faces."""
     faces = np.flatnonzero(np.isfinite(dry.crush))
     if not faces.size:
         return None
     if not plane:
         return Rectangles(faces, dry.crush[faces])
-    # The parabola |m| ≤ N (1 − N/C) that encloses both labels stands about N = −σtA. Without a compressive strength of
-    # the inner face there is none. With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 −
-    # N/N_c) ≥ σtA (1 − N/C')² ≥ 0, so the dry set is inside. N'(C − N')/C ≥ min(N', C − N')/2 is more than the third
-    # that an inner face may take.
+    # |m| ≤ N'(1 − N'/C), N' = N + σtA, C = M + σtA, M = max(N_c dry, N_c inner), encloses both labels. M is
+    # inf, no bound, where the inner face never crushes. Dry: N'(1 − N'/C) − N (1 − N/M) = σtA (1 − N/M)² M/C ≥ 0.
+    # Inner: N'(C − N')/C ≥ min(N', C − N')/2, and an inner face takes |m| up to a third of that minimum.
     shift = inner.tension[faces]
     return Parabolas(faces, dry.crush[faces], np.maximum(dry.crush, inner.crush)[faces] + shift, shift)
 

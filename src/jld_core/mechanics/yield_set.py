@@ -19,22 +19,22 @@ _ROUTE: Final = Route("labels", STANDARD | CRITERIA)
 class RowPattern:
     """Sparsity and numbers of the yield rows s = h − G y of all m faces under both labels.
 
-    y are the scaled resultants of all faces, then `extra` variables. Rows: `linear` ones with s ≥ 0, then second-order
-    cones of sizes `cones`. row, column, face, dry, inner: (nnz,) coefficients of G. h_dry, h_inner, row_face: (rows,).
-    capacity: (k,) entries that hold −μ, the coefficient of N in a row that limits shear.
+    y are the scaled resultants of all faces, then `extra` variables.
     """
 
+    # (nnz,) entries of G: row, column, face, and the coefficient under either label
     row: Ints
     column: Ints
     face: Ints
     dry: Floats
     inner: Floats
+    # (rows,) right-hand sides h under either label, and the face of each row
     h_dry: Floats
     h_inner: Floats
     row_face: Ints
-    linear: int
-    cones: tuple[int, ...]
-    capacity: Ints
+    linear: int  # number of first rows, with s ≥ 0
+    cones: tuple[int, ...]  # sizes of the second-order cones of the other rows
+    capacity: Ints  # (k,) entries that hold −μ, the coefficient of N in a row that limits shear
     extra: int = 0
 
 
@@ -51,13 +51,10 @@ class Rows(Protocol):
 
 @dataclass(frozen=True)
 class Hull:
-    """Yield rows of undecided faces that enclose both sets, in the places of rows of dry faces, docs/method.md (6.3).
+    """Yield rows of undecided faces that enclose both sets, in place of rows of dry faces, docs/method.md (6.3)."""
 
-    pattern: `dry` and `h_dry` hold the enclosing rows. either: (m, q) resultants that a label allows to be non-zero.
-    """
-
-    pattern: RowPattern
-    either: Bools
+    pattern: RowPattern  # `dry` and `h_dry` hold the enclosing rows
+    either: Bools  # (m, q) resultants that a label allows to be non-zero
 
     def active(self, labels: Bits) -> Bools:
         """Return the mask `either` (m, q); the labels have no effect."""
@@ -72,16 +69,14 @@ class ParabolicBending:
     may interact, docs/method.md (6.3). An inner copy of the face then carries a share w of a corner (n, m) of the inner
     set, and the dry copy carries N₁ = N − w n. Together |M| ≤ w m + N₁ − N₁²/((1 − w) N_c) and |V| ≤ c + μN + w v,
     where v is the shear of the corner above the dry line.
-
-    crushed: (k,) faces. parabola: (k, 2) c and n₀. rows: (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; and of a line
-    −a N ± b M ≤ h that also bounds bending, with a = b = 0 where there is none. interaction: (k, 12) interaction of V
-    and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c, μ and c of dry faces; σtA,
-    N_c, shear strength and μ of inner faces. None if the label is decided.
     """
 
-    crushed: Ints
-    parabola: Floats
+    crushed: Ints  # (k,) faces
+    parabola: Floats  # (k, 2) c and n₀
+    # (k, 3, 3) a, b, h of bending; of −a N ± b V ≤ h; of a line −a N ± b M ≤ h that bounds bending, a = b = 0: none
     rows: Floats
+    # (k, 12) interaction of V and M: n and m of the corner; v (0: no interaction); the first and last N₁/(1 − w); N_c,
+    # μ and c of dry faces; σtA, N_c, shear strength and μ of inner faces. None if the label is decided.
     interaction: Floats | None = None
 
 
@@ -251,7 +246,7 @@ def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
         ("materials.inner", inner, strengths.tension + strengths.shear),
     ):
         name = key.split(".")[1]
-        own = [one.faces for one in assembly.face_strengths.criteria if one.label == name]
+        own = [criterion.faces for criterion in assembly.face_strengths.criteria if criterion.label == name]
         lacking = np.flatnonzero(mask & np.isnan(values) & ~np.any([~mask & mask, *own], axis=0))
         if lacking.size:
             face = assembly.pair(lacking[0])
@@ -270,8 +265,8 @@ class Sheet:
 
     def __init__(self, faces: int, freedoms: int, sets: int) -> None:
         self.faces, self.freedoms, self.sets, self.rows, self.extra = faces, freedoms, sets, 0, 0
-        self._entries: list[tuple[Ints, Ints, Ints, Floats]] = []
-        self._sides: list[tuple[Ints, Ints, Floats]] = []
+        self._entries: list[tuple[Ints, Ints, Ints, Floats]] = []  # rows, columns, faces, values (sets, k)
+        self._sides: list[tuple[Ints, Ints, Floats]] = []  # rows, faces, right-hand sides (sets, k)
         self._capacity: list[Ints] = []
         self._length = self._cones = 0
 
@@ -322,8 +317,9 @@ class Sheet:
     def patterns(self, linear: int) -> tuple[RowPattern, ...]:
         """Return the rows of both labels, and those with enclosing rows in place of dry ones."""
         row, column, face, values = (np.concatenate(part, axis=-1) for part in zip(*self._entries, strict=True))
-        order = np.argsort(np.concatenate([place for place, _, _ in self._sides]))
+        order = np.argsort(np.concatenate([rows for rows, _, _ in self._sides]))
         h = np.concatenate([side for _, _, side in self._sides], axis=1)[:, order]
+        # sets: dry, inner, and a third that encloses both where there is one
         plain = RowPattern(
             row=row,
             column=column,
@@ -338,4 +334,4 @@ class Sheet:
             capacity=np.concatenate([np.zeros(0, dtype=np.int64), *self._capacity]),
             extra=self.extra,
         )
-        return plain, *(replace(plain, dry=one, h_dry=side) for one, side in zip(values[2:], h[2:], strict=True))
+        return plain, *(replace(plain, dry=both, h_dry=h_both) for both, h_both in zip(values[2:], h[2:], strict=True))

@@ -265,7 +265,7 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
     """Return a model with fields replaced; InputError for an unknown name or value."""
     if model is not None and not isinstance(model, Model):
         raise ParameterError("model", f"{type(model).__name__!r} is no model", "a `Model`")
-    names = [one.name for one in fields(Model)]
+    names = [field.name for field in fields(Model)]
     for name in options:
         if name not in names:
             close = get_close_matches(name, names, 1)
@@ -277,9 +277,13 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
 def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors."""
     signature = inspect.signature(function)
-    own = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+    own = [
+        parameter for parameter in signature.parameters.values() if parameter.kind is not inspect.Parameter.VAR_KEYWORD
+    ]
     kind = inspect.Parameter.KEYWORD_ONLY
-    stated = [inspect.Parameter(one.name, kind, default=one.default, annotation=one.type) for one in fields(Model)]
+    stated = [
+        inspect.Parameter(field.name, kind, default=field.default, annotation=field.type) for field in fields(Model)
+    ]
     function.__dict__["__signature__"] = signature.replace(parameters=own + stated)
     return function
 
@@ -369,9 +373,9 @@ def solve_by_elements(
         As `solve`, or if blocks crack by fields.
     """
     elements, own = rigid(assembly, labels, what)
-    found = solve_rigid(elements, own, model)
-    cases = {name: replace(one, cracks=assembly.cracks) for name, one in found.cases.items()}
-    return replace(found, cracks=assembly.cracks, cases=cases)
+    result = solve_rigid(elements, own, model)
+    cases = {name: replace(one, cracks=assembly.cracks) for name, one in result.cases.items()}
+    return replace(result, cracks=assembly.cracks, cases=cases)
 
 
 @one_thread()

@@ -148,8 +148,8 @@ class MovingRows:
         count = len(labels)
         areas = EffectiveAreas(np.full(count, ratio), np.tile(np.array(arm), (count, 1)))
         program = frozen_areas(template, areas).program(labels)
-        s = program.structure
-        return sp.csr_array(sp.csc_array((program.data, s.indices, s.indptr), shape=s.shape))
+        structure = program.structure
+        return sp.csr_array(sp.csc_array((program.data, structure.indices, structure.indptr), shape=structure.shape))
 
     @property
     def size(self) -> int:
@@ -186,18 +186,21 @@ class MovingRows:
         return self.rows + sp.csr_array((data, (row, column)), shape=self.rows.shape)
 
     def row_slopes(self, y: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return the derivative of G(y) v by y, at v = y held fixed, for Newton steps: sparse (rows, n)."""
-        work = self._coefficients * y[self._columns]
-        data = np.einsum("kr,kjr->jr", work, slopes)
-        return np.tile(self.torsion, 3), self.own.ravel(), data.ravel()
+        """Return the derivative of G(y) v by y, at v = y held fixed, for Newton steps: rows, columns, values."""
+        # y enters by the parameters alone: sum their slopes (3, 3, k) by N, m1, m2 over the entries of each row.
+        by_parameter = self._coefficients * y[self._columns]
+        values = np.einsum("pk,pjk->jk", by_parameter, slopes)
+        return np.tile(self.torsion, 3), self.own.ravel(), values.ravel()
 
     def column_slopes(self, z: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
-        """Return the derivative of G(y)ᵀ z by y, at fixed multipliers z (rows,): sparse (n, n)."""
-        work = self._coefficients * z[self.torsion]
-        data = work[:, None] * slopes
-        row = np.broadcast_to(self._columns[:, None], data.shape)
-        column = np.broadcast_to(self.own[None], data.shape)
-        return row.ravel(), column.ravel(), data.ravel()
+        """Return the derivative of G(y)ᵀ z by y, at fixed multipliers z (rows,): rows, columns, values."""
+        # Entry [p, j, k]: row of mT, V1 or V2, whose coefficient has parameter p; column of N, m1 or m2, by which
+        # `slopes` are; face k.
+        by_parameter = self._coefficients * z[self.torsion]
+        values = by_parameter[:, None] * slopes
+        row = np.broadcast_to(self._columns[:, None], values.shape)
+        column = np.broadcast_to(self.own[None], values.shape)
+        return row.ravel(), column.ravel(), values.ravel()
 
 
 _BOUNDARY: Final = 0.9  # share of the way to the boundary of the cones that a step may go
@@ -355,37 +358,37 @@ class CentralPath:
         slopes: Floats,
     ) -> PathPoint | None:
         """Return the Newton step of a point towards path parameter `target`; None if singular."""
-        rows, n, e = self.rows, self.rows.size, len(self.rows.load)
+        rows, n, count = self.rows, self.rows.size, len(self.rows.rhs)
         dual, balance, primal = residuals
-        values, _ = rows.parameters(point.y)
-        moved, across, down = (
-            rows.entries(values),
-            rows.row_slopes(point.y, slopes),
-            rows.column_slopes(point.z, slopes),
-        )
-        scaling = self._scaling(point)
-        below = n + e
-        row = [self._fixed[0], moved[1], moved[0] + below, across[0] + below, down[0], scaling[0] + below]
-        column = [self._fixed[1], moved[0] + below, moved[1], across[1], down[1], scaling[1] + below]
-        data = [self._fixed[2], moved[2], moved[2], across[2], down[2], -scaling[2]]
-        order = (np.concatenate(row), np.concatenate(column))
-        whole = sp.csc_array((np.concatenate(data), order), shape=(below + len(rows.rhs),) * 2)
+        parameters, _ = rows.parameters(point.y)
+        g_row, g_column, g_value = rows.entries(parameters)
+        row_at, row_by, row_slope = rows.row_slopes(point.y, slopes)
+        column_at, column_by, column_slope = rows.column_slopes(point.z, slopes)
+        w_row, w_column, w_value = self._scaling(point)
+        # Unknowns: y, multipliers u of E y = e, multipliers z of the rows. G and Gᵀ stand below and beside y, their
+        # slopes by y with them, and the scaling W² of the cones at z; `_fixed` has what never changes.
+        first = n + len(self.rows.load)
+        row = [self._fixed[0], g_column, g_row + first, row_at + first, column_at, w_row + first]
+        column = [self._fixed[1], g_row + first, g_column, row_by, column_by, w_column + first]
+        data = [self._fixed[2], g_value, g_value, row_slope, column_slope, -w_value]
+        entries = np.concatenate(data), (np.concatenate(row), np.concatenate(column))
+        newton = sp.csc_array(entries, shape=(first + count,) * 2)
         try:
-            factor = splu(whole)
+            factor = splu(newton)
         except RuntimeError:
             return None
         self.steps += 1
         towards = target * self.weights * self._inverse(point.s) - point.z
-        square = sp.csr_array((scaling[2], (scaling[0], scaling[1])), shape=(len(rows.rhs),) * 2)
-        right = np.concatenate([-dual, -balance, -primal - square @ towards])
-        found = factor.solve(right)
-        found = found + factor.solve(right - whole @ found)
-        if not np.isfinite(found).all():
+        scaling = sp.csr_array((w_value, (w_row, w_column)), shape=(count,) * 2)
+        right = np.concatenate([-dual, -balance, -primal - scaling @ towards])
+        step = factor.solve(right)
+        step = step + factor.solve(right - newton @ step)  # one refinement
+        if not np.isfinite(step).all():
             return None
-        y, u, z = found[:n], found[n:below], found[below:]
-        leaning = np.zeros(len(rows.rhs))
-        np.add.at(leaning, across[0], across[2] * y[across[1]])
-        return PathPoint(y, u, -primal - matrix @ y - leaning, z)
+        y, u, z = step[:n], step[n:first], step[first:]
+        by_slopes = np.zeros(count)
+        np.add.at(by_slopes, row_at, row_slope * y[row_by])
+        return PathPoint(y, u, -primal - matrix @ y - by_slopes, z)
 
     def _scaling(self, point: PathPoint) -> tuple[Ints, Ints, Floats]:
         """Return rows, columns and values of the squared scaling W², for which W² z = s."""
@@ -478,7 +481,7 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
             size = max(abs(point.load), analysis.load_scale)
             if point.gap <= min(_CLOSE * size, asked) and point.residual <= _BALANCED:
                 asked = point.gap if point.gap < 4.0 * analysis.gap * size else 0.1 * point.gap
-                found = _checked(analysis, labels, point, start + 1)
+                found = _check(analysis, labels, point, start + 1)
                 if best is None or found.width < best.width:
                     best = found
             if best is not None and best.width <= analysis.gap:
@@ -501,7 +504,7 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
     return best
 
 
-def _checked(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
+def _check(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int) -> FixedPoint:
     """Evaluate an iterate of a central path as a fixed point, with a proven bracket of λ."""
     # The bracket is that of the problem whose effective areas are held at those of the iterate. Its width is inf if an
     # end is missing.

@@ -6,6 +6,7 @@ Iannuzzo et al. 2024, eq. (5) and (8); docs/method.md (2.14) to (2.18).
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from dataclasses import replace
@@ -97,7 +98,7 @@ def prove_effective_area(
         facts["starts"] = found.starts
     if found is not None and found.width <= analysis.gap:
         proof = _proof_of(analysis, labels, found)
-    elif (locked := _locked(analysis, labels, plain)) is not None:
+    elif (locked := _prove_locked(analysis, labels, plain)) is not None:
         proof = locked
         route.append("ray within its own areas")
     else:
@@ -132,7 +133,7 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
     return proof
 
 
-def _locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
+def _prove_locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
     """Prove that λ is unbounded, by a ray and forces within their own areas, or return None."""
     ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
     if ray is None or plain.state is None:
@@ -174,7 +175,7 @@ def _proof_of_iteration(
 
 
 def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    # If the motion does not, it is tried again with small shares of an opening motion added.
+    """Return whether a motion, opened a little if needed, proves a fall for any effective areas."""
     opening = analysis.repair.opening()
     for share in (0.0, *_OPENINGS):
         tried = motion
@@ -188,29 +189,30 @@ def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
         if (
             gains
             and tried.bound < -max(tolerances.ROUNDING, tried.noise)
-            and falls_for_any_areas(analysis, labels, tried)
+            and valid_for_any_areas(analysis, labels, tried)
         ):
             return True
     return False
 
 
-def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
+def valid_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
+    """Return whether a motion opens dry rectangles enough, whatever their effective areas are."""
     # At a point x of a face the motion opens by δ_x and slips by s_x, and no effective area has a torsion length above
     # c_T. The condition δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x, so it holds everywhere if it holds at the corners
     # of all dry rectangles. A dry rectangle that can crush must not twist. Other faces are not tested.
     faces, jumps = analysis.assembly.interfaces, motion.jumps
     friction = analysis.template.yield_set.associative.friction_of(labels)
-    turned = np.abs(jumps[:, 5])
+    twist = np.abs(jumps[:, 5])
     crushes = np.isfinite(analysis.assembly.strengths(_ROUTE, labels).side(dry=True).crush)
-    concerned = labels & faces.rectangle & (turned > 0.0)
-    for one in (-1.0, 1.0):
-        for two in (-1.0, 1.0):
-            opening = jumps[:, 0] + two * jumps[:, 3] - one * jumps[:, 4]
-            first = jumps[:, 1] - two * 0.5 * faces.l2 / faces.c_t * jumps[:, 5]
-            second = jumps[:, 2] + one * 0.5 * faces.l1 / faces.c_t * jumps[:, 5]
-            lacks = opening < friction * np.maximum(np.hypot(first, second), turned)
-            if np.any(concerned & (lacks | crushes)):
-                return False
+    concerned = labels & faces.rectangle & (twist > 0.0)
+    # corner (x1, x2) in halves of the sides l1, l2; rotations are scaled by half-sides, the twist by c_T
+    for x1, x2 in itertools.product((-1.0, 1.0), repeat=2):
+        opening = jumps[:, 0] + x2 * jumps[:, 3] - x1 * jumps[:, 4]
+        slip1 = jumps[:, 1] - x2 * 0.5 * faces.l2 / faces.c_t * jumps[:, 5]
+        slip2 = jumps[:, 2] + x1 * 0.5 * faces.l1 / faces.c_t * jumps[:, 5]
+        violates = opening < friction * np.maximum(np.hypot(slip1, slip2), twist)
+        if np.any(concerned & (violates | crushes)):
+            return False
     return True
 
 

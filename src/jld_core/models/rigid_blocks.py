@@ -84,10 +84,10 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
         if face >= 0:
             acts[face] = len(np.unique(group[held])) > 1 and not support[group[held]].all()
     kept = np.flatnonzero(acts)
-    return RigidBlocks(_joined(assembly, labels, group, support, kept), group, kept)
+    return RigidBlocks(_condense(assembly, labels, group, support, kept), group, kept)
 
 
-def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
+def _condense(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
     """Build the condensed assembly: sum loads and weights per block `group` (n,), keep some interfaces."""
     elements, faces, d = assembly.elements, assembly.interfaces, assembly.dimension
     number = len(support)
@@ -168,7 +168,9 @@ def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None
         )
         # Where the full model is large, its own repairs take less time than a simplex on rigid blocks.
         simple = is_large(full.template.structure)
-        proof = inner.prove(given, tuple(one for one in FALLBACKS if not simple or one.name != "dual simplex"))
+        proof = inner.prove(
+            given, tuple(fallback for fallback in FALLBACKS if not simple or fallback.name != "dual simplex")
+        )
         scaling = inner.template.scaling
         solves += proof.solves
         route += [f"rigid: {step}" for step in proof.solve_log]
@@ -243,23 +245,23 @@ def _inner_forces(
     if inside.size == 0:
         return forces, inside
     program = template.program(labels)
-    s = program.structure
+    structure = program.structure
     rows, columns = _independent_rows(template, rigid, support), _columns_of(template, within)
     matrix = program.matrix.tocsr()
     target = -(template.dead + load / scale.load * template.live) - template.matrix @ forces.ravel()
-    yields = s.equalities + 1 + np.flatnonzero(within[pattern.row_face])
-    linear = yields[yields < s.equalities + s.linear]
-    conic = yields[yields >= s.equalities + s.linear]
-    of_cones = pattern.row_face[pattern.linear + beginnings(s.cones)]
-    sizes = tuple(np.array(s.cones, dtype=np.int64)[within[of_cones]].tolist())
+    yields = structure.equalities + 1 + np.flatnonzero(within[pattern.row_face])
+    linear = yields[yields < structure.equalities + structure.linear]
+    conic = yields[yields >= structure.equalities + structure.linear]
+    of_cones = pattern.row_face[pattern.linear + beginnings(structure.cones)]
+    sizes = tuple(np.array(structure.cones, dtype=np.int64)[within[of_cones]].tolist())
     # one slack for each block, in its linear rows and in the first rows of its cones
     block = rigid.group[faces.a]
     names, position = np.unique(block[inside], return_inverse=True)
     of_block = np.full(int(rigid.group.max()) + 1, -1)
     of_block[names] = np.arange(len(names))
     tips = np.concatenate([linear, conic[np.concatenate([[0], np.cumsum(sizes)])[: len(sizes)].astype(int)]])
-    owner = of_block[block[pattern.row_face[tips - s.equalities - 1]]]
-    slack = sp.csr_array((np.ones(len(tips)), (tips, owner)), shape=(s.shape[0], len(names)))
+    owner = of_block[block[pattern.row_face[tips - structure.equalities - 1]]]
+    slack = sp.csr_array((np.ones(len(tips)), (tips, owner)), shape=(structure.shape[0], len(names)))
     with_slack = sp.hstack([matrix[:, columns], slack]).tocsr()
     cap = sp.hstack([sp.csr_array((len(names), len(columns))), sp.eye_array(len(names))])
     stacked = sp.vstack([with_slack[rows], with_slack[linear], cap, with_slack[conic]])
@@ -546,9 +548,9 @@ def _proof(analysis: LimitAnalysis, labels: Bits, options: Model, stands: bool, 
 
 def _rigid_blocks(attempt: ProofAttempt) -> None:
     """Prove bounds with rigid blocks, and adopt them in the attempt if this succeeds."""
-    found = prove_condensed(cast(LimitAnalysis, attempt.analysis), attempt.labels)
-    if found is not None:
-        attempt.adopt(found)
+    proof = prove_condensed(cast(LimitAnalysis, attempt.analysis), attempt.labels)
+    if proof is not None:
+        attempt.adopt(proof)
 
 
 def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
@@ -557,16 +559,16 @@ def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
     apart = None
     if raw is not None and raw.status is not RawStatus.UNBOUNDED:
         apart = cracked(analysis, attempt.labels, raw.dual)
-    found = prove_condensed(analysis, attempt.labels, apart)
-    if found is not None:
-        attempt.adopt(found)
+    proof = prove_condensed(analysis, attempt.labels, apart)
+    if proof is not None:
+        attempt.adopt(proof)
 
 
 def _loaded_part(attempt: ProofAttempt) -> None:
     """Prove bounds in the scale of the loaded part, and adopt them in the attempt if this succeeds."""
-    found = prove_loaded_part(cast(LimitAnalysis, attempt.analysis), attempt.labels, attempt.proof)
-    if found is not None:
-        attempt.adopt(found)
+    proof = prove_loaded_part(cast(LimitAnalysis, attempt.analysis), attempt.labels, attempt.proof)
+    if proof is not None:
+        attempt.adopt(proof)
 
 
 def _strong(attempt: ProofAttempt) -> bool:

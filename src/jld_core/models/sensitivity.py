@@ -193,6 +193,7 @@ class SolvedProgram:
         self.held: Bools = held
 
     def sensitivity(self, change: _Change, unit: str) -> Sensitivity:
+        """Return dλ per unit of a change; NaN where both sides differ or are unsure."""
         step = _STEP * change.size
         more, less = self._moved(change, step), self._moved(change, -step)
         matrix = sp.csr_array((more.matrix - less.matrix) / (2.0 * step))

@@ -133,7 +133,7 @@ class BatchResult:
             "load_factor": self.load_factor,
             "bracket_lo": self.low,
             "bracket_hi": self.high,
-            "status": [str(one) for one in self.status],
+            "status": [str(status) for status in self.status],
         }
         if self.cases:
             columns["governing"] = list(self.governing)
@@ -196,11 +196,11 @@ def _by_fields(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
 
     found = [solve_cracked(assembly, row, model) for row in labels]
     bounds = [[case_bounds_of(one) for one in each.cases.values()] for each in found if isinstance(each, FieldResult)]
-    each = [_collected(case, labels, model, [row[k] for row in bounds]) for k, case in enumerate(assembly.by_case)]
+    each = [_collect(case, labels, model, [row[k] for row in bounds]) for k, case in enumerate(assembly.by_case)]
     return _governing(assembly, labels, model, each)
 
 
-def _collected(assembly: Assembly, labels: Bits, model: Model, bounds: list[CaseBounds]) -> BatchResult:
+def _collect(assembly: Assembly, labels: Bits, model: Model, bounds: list[CaseBounds]) -> BatchResult:
     value, low, high = (
         np.array([getattr(one, name) for one in bounds], dtype=float) for name in ("load_factor", "low", "high")
     )
@@ -242,7 +242,8 @@ def _governing(assembly: Assembly, labels: Bits, model: Model, results: list[Bat
         for k in np.arange(len(labels)).tolist()
     ]
     value, low, high = (
-        np.array([getattr(one, name) for one in decided], dtype=float) for name in ("load_factor", "low", "high")
+        np.array([getattr(outcome, name) for outcome in decided], dtype=float)
+        for name in ("load_factor", "low", "high")
     )
-    status, chosen = tuple(one.status for one in decided), tuple(names[one.case] for one in decided)
+    status, chosen = tuple(outcome.status for outcome in decided), tuple(names[outcome.case] for outcome in decided)
     return BatchResult(assembly, labels, value, low, high, status, model, cases, chosen)

@@ -86,19 +86,15 @@ class Bodies:
 
 @dataclass(frozen=True)
 class Structure:
-    """Sparsity of M (compressed columns) and cones that all programs of one template share.
-
-    Rows: `equalities` with s = 0, `linear` ones with s ≥ 0, second-order cones of sizes `cones`. places: (equalities,
-    d) of the element of each equation, a hint for the elimination order.
-    """
+    """Sparsity of M (compressed columns) and cones that all programs of one template share."""
 
     indices: Ints
     indptr: Ints
     shape: tuple[int, int]
-    equalities: int
-    linear: int
-    cones: tuple[int, ...]
-    places: Floats | None = None
+    equalities: int  # number of first rows, with s = 0
+    linear: int  # number of rows after them, with s ≥ 0
+    cones: tuple[int, ...]  # sizes of the second-order cones of the other rows
+    places: Floats | None = None  # (equalities, d) of the element of each equation, a hint for the elimination order
 
     @property
     def heads(self) -> Ints:
@@ -210,8 +206,8 @@ class ConicProgram:
     @cached_property
     def matrix(self) -> sp.csc_array:
         """Return M as a sparse array (rows, columns) in compressed columns."""
-        s = self.structure
-        return sp.csc_array((self.data, s.indices, s.indptr), shape=s.shape)
+        structure = self.structure
+        return sp.csc_array((self.data, structure.indices, structure.indptr), shape=structure.shape)
 
 
 _ROUTE: Final = Route("programs", STANDARD | CRITERIA)

@@ -34,22 +34,24 @@ def split_by_cells(
     snap: float = 0.0,
 ) -> list[list[shapely.Polygon]]:
     """Cut elements (n,) along cells into parts that share corners exactly; InputError if parts do not add up."""
-    known = np.concatenate([*outlines, *fixed])
-    origin, extent = known.min(axis=0), float(np.ptp(known, axis=0).max())
+    corners = np.concatenate([*outlines, *fixed])
+    origin, extent = corners.min(axis=0), float(np.ptp(corners, axis=0).max())
     shapes = [shapely.Polygon(outline) for outline in outlines]
     parts: list[list[tuple[int, shapely.Polygon]]] = [[] for _ in outlines]
-    faces = _faces(outlines, known, cells, origin, extent, size, snap)
+    faces = _faces(outlines, corners, cells, origin, extent, size, snap)
     inside = shapely.point_on_surface(faces)
     element_tree, cell_tree = shapely.STRtree(shapes), shapely.STRtree(list(cells))
     cell_of = np.full(len(faces), len(cells), dtype=np.int64)
-    found, cell = cell_tree.query(inside, predicate="intersects")
-    np.minimum.at(cell_of, found, cell)
+    face_of, cell = cell_tree.query(inside, predicate="intersects")
+    np.minimum.at(cell_of, face_of, cell)
     for face, element in zip(*element_tree.query(inside, predicate="within"), strict=True):
         parts[element].append((int(cell_of[face]), faces[face]))
-    for name, shape, own in zip(ids, shapes, parts, strict=True):
-        if abs(sum(part.area for _, part in own) - shape.area) > _LOST * shape.area:
+    for name, shape, of_element in zip(ids, shapes, parts, strict=True):
+        if abs(sum(part.area for _, part in of_element) - shape.area) > _LOST * shape.area:
             raise InputError(f"element {name!r}", "its cells do not add up to it", "`cell` with another size")
-    return [[part for _, part in sorted(own, key=lambda entry: (entry[0], entry[1].bounds))] for own in parts]
+    return [
+        [part for _, part in sorted(of_element, key=lambda entry: (entry[0], entry[1].bounds))] for of_element in parts
+    ]
 
 
 def _faces(
@@ -72,9 +74,9 @@ def _faces(
     points, owner = shapely.get_coordinates(pieces, return_index=True)
     node, place = _nodes(points, known - origin, rings, extent, size)
     if snap > 0.0:
-        node = _snapped(node, place, len(known), rings, _ON_LINE * extent, snap * size)
-    follows = np.flatnonzero(owner[1:] == owner[:-1])
-    ends = np.sort(np.column_stack([node[follows], node[follows + 1]]), axis=1)
+        node = _snap_nodes(node, place, len(known), rings, _ON_LINE * extent, snap * size)
+    continues = np.flatnonzero(owner[1:] == owner[:-1])
+    ends = np.sort(np.column_stack([node[continues], node[continues + 1]]), axis=1)
     ends = np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
     exact = np.concatenate([known, place[len(known) :] + origin])
     # Forces at the very edge of a joint ask for the last digits, which the grid of the union has rounded away.
@@ -117,7 +119,7 @@ def _nodes(
     return node, every
 
 
-def _snapped(
+def _snap_nodes(
     node: Ints, place: Floats, corners: int, rings: Sequence[shapely.LinearRing], on: float, reach: float
 ) -> Ints:
     """Move nodes (k,) of places (r, 2), corners first, to near ones, so that few edges are short; new rows."""
@@ -152,7 +154,7 @@ def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polyg
             break
         part = min(small, key=lambda one: (one.area, one.bounds))
         others = [other for other in parts if other is not part]
-        joined = _joined(part, others)
+        joined = _join_to_neighbour(part, others)
         if joined is None:
             stuck.add(part.wkb)
             continue
@@ -162,7 +164,7 @@ def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polyg
     return parts
 
 
-def _joined(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
+def _join_to_neighbour(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
     """Join a polygon to the neighbour of longest common boundary: its index and the union, or None."""
     # Neighbours whose union with it would have a hole or two components are passed over.
     edges = _edges(part)
@@ -219,43 +221,45 @@ def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[t
 def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tuple[Floats, Faces]:
     """Return a convex polyhedron above a plane; height: (k,) of vertices, exactly 0 on it, of both signs."""
     points: list[Floats] = []
-    place: dict[tuple[int, int], int] = {}
+    index_of: dict[tuple[int, int], int] = {}  # of the point on the edge (a, b); of vertex a at (a, a)
 
-    def number(key: tuple[int, int], point: Floats) -> int:
-        if key not in place:
-            place[key] = len(points)
+    def add(edge: tuple[int, int], point: Floats) -> int:
+        """Return the index of a point, added once though several faces share it."""
+        if edge not in index_of:
+            index_of[edge] = len(points)
             points.append(point)
-        return place[key]
+        return index_of[edge]
 
     loops = []
-    rim: set[int] = set()
+    on_plane: set[int] = set()
     for loop in faces:
-        kept = []
+        clipped = []
         for a, b in zip(loop, (*loop[1:], loop[0]), strict=True):
             if height[a] >= 0.0:
-                index = number((a, a), vertices[a])
-                kept.append(index)
+                index = add((a, a), vertices[a])
+                clipped.append(index)
                 if height[a] == 0.0:
-                    rim.add(index)
+                    on_plane.add(index)
             if height[a] * height[b] < 0.0:
                 # interpolate from the lower to the higher vertex number, so that both parts get the same point
                 i, j = min(a, b), max(a, b)
                 share = height[i] / (height[i] - height[j])
-                index = number((i, j), vertices[i] + share * (vertices[j] - vertices[i]))
-                kept.append(index)
-                rim.add(index)
-        if len(kept) > 2 and any(index not in rim for index in kept):
-            loops.append(tuple(kept))
-    table = np.array(points)
-    around = sorted(rim)
-    middle = table[around].mean(axis=0)
-    e1 = table[around[0]] - middle
-    e1 /= np.linalg.norm(e1)
-    e2 = np.cross(normal, e1)
-    angle = np.arctan2((table[around] - middle) @ e2, (table[around] - middle) @ e1)
-    # clockwise about the normal, so that the face is outward
-    loops.append(tuple(around[k] for k in np.argsort(-angle, kind="stable").tolist()))
-    return table, tuple(loops)
+                index = add((i, j), vertices[i] + share * (vertices[j] - vertices[i]))
+                clipped.append(index)
+                on_plane.add(index)
+        if len(clipped) > 2 and not on_plane.issuperset(clipped):
+            loops.append(tuple(clipped))
+    above = np.array(points)
+    loops.append(_face_on_plane(above, sorted(on_plane), normal))
+    return above, tuple(loops)
+
+
+def _face_on_plane(points: Floats, corners: list[int], normal: Floats) -> tuple[int, ...]:
+    """Order the corners of a convex face clockwise about a normal (3,) that points into the solid."""
+    arms = points[corners] - points[corners].mean(axis=0)
+    e1 = arms[0] / np.linalg.norm(arms[0])
+    angle = np.arctan2(arms @ np.cross(normal, e1), arms @ e1)
+    return tuple(corners[k] for k in np.argsort(-angle, kind="stable").tolist())
 
 
 def convex(vertices: Floats, faces: Faces) -> bool:

@@ -50,6 +50,7 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
     """Transfer loads to the pieces at their points; InputError for pressure on a free part with a hole."""
 
     def moved(entry: dict[str, Any], where: str) -> list[dict[str, Any]]:
+        """Return an entry as those of the pieces at its point, which share its force and moment."""
         between = entry.get("face", {}).get("between")
         if between is not None and len(cut_up[assembly.elements.index[between[0]]]) > 1:
             return [{**entry, "face": place} for place in _free_parts(assembly, between)]
@@ -59,38 +60,44 @@ def loads_of(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[Piece]
         if len(cut_up[k]) == 1:
             return [entry]
         at = entry.get("at") or assembly.elements.centroid[k].tolist()
-        held = _holding(cut_up[k], np.array(at), tolerances.ON_OUTLINE * assembly.size)
-        more: dict[str, Any] = {}
+        holding = _holding(cut_up[k], np.array(at), tolerances.ON_OUTLINE * assembly.size)
+        shared: dict[str, Any] = {}
         for key in ("force", "moment"):
             if key in entry:
-                more[key] = _share(entry[key], len(held), f"{where}.{key}")
-        if "force" in more:
-            more["at"] = at
-        return [{**entry, "element": f"{entry['element']}.{number}", **more} for number in held]
+                shared[key] = _share(entry[key], len(holding), f"{where}.{key}")
+        if "force" in shared:
+            shared["at"] = at
+        return [{**entry, "element": f"{entry['element']}.{number}", **shared} for number in holding]
 
     def moved_all(part: dict[str, Any], where: str) -> dict[str, Any]:
-        entries = {key: list(enumerate(part[key])) for key in ("live", "dead") if key in part}
-        return {key: [one for k, e in of for one in moved(e, f"{where}.{key}[{k}]")] for key, of in entries.items()}
+        moved_by_key: dict[str, Any] = {}
+        for key in ("live", "dead"):
+            if key in part:
+                entries = (moved(entry, f"{where}.{key}[{k}]") for k, entry in enumerate(part[key]))
+                moved_by_key[key] = list(itertools.chain(*entries))
+        return moved_by_key
 
-    found = moved_all(loads, "loads")
-    found |= {key: loads[key] for key in ("moving", "pushes") if key in loads}
+    transferred = moved_all(loads, "loads")
+    transferred |= {key: loads[key] for key in ("moving", "pushes") if key in loads}
     if "cases" in loads:
-        found["cases"] = [{**case, **moved_all(case, f"loads.cases[{k}]")} for k, case in enumerate(loads["cases"])]
-    return found
+        transferred["cases"] = [
+            {**case, **moved_all(case, f"loads.cases[{k}]")} for k, case in enumerate(loads["cases"])
+        ]
+    return transferred
 
 
 def _free_parts(assembly: Assembly, between: list[str]) -> list[dict[str, Any]]:
     """Return the free parts of an element's boundary as values of "face"; between: its id and "outside"."""
     boundary = Boundary(assembly.elements, assembly.interfaces, 1.0)
     parts = boundary.loads([FaceLoad(face=FacePlace(between=between), pressure=1.0)], "loads")
-    if any(len(one.rings) > 1 for one in parts.tractions):
+    if any(len(traction.rings) > 1 for traction in parts.tractions):
         raise InputError(
             "loads",
             f"a pressure acts on a free face of {between[0]!r} with a hole, and the element is split",
             '"patch" with polygons without holes',
         )
     key = "along" if assembly.dimension == 2 else "patch"
-    return [{key: one.rings[0].tolist()} for one in parts.tractions]
+    return [{key: traction.rings[0].tolist()} for traction in parts.tractions]
 
 
 def members_of(members: list[dict[str, Any]], assembly: Assembly, cut_up: list[list[Piece]]) -> list[dict[str, Any]]:
@@ -148,27 +155,29 @@ def _beside_face(
 ) -> set[tuple[str, str]]:
     """Return the pairs of pieces of two elements that touch around the common point of two anchors."""
     elements, faces, at = assembly.elements, assembly.interfaces, np.array(anchors[0]["at"])
-    one, two = (elements.index[anchor["element"]] for anchor in anchors)
+    first, second = (elements.index[anchor["element"]] for anchor in anchors)
     between = np.flatnonzero(
-        (np.minimum(faces.a, faces.b) == min(one, two)) & (np.maximum(faces.a, faces.b) == max(one, two))
+        (np.minimum(faces.a, faces.b) == min(first, second)) & (np.maximum(faces.a, faces.b) == max(first, second))
     )
-    found: set[tuple[str, str]] = set()
+    pairs: set[tuple[str, str]] = set()
     for face in between.tolist():
         if assembly.dimension == 2:
-            around = np.array([faces.e1[face], -faces.e1[face]])
+            directions = np.array([faces.e1[face], -faces.e1[face]])
         else:
             angle = 0.13 + np.arange(12) * np.pi / 6.0
-            around = np.cos(angle)[:, None] * faces.e1[face] + np.sin(angle)[:, None] * faces.e2[face]
-        for point in at + 50.0 * reach * around:
+            directions = np.cos(angle)[:, None] * faces.e1[face] + np.sin(angle)[:, None] * faces.e2[face]
+        for point in at + 50.0 * reach * directions:
             if distance_from_face(faces, face, point) > reach:
                 continue
             pair = []
-            for k in (one, two):
-                held = _holding(cut_up[k], point, reach)
-                pair += [elements.ids[k] + (f".{held[0]}" if len(cut_up[k]) > 1 else "")] if len(held) == 1 else []
+            for k in (first, second):
+                holding = _holding(cut_up[k], point, reach)
+                pair += (
+                    [elements.ids[k] + (f".{holding[0]}" if len(cut_up[k]) > 1 else "")] if len(holding) == 1 else []
+                )
             if len(pair) == 2:
-                found.add((pair[0], pair[1]))
-    return found
+                pairs.add((pair[0], pair[1]))
+    return pairs
 
 
 def _holding(parts: list[Piece], at: Floats, reach: float) -> list[int]:
@@ -448,7 +457,7 @@ def refine(
         acts on a free face with a hole of a solid that is split.
     """
     cell = tuple(cell)
-    if cells is not None and not (len(cells) and all(isinstance(one, shapely.Polygon) for one in cells)):
+    if cells is not None and not (len(cells) and all(isinstance(polygon, shapely.Polygon) for polygon in cells)):
         raise ParameterError("cells", "they are wrong", "a list of polygons")
     grid = CellOptions(cell, kind, centre, seed, bond, voussoirs, rings, courses, snap, cells, skew, lintel, bearing)
     check_options(scene, grid, by)
@@ -671,7 +680,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
     # moving loads are stated case by case, on elements of the joint grid
     placed = cases_of_scene(scene, assembly.elements) if scene.loads.moving else []
     if placed:
-        stated = {"cases": [one.case for one in placed], "moving": None, "pushes": None}
+        stated = {"cases": [placement.case for placement in placed], "moving": None, "pushes": None}
         scene = scene.model_copy(update={"loads": scene.loads.model_copy(update=stated)})
     try:
         refined = refine(_at_means(scene), (cell,))
@@ -682,7 +691,7 @@ def crack_cells(scene: Scene, assembly: Assembly, cell: float) -> CrackCells:
         return CrackCells(assembly, np.arange(len(assembly.interfaces)))
     plain = refined.scene.model_copy(update={"cracks": "faces"})
     fine = build_robust(plain) if assembly.has_low_values else build_assembly(plain)
-    places = [one.place for one in placed] or [None] * len(fine.cases)
+    places = [placement.place for placement in placed] or [None] * len(fine.cases)
     cases = tuple(replace(one, place=place) for one, place in zip(fine.cases, places, strict=True))
     return CrackCells(replace(fine, cases=cases), joint_faces(assembly, fine, refined.parent))
 
@@ -729,7 +738,7 @@ def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Int
     between: dict[tuple[int, int], list[int]] = {}
     for face, pair in enumerate(zip(joints.interfaces.a.tolist(), joints.interfaces.b.tolist(), strict=True)):
         between.setdefault((min(pair), max(pair)), []).append(face)
-    found = np.full(len(fine.interfaces), -1, dtype=np.int64)
+    joint_of_face = np.full(len(fine.interfaces), -1, dtype=np.int64)
     for k, (a, b) in enumerate(zip(element[fine.interfaces.a], element[fine.interfaces.b], strict=True)):
         if a == b:
             continue
@@ -741,5 +750,5 @@ def joint_faces(joints: Assembly, fine: Assembly, parent: dict[str, str]) -> Int
                 f"cells of {ids[a]!r} and {ids[b]!r} touch, and these elements do not",
                 "another size of cells",
             )
-        found[k] = face_of_piece(joints.interfaces, candidates, fine.interfaces, k)
-    return found
+        joint_of_face[k] = face_of_piece(joints.interfaces, candidates, fine.interfaces, k)
+    return joint_of_face

@@ -42,10 +42,10 @@ def first_complaint(error: ValidationError, model: type[BaseModel], known: Itera
     if kind == "value_error" and isinstance(cause := context["error"], InputError):
         return InputError((where + cause.where).lstrip("."), cause.problem, cause.expected)
     owner = _owner(model, keys)
-    field = _spelled(owner).get(str(keys[-1])) if keys else None
+    field = _fields_by_key(owner).get(str(keys[-1])) if keys else None
     meaning = field.description if field is not None else None
     if kind == "extra_forbidden":
-        names = [*(known if owner is model else ()), *_spelled(owner)]
+        names = [*(known if owner is model else ()), *_fields_by_key(owner)]
         names = list(dict.fromkeys(names))
         near = get_close_matches(str(keys[-1]), names, 1)
         listed = ", ".join(names)
@@ -64,7 +64,7 @@ def first_complaint(error: ValidationError, model: type[BaseModel], known: Itera
         return InputError(where, f"it has {number} {what}", size + (f": {meaning}" if meaning else ""))
     # a value of a form that is allowed, but out of its bounds, is told the bounds, not the other forms
     forms = [c for c in complaints if _keys(c) == keys and _is_of_form(c["type"])] if _is_of_form(kind) else [chosen]
-    expected = " or ".join(dict.fromkeys(_wanted(c) for c in forms))
+    expected = " or ".join(dict.fromkeys(_expected_in_words(c) for c in forms))
     return InputError(where, f"{shown(value)} is wrong", expected)
 
 
@@ -73,7 +73,7 @@ def _is_of_form(kind: str) -> bool:
     return kind.endswith("_type") or kind == "literal_error"
 
 
-def _wanted(complaint: ErrorDetails) -> str:
+def _expected_in_words(complaint: ErrorDetails) -> str:
     """Return in words which value pydantic expected in place of a wrong one."""
     kind, context = complaint["type"], complaint.get("ctx", {})
     bounds = {
@@ -107,7 +107,7 @@ def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
     return model
 
 
-def _spelled(model: type[BaseModel]) -> dict[str, FieldInfo]:
+def _fields_by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:
     """Return the fields of a model by the keys that a scene file uses for them."""
     return {field.alias or name: field for name, field in model.model_fields.items()}
 

@@ -55,10 +55,10 @@ def cracks_of(given: Any) -> CrackModel:
     if isinstance(given, str):
         return parse_cracks(given)
     try:
-        found: CrackModel = cracks_by_kind(given)
+        model: CrackModel = cracks_by_kind(given)
     except InputError as error:
         raise ParameterError("cracks", error.problem, error.expected) from None
-    return found
+    return model
 
 
 @typed

@@ -209,11 +209,11 @@ class Scene(Part, Showable):
         if self.grid is not None and self.thickness is not None:
             raise InputError(".thickness", 'it is given together with "grid"', 'the thickness inside "grid"')
         if self.loads.tilts:
-            beside = {"fill": self.fill is not None, "members": any(one.prestress for one in self.members)}
+            beside = {"fill": self.fill is not None, "members": any(member.prestress for member in self.members)}
             for key in (key for key, stands in beside.items() if stands):
                 raise InputError(f".{key}", "it has forces that do not turn on a tilting table", "no tilt")
-        require_unique_names(".settlements", [one.name for one in self.settlements])
-        require_unique_names(".members", [one.name for one in self.members if one.name is not None])
+        require_unique_names(".settlements", [settlement.name for settlement in self.settlements])
+        require_unique_names(".members", [member.name for member in self.members if member.name is not None])
         if self.elements is not None:
             planar = [element.polygon is not None for element in self.elements]
             if any(planar) and not all(planar):
@@ -249,10 +249,10 @@ class Scene(Part, Showable):
         if self.loads.pushes is None:
             del content["loads"]["pushes"]
         sides = [content["materials"], *content["materials"]["faces"]]
-        for own in [one[label] for one in sides for label in ("dry", "inner") if one[label] is not None]:
+        for own in [side[label] for side in sides for label in ("dry", "inner") if side[label] is not None]:
             if own["surface"] is None:
                 del own["surface"]
-        dry = [one["dry"] for one in sides]
+        dry = [side["dry"] for side in sides]
         for one in dry:  # the same for joints without bond
             if one is not None and not one["tensile_strength"]:
                 del one["tensile_strength"]

@@ -29,7 +29,7 @@ class Keep(Part):
     inner: list[Pair] = []
 
 
-def _ordered(bounds: list[Any]) -> list[Any]:
+def _require_order(bounds: list[Any]) -> list[Any]:
     """Return bounds [least, most]; raise InputError if they are reversed."""
     low, high = bounds
     if low is not None and high is not None and low > high:
@@ -195,7 +195,7 @@ class Search(Part):
         "sawn_length",
         "saw_cuts",
         "saw_set_ups",
-    )(_ordered)
+    )(_require_order)
 
     @field_validator("limits")
     @classmethod
@@ -203,7 +203,7 @@ class Search(Part):
         """Check the bounds of each count."""
         for name, bounds in limits.items():
             try:
-                _ordered(bounds)
+                _require_order(bounds)
             except InputError as error:
                 raise InputError(f".{name}", error.problem, error.expected) from None
         return limits

@@ -56,4 +56,4 @@ ENDS: Final = frozenset(one.field for one in PARAMETERS if math.isinf(one.absent
 
 def key_of(label: str, side: str) -> str:
     """Return the key of a material that holds a field of `Side` under a label."""
-    return next(one.key for one in PARAMETERS if (one.label, one.side) == (label, side))
+    return next(parameter.key for parameter in PARAMETERS if (parameter.label, parameter.side) == (label, side))

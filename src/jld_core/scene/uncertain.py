@@ -196,7 +196,7 @@ def with_means(document: Any) -> Any:
         if document.keys() >= set(KEYS) and document.keys() <= {*KEYS, EACH}:
             return document["mean"]
         return {key: with_means(value) for key, value in document.items()}
-    if isinstance(document, list) and any(isinstance(one, dict | list) for one in document):
+    if isinstance(document, list) and any(isinstance(entry, dict | list) for entry in document):
         return [with_means(value) for value in document]
     return document
 

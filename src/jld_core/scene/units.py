@@ -128,7 +128,7 @@ def with_numbers(document: dict[str, Any]) -> dict[str, Any]:
     """Convert the texts with units in a scene to numbers in its units, without copying unchanged lists."""
     own = _names_of(document)
     return {
-        key: value if key == "units" else _converted(value, own, key, QUANTITIES.get(key))
+        key: value if key == "units" else _convert(value, own, key, QUANTITIES.get(key))
         for key, value in document.items()
     }
 
@@ -202,21 +202,21 @@ def _gravity(materials: Any) -> float:
     """Return the size of gravity in unvalidated materials, or the default."""
     value = materials.get("gravity", GRAVITY) if isinstance(materials, dict) else GRAVITY
     parts = value if isinstance(value, list) else [value]
-    numbers = [one for one in parts if isinstance(one, int | float) and math.isfinite(one)]
+    numbers = [part for part in parts if isinstance(part, int | float) and math.isfinite(part)]
     return math.hypot(*numbers) if len(numbers) == len(parts) else GRAVITY
 
 
-def _converted(value: Any, own: _Names, where: str, powers: _Powers | None) -> Any:
+def _convert(value: Any, own: _Names, where: str, powers: _Powers | None) -> Any:
     """Convert the texts under keys of `QUANTITIES` in a value to numbers, recursively."""
     if isinstance(value, str) and powers is not None:
         return _number(value, own, where, powers)
     if isinstance(value, list) and powers is None and not any(isinstance(inner, dict) for inner in value):
         return value  # coordinates: most of a large scene
     if isinstance(value, list):
-        return [_converted(inner, own, f"{where}[{index}]", powers) for index, inner in enumerate(value)]
+        return [_convert(inner, own, f"{where}[{index}]", powers) for index, inner in enumerate(value)]
     if isinstance(value, dict):
         found = {
-            key: _converted(inner, own, f"{where}.{key}", powers if key in _SPREAD else QUANTITIES.get(key))
+            key: _convert(inner, own, f"{where}.{key}", powers if key in _SPREAD else QUANTITIES.get(key))
             for key, inner in value.items()
             if key != "parameters"
         }
@@ -231,8 +231,8 @@ def _of_criterion(parameters: Any, name: Any, own: _Names, where: str) -> Any:
     texts = isinstance(parameters, dict) and any(isinstance(one, str) for one in parameters.values())
     powers = powers_of(name) if texts else {}
     if not powers:
-        return _converted(parameters, own, where, None)
-    return {key: _converted(inner, own, f"{where}.{key}", powers.get(key)) for key, inner in parameters.items()}
+        return _convert(parameters, own, where, None)
+    return {key: _convert(inner, own, f"{where}.{key}", powers.get(key)) for key, inner in parameters.items()}
 
 
 def powers_of(name: Any) -> dict[str, _Powers | None]:
@@ -248,34 +248,37 @@ def _number(text: str, own: _Names, where: str, powers: _Powers) -> float:
     found = _TEXT.fullmatch(text)
     if found is None or not math.isfinite(float(found[1])):
         raise InputError(where, f"{shown(text)} is no number with a unit", expected)
-    if found[2] is None:
-        return float(found[1])
+    number, unit = float(found[1]), found[2]
+    if unit is None:
+        return number
     for name, known in zip(own[:2], (NEWTONS, METRES), strict=True):
         if name not in known:
             raise InputError(where, f"no unit is named {name!r}, one of the scene", "a number alone")
-    size, have, place, mass = 1.0, [0, 0], 0, False
-    while place < len(found[2]):
-        factor = _FACTOR.match(found[2], place)
-        known_size = None if factor is None else _unit(factor[2])
-        if factor is None or known_size is None or (factor[1] == "/" and place == 0):
-            raise InputError(where, f"no unit is named {found[2]!r}", expected)
+    # the unit is a product of factors "/name²": its size in SI units, and its powers of force and length
+    size, force, length, has_mass = 1.0, 0, 0, False
+    position = 0
+    while position < len(unit):
+        factor = _FACTOR.match(unit, position)
+        of_name = None if factor is None else _unit(factor[2])
+        if factor is None or of_name is None or (factor[1] == "/" and position == 0):
+            raise InputError(where, f"no unit is named {unit!r}", expected)
         power = {"²": 2, "³": 3, None: 1}.get(factor[3]) or int(factor[3])
         power = -power if factor[1] == "/" else power
-        value, (force, length) = known_size
-        size *= value**power
-        mass = mass or factor[2] in MASSES
-        have = [have[0] + power * force, have[1] + power * length]
-        place = factor.end()
-    if tuple(have) != powers:
-        raise InputError(where, f"{found[2]!r} is no unit of this quantity", expected)
-    number = float(found[1]) * size
+        size_of_name, (force_power, length_power) = of_name
+        size *= size_of_name**power
+        has_mass = has_mass or factor[2] in MASSES
+        force, length = force + power * force_power, length + power * length_power
+        position = factor.end()
+    if (force, length) != powers:
+        raise InputError(where, f"{unit!r} is no unit of this quantity", expected)
     if powers != _DENSITY:
-        return number / own.system.si(powers)
-    if mass:
-        return number / GRAVITY / own.system.density
+        return number * size / own.system.si(powers)
+    # a mass per volume is a weight under standard gravity here; a weight per volume is divided by the scene's gravity
+    if has_mass:
+        return number * size / GRAVITY / own.system.density
     if own.gravity == 0.0:
         raise InputError(where, f"without gravity {text.strip()!r} is no density", "a mass per volume")
-    return number / (own.gravity * own.system.si(_DENSITY))
+    return number * size / (own.gravity * own.system.si(_DENSITY))
 
 
 def _unit(name: str) -> tuple[float, _Powers] | None:

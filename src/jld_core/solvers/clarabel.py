@@ -117,17 +117,21 @@ class ClarabelSolver(Solver):
     def _set_up(self, program: ConicProgram, objective: Floats) -> None:
         """Make a new Clarabel instance for the structure of a program, with this objective."""
         self.rebuilds += 1
-        s = program.structure
-        usual = tolerances.CRUSHING if s.cones else tolerances.LINEAR
+        structure = program.structure
+        usual = tolerances.CRUSHING if structure.cones else tolerances.LINEAR
         tolerance = self._tolerance or usual.residual
         for key in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
             setattr(self._settings, key, tolerance)
         count, weight = self._proximal or (0, 0.0)
         place = np.arange(count)
-        quadratic = sp.csc_matrix((np.full(count, weight), (place, place)), shape=(s.shape[1], s.shape[1]))
-        matrix = sp.csc_matrix((program.data, s.indices, s.indptr), shape=s.shape)
-        self._solver = clarabel.DefaultSolver(quadratic, objective, matrix, program.rhs, _cones(s), self._settings)
-        self._structure = s
+        quadratic = sp.csc_matrix(
+            (np.full(count, weight), (place, place)), shape=(structure.shape[1], structure.shape[1])
+        )
+        matrix = sp.csc_matrix((program.data, structure.indices, structure.indptr), shape=structure.shape)
+        self._solver = clarabel.DefaultSolver(
+            quadratic, objective, matrix, program.rhs, _cones(structure), self._settings
+        )
+        self._structure = structure
 
 
 def _cones(structure: Structure) -> list[Any]:

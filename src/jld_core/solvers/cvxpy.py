@@ -40,15 +40,15 @@ class CvxpySolver(Solver):
     def solve(self, program: ConicProgram) -> RawSolution:
         """Solve a program; point and dual are zero where CVXPY gives none."""
         start = time.perf_counter()
-        s = program.structure
+        structure = program.structure
         matrix: Any = program.matrix.tocsr()  # CVXPY's operators have no types
-        y = cp.Variable(s.shape[1])
-        edge = s.equalities + s.linear
+        y = cp.Variable(structure.shape[1])
+        edge = structure.equalities + structure.linear
         constraints = [
-            matrix[: s.equalities] @ y == program.rhs[: s.equalities],
-            matrix[s.equalities : edge] @ y <= program.rhs[s.equalities : edge],
+            matrix[: structure.equalities] @ y == program.rhs[: structure.equalities],
+            matrix[structure.equalities : edge] @ y <= program.rhs[structure.equalities : edge],
         ]
-        for low, size in zip(s.heads, s.cones, strict=True):
+        for low, size in zip(structure.heads, structure.cones, strict=True):
             inside = program.rhs[low : low + size] - matrix[low : low + size] @ y
             constraints.append(cp.SOC(inside[0], inside[1:]))
         problem: Any = cp.Problem(cp.Minimize(program.objective @ y), constraints)
@@ -56,7 +56,7 @@ class CvxpySolver(Solver):
             warnings.simplefilter("ignore")  # an inaccurate solution shows in the proven bounds
             problem.solve(solver=self._solver, **self._options)
         status = _STATUS.get(problem.status, RawStatus.FAILED)
-        nothing = np.zeros(s.shape[1]), np.zeros(s.shape[0])
+        nothing = np.zeros(structure.shape[1]), np.zeros(structure.shape[0])
         point = nothing[0] if y.value is None else np.array(y.value)
         duals = []
         for constraint in constraints:

@@ -64,14 +64,14 @@ class HighsSolver(Solver):
 
     def solve(self, program: ConicProgram) -> RawSolution:
         """Solve a linear program; `point` or `dual` is a ray of an unbounded or infeasible one if HiGHS has one."""
-        s = program.structure
-        self.require(s)
+        structure = program.structure
+        self.require(structure)
         start = time.perf_counter()
         program = program.rounded
-        free = np.full(s.shape[1], np.inf)
-        lower = np.full(s.shape[0], -np.inf)
-        lower[: s.equalities] = program.rhs[: s.equalities]
-        matrix = sp.csc_array((program.data, s.indices, s.indptr), shape=s.shape)
+        free = np.full(structure.shape[1], np.inf)
+        lower = np.full(structure.shape[0], -np.inf)
+        lower[: structure.equalities] = program.rhs[: structure.equalities]
+        matrix = sp.csc_array((program.data, structure.indices, structure.indptr), shape=structure.shape)
         highs = highs_of(matrix, program.objective, lower, program.rhs, -free, free, self._options)
         highs.run()
         status = _STATUS.get(highs.getModelStatus().name, RawStatus.FAILED)

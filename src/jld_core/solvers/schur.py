@@ -153,14 +153,14 @@ class SchurSystem:
         border_yields = self._border_yields[self._border_rows] / scaling.linear[self._border_rows, None]  # times W⁻¹
         hessian = border_yields.T @ border_yields
         for number, family in enumerate(self.blocks.families):
-            scaled = _divided(scaling, family, self._g[number])
+            scaled = _divide_rows(scaling, family, self._g[number])
             inverse = _right_inverse_of_r(scaled)
             half = inverse.transpose(0, 2, 1) @ self._a[number]
             inverses.append(inverse.ravel())
             halves.append(half.ravel())
             side = np.zeros((len(scaled), scaled.shape[2], count))
             if count:
-                border = _divided(scaling, family, self._g_border[number])
+                border = _divide_rows(scaling, family, self._g_border[number])
                 side = inverse.transpose(0, 2, 1) @ (scaled.transpose(0, 2, 1) @ border)
                 outside = border - scaled @ (inverse @ side)
                 hessian = hessian + np.einsum("nij,nik->jk", outside, outside)
@@ -220,6 +220,7 @@ class SchurSystem:
         return best
 
     def _once(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
+        """Solve for right-hand sides of columns, equilibrium and yield rows."""
         blocks, scaling = self.blocks, self._scaling
         rho = scaling.divide(r)
         c = p + np.asarray(self._yields_t @ scaling.divide(rho))
@@ -236,7 +237,7 @@ class SchurSystem:
         return x, u, scaling.divide(self.yields(x)) - rho
 
 
-def _divided(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:
+def _divide_rows(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:
     """Return the yield rows (m, rows, ·) of a family, multiplied by W⁻¹."""
     half, cones = family.linear, scaling.cones
     out = np.empty_like(rows)

@@ -182,7 +182,7 @@ def _addresses() -> tuple[int, ...] | None:
     api.PyCapsule_GetPointer.restype = ctypes.c_void_p
     api.PyCapsule_GetPointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
     capsules = [module.__pyx_capi__[name] for module, name in _ROUTINES]
-    return tuple(api.PyCapsule_GetPointer(one, api.PyCapsule_GetName(one)) for one in capsules)
+    return tuple(api.PyCapsule_GetPointer(capsule, api.PyCapsule_GetName(capsule)) for capsule in capsules)
 
 
 class CompiledFronts:

@@ -55,7 +55,7 @@ def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
     moving = np.flatnonzero(size > _MOVES * size.max(initial=0.0))
     moving = moving[np.argsort(-size[moving], kind="stable")]
     way = _way(speed[moving].sum(axis=0), float(turning[moving].sum()))
-    words = f"{_listed([assembly.elements.ids[k] for k in moving])} {way}, whatever the live load"
+    words = f"{_list_names([assembly.elements.ids[k] for k in moving])} {way}, whatever the live load"
     return {"falls": words + "; the motion is in the pictures of --out", **found}
 
 
@@ -79,7 +79,9 @@ def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
     ends = np.concatenate([faces.a[pressed], faces.b[pressed]])
     names = [result.assembly.elements.ids[k] for k in np.unique(ends[support[ends]])]
     between = "between" if len(names) > 1 else "against"
-    words = f"{between} {_listed(names)}, through {int(pressed.sum())} faces: forces there grow with λ without an end"
+    words = (
+        f"{between} {_list_names(names)}, through {int(pressed.sum())} faces: forces there grow with λ without an end"
+    )
     return {"confined": words, **found}
 
 
@@ -112,7 +114,7 @@ def _other_solvers(result: LimitAnalysisResult) -> list[str]:
     return found
 
 
-def _listed(names: list[str]) -> str:
+def _list_names(names: list[str]) -> str:
     """Join up to `_NAMED` names by commas, and state how many more there are."""
     if len(names) <= _NAMED:
         return ", ".join(names)

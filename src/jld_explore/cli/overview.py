@@ -66,7 +66,7 @@ _EXAMPLE = """  jld new wall --length 1.2 --courses 6 -o wall.json
   jld export out/wall --format dxf -o wall.dxf"""
 
 
-def _added(group: str) -> dict[str, str]:
+def _additions(group: str) -> dict[str, str]:
     """Return what installed plug-ins add to a group, with the package of each."""
     known = {name: plugins.package(one) for name, one in plugins.entry_points(group).items() if name not in COMMANDS}
     return {name: f"of the package {package}" for name, package in known.items()}
@@ -78,12 +78,12 @@ def text() -> str:
     tables = {
         "Options": _OPTIONS,
         **_GROUPS,
-        "Commands of plug-ins": _added("jld.commands"),
-        "Drivers of jld explore (--driver)": DRIVERS | _added("jld.drivers"),
-        "Objectives of plug-ins (--objective)": _added("jld.objectives"),
-        "Counts of plug-ins (search.front, search.limits)": _added("jld.counts"),
-        "Criteria of plug-ins (materials.inner.criterion, materials.dry.criterion)": _added("jld.criteria"),
-        "Steps of plug-ins (after jld explore)": _added("jld.steps"),
+        "Commands of plug-ins": _additions("jld.commands"),
+        "Drivers of jld explore (--driver)": DRIVERS | _additions("jld.drivers"),
+        "Objectives of plug-ins (--objective)": _additions("jld.objectives"),
+        "Counts of plug-ins (search.front, search.limits)": _additions("jld.counts"),
+        "Criteria of plug-ins (materials.inner.criterion, materials.dry.criterion)": _additions("jld.criteria"),
+        "Steps of plug-ins (after jld explore)": _additions("jld.steps"),
     }
     width = max(map(len, COMMANDS))
     for title, lines in tables.items():

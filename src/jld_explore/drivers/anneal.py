@@ -159,24 +159,25 @@ class Anneal(Searcher):
         return np.concatenate(batches)
 
     def _changes(self, owners: list[int]) -> tuple[Bits, list[int]]:
-        """Change or cross the labelling of each chain in `owners`: rows (j, m), and their chains."""
+        """Change or cross the labellings of chains, by number: new rows (j, m), and the chain of each."""
         crossing = [self.rng.real() < _CROSSING_SHARE for _ in owners]
         alone = [number for number, crossed in zip(owners, crossing, strict=True) if not crossed]
         coupled = [number for number, crossed in zip(owners, crossing, strict=True) if crossed]
+        # An operator gives no row or several for a labelling, and `source`: which labelling each row comes from.
         rows, chain_of_row = self._none, []
         if alone:
             chains = [self._chains[number] for number in alone]
-            places, moving = (
-                np.array([chain.labelling for chain in chains]),
-                np.array([chain.moving for chain in chains]),
-            )
-            rows, of = self._follow.changes(places, [chain.parts or [] for chain in chains], moving, self.rng)
-            chain_of_row = [alone[k] for k in of.tolist()]
+            labellings = np.array([chain.labelling for chain in chains])
+            moving = np.array([chain.moving for chain in chains])
+            parts = [chain.parts or [] for chain in chains]
+            rows, source = self._follow.changes(labellings, parts, moving, self.rng)
+            chain_of_row = [alone[k] for k in source.tolist()]
         if coupled:
-            places = np.array([self._chains[number].labelling for number in coupled])
-            others = np.array([self._partner(number) for number in coupled])
-            children, of = self.operators.cross_indexed(places, others, self.rng)
-            rows, chain_of_row = np.concatenate([rows, children]), [*chain_of_row, *(coupled[k] for k in of.tolist())]
+            labellings = np.array([self._chains[number].labelling for number in coupled])
+            partners = np.array([self._partner(number) for number in coupled])
+            children, source = self.operators.cross_indexed(labellings, partners, self.rng)
+            rows = np.concatenate([rows, children])
+            chain_of_row += [coupled[k] for k in source.tolist()]
         return rows, chain_of_row
 
     def _partner(self, number: int) -> Bits:
@@ -207,7 +208,7 @@ class Anneal(Searcher):
         # a weaker change is accepted with probability exp(−Δλ / T)
         for chain in (self._chains[number] for number in half):
             if chain.changes:
-                energy, case, row = min(chain.changes, key=lambda one: one[0])
+                energy, case, row = min(chain.changes, key=lambda change: change[0])
                 worse = energy - chain.energy
                 if worse <= 0.0 or (worse < _NO_LOAD_FACTOR and self.rng.real() < math.exp(-worse / self._temperature)):
                     chain.move_to(row, energy, case)

@@ -225,13 +225,13 @@ def admissible_layout(space: SearchSpace, seed: int = 0) -> Bits | None:
         blocks = possible_blocks(subspace)
         if blocks is None and cells is not None:
             continue
-        found = _constructed(subspace, blocks, space, seed)
+        found = _construct(subspace, blocks, space, seed)
         if found is not None or subspace is space:
             return found
-    return None if space.void is not None else _constructed(space, None, space, seed)
+    return None if space.void is not None else _construct(space, None, space, seed)
 
 
-def _constructed(subspace: SearchSpace, blocks: PossibleBlocks | None, space: SearchSpace, seed: int) -> Bits | None:
+def _construct(subspace: SearchSpace, blocks: PossibleBlocks | None, space: SearchSpace, seed: int) -> Bits | None:
     """Return a labelling (1, m) of part of a space from its formula; None if it is empty."""
     # `blocks` are the possible blocks of the part, if they are listed.
     formula = Formula(subspace, blocks, partial=True)

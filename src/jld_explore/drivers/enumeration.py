@@ -253,7 +253,7 @@ class Enumeration(Driver):
         inner = ~apart | ~self._violates_limit(rows, (p, q), most=True)
         dry = np.ones_like(apart)
         if search.segmentation:
-            inner &= ~apart | ~self._separated(rows, p, q)
+            inner &= ~apart | ~self._separates(rows, p, q)
             dry = apart
         for number, (counted, bounds) in zip(rows.dry, self._counted, strict=True):
             dry = dry & ~bounds.above(number + counted[level])
@@ -274,7 +274,7 @@ class Enumeration(Driver):
         new = _Frontier(level + 1, block, label, new.closed, new.dry + added[:, None] * is_dry)
         return self._prune(new, np.where(is_dry, p, low), np.where(is_dry & apart, q, low), apart, is_dry)
 
-    def _separated(self, rows: _Frontier, p: Names, q: Names) -> Bools:
+    def _separates(self, rows: _Frontier, p: Names, q: Names) -> Bools:
         """Return (r,) True where a dry face decided before lies between blocks p and q, both (r,)."""
         before = self._decided[: self._walls + rows.level]
         first, second = rows.block[before[:, 0]], rows.block[before[:, 1]]

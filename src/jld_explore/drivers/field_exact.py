@@ -56,20 +56,20 @@ def save_conflicts(folder: Path, driver: FieldExact) -> None:
     """Write the conflicts of a proof with their velocity fields and meshes to one file."""
     # The file `CONFLICTS_FILE` is replaced as a whole. Conflicts without a velocity field in memory are left out.
     # Without any conflict nothing is written.
-    conflicts = [one for one in driver.state.conflicts if one.mechanism is not None]
+    conflicts = [conflict for conflict in driver.state.conflicts if conflict.mechanism is not None]
     if not conflicts:
         return
     problems, shared = driver.refuter.relaxation.problems, driver.refuter.cases
-    mechanisms = [one.mechanism for one in conflicts if one.mechanism is not None]
-    own = sorted({one.case for one in mechanisms if one.case >= shared})
+    mechanisms = [conflict.mechanism for conflict in conflicts if conflict.mechanism is not None]
+    own = sorted({mechanism.case for mechanism in mechanisms if mechanism.case >= shared})
     number = {case: shared + place for place, case in enumerate(own)}
     content: dict[str, Any] = {
         "shared": np.array(shared),
-        "case": np.array([number.get(one.case, one.case) for one in mechanisms], dtype=np.int64),
+        "case": np.array([number.get(mechanism.case, mechanism.case) for mechanism in mechanisms], dtype=np.int64),
         "load": np.array([driver.refuter.load_case(problems[case]) for case in own], dtype=np.int64),
-        **_joined("faces", [one.faces for one in conflicts]),
-        **_joined("labels", [one.labels for one in conflicts]),
-        **_joined("velocity", [one.velocity.ravel() for one in mechanisms]),
+        **_joined("faces", [conflict.faces for conflict in conflicts]),
+        **_joined("labels", [conflict.labels for conflict in conflicts]),
+        **_joined("velocity", [mechanism.velocity.ravel() for mechanism in mechanisms]),
     }
     for name in _MESH:
         arrays = [getattr(problems[case].mesh, name) for case in own]
@@ -87,11 +87,11 @@ def load_conflicts(folder: Path, driver: FieldExact) -> list[Conflict]:
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
-        found = _conflicts_in(content, driver)
+        conflicts = _conflicts_in(content, driver)
     except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
-        told = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(str(path), f"it is damaged ({told})", "a file as jld explore left it, or none") from None
-    return found
+        text = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(str(path), f"it is damaged ({text})", "a file as jld explore left it, or none") from None
+    return conflicts
 
 
 def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]:
@@ -107,14 +107,14 @@ def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]
     triples = zip(
         _parted(content, "faces"), _parted(content, "labels"), _parted(content, "velocity"), cases, strict=True
     )
-    found = []
+    conflicts = []
     for faces, labels, velocity, case in triples:
         mechanism = Mechanism(case, velocity.reshape(-1, 3, 2))
         one = Conflict(faces.astype(np.int64), labels.astype(bool), np.inf, mechanism=mechanism)
         bound = driver.refuter.weigh(one)
         if np.isfinite(bound):
-            found.append(replace(one, bound=bound))
-    return found
+            conflicts.append(replace(one, bound=bound))
+    return conflicts
 
 
 def _joined(name: str, arrays: list[Any]) -> dict[str, Any]:
@@ -175,8 +175,9 @@ class FieldExact(ProvingDriver):
         if (count := without_formula(space, self._blocks, self._aim.count)) is not None:
             raise ParameterError("driver", f"exact by fields has no formula for the count {count.name}", "enumeration")
         self._search = Anneal(space, seed) if self._aim.count is None else Genetic(space, seed, aim=aim)
-        self._left = search * int(space.candidates.sum())
-        self._before = Deadline()
+        # labellings that the search before the proof still gives, and its end
+        self._search_left = search * int(space.candidates.sum())
+        self._search_deadline = Deadline()
         self._folder: Path | None = None
         self._asked = False
         self.refuter = FieldRefuter(space, self._blocks)
@@ -232,9 +233,9 @@ class FieldExact(ProvingDriver):
     def _refuted_above(self, labellings: Bits) -> Floats:
         """Return upper bounds (k,) on the governing factor of labellings (k, m) by the conflicts."""
         found = np.full(len(labellings), self._bound)
-        for one in self._state.conflicts:
-            matching = has_conflict(one, labellings, self.space.group)
-            found[matching] = np.minimum(found[matching], one.bound)
+        for conflict in self._state.conflicts:
+            matching = has_conflict(conflict, labellings, self.space.group)
+            found[matching] = np.minimum(found[matching], conflict.bound)
         return found
 
     @property
@@ -269,7 +270,7 @@ class FieldExact(ProvingDriver):
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         super().start(deadline, heartbeat, records)
         self.pool.deadline = self._deadline
-        self._before = self._deadline.within(_ANNEALED * self._deadline.remaining())
+        self._search_deadline = self._deadline.within(_ANNEALED * self._deadline.remaining())
         if records is not None:
             self._folder = records.folder
             self._add(load_conflicts(self._folder, self))
@@ -287,21 +288,21 @@ class FieldExact(ProvingDriver):
             self._asked = True
             self._bound_at_root()
             if self._reached:
-                self._left = 1  # a study has one result
+                self._search_left = 1  # nothing is left to prove, but a study has one result
         elif self._reached:
-            self._left = 0
-        if self._left > 0 and not self._before.passed():
-            found = self._search.ask(self._left if limit is None else min(limit, self._left))
-            self._left = self._left - len(found) if len(found) else 0
-            if len(found):
-                return found
-        self._left = 0
+            self._search_left = 0
+        if self._search_left > 0 and not self._search_deadline.passed():
+            labellings = self._search.ask(self._search_left if limit is None else min(limit, self._search_left))
+            if len(labellings):
+                self._search_left -= len(labellings)
+                return labellings
+        self._search_left = 0  # the search is over: the time is up, or it has no more labellings
         while not self._waiting and self.working and not self._stopped and not self._time_is_up:
             self._work()
             self._heartbeat()
         count = len(self._waiting) if limit is None else limit
-        given, self._waiting = self._waiting[:count], self._waiting[count:]
-        return np.array(given, dtype=bool).reshape(len(given), len(self.space.fixed))
+        first, self._waiting = self._waiting[:count], self._waiting[count:]
+        return np.array(first, dtype=bool).reshape(len(first), len(self.space.fixed))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         self._search.tell(labellings, evaluations)
@@ -327,20 +328,18 @@ class FieldExact(ProvingDriver):
     def _work(self) -> None:
         """Take one step of the proof: begin, refine, draw labellings, or lower the bound."""
         # The caller repeats it, and evaluates `_waiting` labellings, until `_settled` or `_stopped`.
-        best = self.incumbents.best() if self._begun else {}
         if not self._begun:
             self._begin()
-        elif (
-            self._aim.goal(best) > self._aimed
-            or self._aimed >= self._left_open
-            or self._aim.target(best) != self._target
-        ):
+            return
+        best = self.incumbents.best()
+        goal_rose = self._aim.goal(best) > self._aimed
+        if goal_rose or self._aimed >= self._left_open or self._aim.target(best) != self._target:
             self._aim_formula()
-        elif (rows := self._open()).size:
+        elif (rows := self._open()).size:  # evaluated labellings that neither a conflict nor their fields refute
             self._refine(rows)
-        elif (rows := self._wide_rows()).size:
+        elif (rows := self._wide_rows()).size:  # strong ones whose lower bounds may still rise
             self._refine_lower(rows)
-        elif not self._draw():
+        elif not self._draw():  # the formula has no labelling left
             self._lower()
         elif self._schedule.is_stuck(len(self._state.conflicts) - self._began, self._left_open, self._aimed):
             self._aim_formula()
@@ -503,9 +502,9 @@ class FieldExact(ProvingDriver):
         self._state.add_conflicts(conflicts)
         if self._formula is not None:
             self._formula.learn(conflicts)
-        for one in conflicts:
-            matching = has_conflict(one, self.pool.labellings, self.space.group)
-            self._refuted[matching] = np.minimum(self._refuted[matching], one.bound)
+        for conflict in conflicts:
+            matching = has_conflict(conflict, self.pool.labellings, self.space.group)
+            self._refuted[matching] = np.minimum(self._refuted[matching], conflict.bound)
 
     def _lower(self) -> None:
         """Lower the bound to the factor aimed at, or to that of the worst unrefuted labelling."""

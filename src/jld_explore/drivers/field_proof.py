@@ -291,13 +291,13 @@ class FieldRelaxation:
     def __init__(self, problems: Sequence[FieldProblem]) -> None:
         self.problems = list(problems)
         self._order = list(range(len(problems)))
-        self._asked = [PartialUpperBound(one.setting.problem(one.mesh), many=True) for one in problems]
+        self._asked = [PartialUpperBound(problem.setting.problem(problem.mesh), many=True) for problem in problems]
         self._known: dict[tuple[int, bytes], FieldMechanism | None] = {}
         self._others: OrderedDict[int, PartialUpperBound] = OrderedDict()
 
     @property
     def solves(self) -> int:
-        return sum(one.solves for one in self._asked)
+        return sum(solver.solves for solver in self._asked)
 
     def restart(self) -> None:
         """Ask the problems in their first order, so that answers do not depend on earlier calls."""
@@ -559,7 +559,7 @@ class ProofSetup:
 
     def problems(self, level: int) -> list[FieldProblem]:
         triples = zip(self.settings, self.levels[level], self.required, strict=True)
-        return [FieldProblem(*one) for one in triples]
+        return [FieldProblem(*triple) for triple in triples]
 
 
 @dataclass(frozen=True)
@@ -688,7 +688,7 @@ class FieldRefuter:
 
     def refute_on(self, meshes: Sequence[CommonMeshes]) -> None:
         """Refute labellings on some finer meshes too from now on, beside the coarsest."""
-        places = dict.fromkeys(zip(*(one.shared for one in meshes), strict=True))
+        places = dict.fromkeys(zip(*(mesh.shared for mesh in meshes), strict=True))
         levels = tuple(tuple(one.meshes[k] for one, k in zip(meshes, row, strict=True)) for row in places)
         self._setup = replace(self._setup, levels=levels)
         self._share = [1.0] * len(levels)

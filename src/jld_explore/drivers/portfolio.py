@@ -232,22 +232,22 @@ class Portfolio(Anneal):
         if climb.idle > climb.patience:
             return self._none
         if climb.energy >= _NO_LOAD_FACTOR:
-            return self._walked(climb)
-        batches, prepared, climb.prepared = [self._merged(climb)], climb.prepared, None
+            return self._walk_to_standing(climb)
+        batches, prepared, climb.prepared = [self._merge_improvements(climb)], climb.prepared, None
         # making changes costs about as much for many as for few, and a climb at rest loses nothing by many
         lacking = min(self._together + climb.idle, _MOST * self._together) - len(batches[0])
         if prepared is not None and lacking > 0:
             base, rows, origins = prepared
             if base is not climb.labelling:
-                rows, of = self._carried(rows, base, climb.labelling)
+                rows, of = self._carry_over(rows, base, climb.labelling)
                 origins = [origins[k] for k in of.tolist()]
-            batches.append(self._admitted(climb, rows, origins, lacking))
+            batches.append(self._admit(climb, rows, origins, lacking))
             lacking -= len(batches[-1])
         for _ in range(4):
             checkpoint()
             if lacking <= 0:
                 break
-            batches.append(self._admitted(climb, *self._candidates(climb, climb.labelling, lacking), lacking))
+            batches.append(self._admit(climb, *self._candidates(climb, climb.labelling, lacking), lacking))
             lacking -= len(batches[-1])
         return np.concatenate(batches)
 
@@ -270,15 +270,15 @@ class Portfolio(Anneal):
         chosen = known[self._choice.integers(len(known), size=count)]
         return np.take_along_axis(chosen, group[self._choice.integers(len(group), size=count)], axis=1)
 
-    def _walked(self, climb: _Climb) -> Bits:
+    def _walk_to_standing(self, climb: _Climb) -> Bits:
         """Return changes (k, m) of labellings that do not stand, each where it falls."""
         rows = np.resize(climb.fallen, (self._together, climb.fallen.shape[1]))
         changed, _ = self._follow.changes(
             rows, self._follow.parts(rows), self._movements[climb.case].of(rows), self.rng
         )
-        return self._admitted(climb, changed, [("walk", 1)] * len(changed))
+        return self._admit(climb, changed, [("walk", 1)] * len(changed))
 
-    def _merged(self, climb: _Climb) -> Bits:
+    def _merge_improvements(self, climb: _Climb) -> Bits:
         """Return labellings (k, m) with the changes of two, three, half or all improvements at once."""
         better, before = climb.better, climb.before
         climb.better = []
@@ -293,9 +293,9 @@ class Portfolio(Anneal):
             merges.append(merged)
         keys_of = np.array(merges) + 0.1 * np.reshape(self.rng.reals(len(merges) * len(base)), (-1, len(base)))
         found = self.operators.read(keys_of)[0]
-        return self._admitted(climb, found, [("merge", 1)] * len(found))
+        return self._admit(climb, found, [("merge", 1)] * len(found))
 
-    def _carried(self, rows: Bits, base: Bits, labels: Bits) -> tuple[Bits, Ints]:
+    def _carry_over(self, rows: Bits, base: Bits, labels: Bits) -> tuple[Bits, Ints]:
         """Change labels (m,) as rows (k, m) change a base (m,), where that gives blocks: labellings, row of each."""
         before, here, *after = self.operators.write(np.concatenate([base[None], labels[None], rows]))
         changed = np.array(after) != before
@@ -303,7 +303,7 @@ class Portfolio(Anneal):
         found, of = self.operators.read(np.where(changed[apart], np.array(after)[apart], here), repair=False)
         return found, apart[of]
 
-    def _admitted(self, climb: _Climb, rows: Bits, origins: list[tuple[str, int]], most: int | None = None) -> Bits:
+    def _admit(self, climb: _Climb, rows: Bits, origins: list[tuple[str, int]], most: int | None = None) -> Bits:
         """Register new labellings among rows (k, m), the most promising if there are too many, with their origins."""
         if climb.floor is not None:
             good = np.flatnonzero((front_counts(self.space, rows) <= climb.floor).all(axis=1))
@@ -325,30 +325,31 @@ class Portfolio(Anneal):
         vary, follow, cross = self._choice.multinomial(
             self._screened * count * (1 if climb.floor is None else 2), share / share.sum()
         ).tolist()
-        children = [self._varied(labels, vary), self._followed(climb, labels, follow)]
+        children = [self._vary(labels, vary), self._follow_mechanism(climb, labels, follow)]
         if cross:
             others = self._others(cross)
             crossed = self.operators.cross_indexed(np.repeat(labels[None], cross, axis=0), others, self.rng)[0]
             children.append((crossed, [("cross", 1)] * len(crossed)))
-        return np.concatenate([rows for rows, _ in children]), [one for _, origins in children for one in origins]
+        return np.concatenate([rows for rows, _ in children]), [origin for _, origins in children for origin in origins]
 
     def _numbers(self, kind: str, count: int) -> Ints:
         """Return how many changes (count,) to make at once, by those that gained."""
         return np.minimum(self._choice.geometric(1.0 / self._steps[kind], size=count), _MOST_STEPS)
 
-    def _varied(self, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:
-        many, batches, origins = self._numbers("vary", count), [self._none], []
+    def _vary(self, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:
+        """Vary a labelling (m,) in `count` ways of one step or more: rows (count, m), and the origin of each."""
+        steps_of_row, batches, origins = self._numbers("vary", count), [self._none], []
         rows = np.repeat(labels[None], count, axis=0)
-        for steps in range(1, int(many.max(initial=0)) + 1):
+        for steps in range(1, int(steps_of_row.max(initial=0)) + 1):
             checkpoint()
             rows = self.operators.breed(rows[:0], rows[:0], rows, self.rng)
-            done = rows[: int(np.count_nonzero(many == steps))]
-            batches.append(done)
-            origins += [("vary", steps)] * len(done)
-            rows = rows[len(done) :]
+            finished = rows[: int(np.count_nonzero(steps_of_row == steps))]
+            batches.append(finished)
+            origins += [("vary", steps)] * len(finished)
+            rows = rows[len(finished) :]
         return np.concatenate(batches), origins
 
-    def _followed(self, climb: _Climb, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:
+    def _follow_mechanism(self, climb: _Climb, labels: Bits, count: int) -> tuple[Bits, list[tuple[str, int]]]:
         """Return changes (count, m) of labels (m,) where its mechanism moves."""
         if not count:
             return self._none, []
@@ -366,7 +367,7 @@ class Portfolio(Anneal):
 
     def _accept(self, climb: _Climb) -> None:
         """Move a climb to its best change unless that is worse, and keep all improvements to be merged."""
-        climb.changes.sort(key=lambda one: one[0])
+        climb.changes.sort(key=lambda change: change[0])
         energy, case, row = climb.changes[0]
         climb.spent += len(climb.changes)
         climb.idle = 0 if energy < climb.energy - 1e-7 * abs(climb.energy) else climb.idle + len(climb.changes)

@@ -51,14 +51,14 @@ class CasesEvaluator(SharedEvaluator):
         if share_batch_solver_with is None:
             self._each = [Evaluator(case, settings) for case in assembly.by_case]
         else:
-            self._each = [one.twin() for one in share_batch_solver_with._each]
+            self._each = [evaluator.twin() for evaluator in share_batch_solver_with._each]
 
     def twin(self) -> CasesEvaluator:
         return CasesEvaluator(self.assembly, self.settings, self)
 
     @property
     def settles_nearly_all(self) -> bool:
-        return all(one.settles_nearly_all for one in self._each)
+        return all(evaluator.settles_nearly_all for evaluator in self._each)
 
     def evaluate_all(
         self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
@@ -104,41 +104,42 @@ class CasesEvaluator(SharedEvaluator):
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m) in turn until the deadline passes."""
         values = [-math.inf] * len(labellings) if pruning_thresholds is None else pruning_thresholds.tolist()
-        found: list[Evaluation] = []
+        evaluations: list[Evaluation] = []
         for labels, pruning_threshold in zip(labellings, values, strict=True):
             if deadline is not None and deadline.passed():
                 break
-            found.append(self.evaluate(labels, pruning_threshold))
-        return found
+            evaluations.append(self.evaluate(labels, pruning_threshold))
+        return evaluations
 
     def _combined(self, cases: list[Evaluation]) -> Evaluation:
-        known = [CaseBounds(one.status, one.low, one.high, one.load_factor) for one in cases]
-        decided = governing(known, self._required)
-        seconds = sum(one.seconds for one in cases)
-        values = tuple(one.load_factor for one in cases)
+        """Combine the evaluations of load cases to that of the governing factor."""
+        bounds = [CaseBounds(case.status, case.low, case.high, case.load_factor) for case in cases]
+        decided = governing(bounds, self._required)
+        seconds = sum(case.seconds for case in cases)
+        values = tuple(case.load_factor for case in cases)
         associative = [one.associative / factor for one, factor in zip(cases, self._required, strict=True)]
-        outbid = [one.high / f for one, f in zip(cases, self._required, strict=True) if one.settled == BOUND]
-        if outbid and decided.status not in (Status.UNSTABLE, Status.FAILED):
+        pruned_at = [one.high / f for one, f in zip(cases, self._required, strict=True) if one.settled == BOUND]
+        if pruned_at and decided.status not in (Status.UNSTABLE, Status.FAILED):
             # The upper bound of a single case suffices to prune the labelling.
             position = next(k for k, one in enumerate(cases) if one.settled == BOUND)
             return Evaluation(
                 Status.UNCERTIFIED,
                 math.nan,
-                min(outbid),
+                min(pruned_at),
                 min(associative, key=lambda value: math.inf if math.isnan(value) else value),
                 settled=BOUND,
                 seconds=seconds,
                 cases=values,
                 governing=position,
             )
-        free = all(math.isnan(one.zero_dilation) for one in cases)
+        only_associative = all(math.isnan(case.zero_dilation) for case in cases)
         least = min((value for value in associative if not math.isnan(value)), default=math.nan)
         return Evaluation(
             status=decided.status,
             low=decided.low,
             high=decided.high,
-            associative=decided.load_factor if free else least,
-            zero_dilation=math.nan if free else decided.load_factor,
+            associative=decided.load_factor if only_associative else least,
+            zero_dilation=math.nan if only_associative else decided.load_factor,
             settled=SOLVE,
             seconds=seconds,
             cases=values,
@@ -280,7 +281,7 @@ class VoidCellsEvaluator(LabellingEvaluator):
     ) -> list[Evaluation]:
         # See `LabellingEvaluator.evaluate_all`. A labelling is a row (m + c,): labels of faces (True = dry), then of
         # cells (True = stays).
-        found: list[Evaluation | None] = [None] * len(labellings)
+        evaluations: list[Evaluation | None] = [None] * len(labellings)
         groups: dict[bytes, list[int]] = {}
         for row, labels in enumerate(labellings):
             groups.setdefault(np.packbits(labels[len(self._faces) :]).tobytes(), []).append(row)
@@ -291,9 +292,9 @@ class VoidCellsEvaluator(LabellingEvaluator):
             own = None if pruning_thresholds is None else pruning_thresholds[rows]
             answers = evaluator.evaluate_all(labellings[rows][:, kept], own, deadline)
             for row, answer in zip(rows, answers, strict=False):
-                found[row] = answer
-        done = next((row for row, answer in enumerate(found) if answer is None), len(found))
-        return [answer for answer in found[:done] if answer is not None]
+                evaluations[row] = answer
+        done = next((row for row, answer in enumerate(evaluations) if answer is None), len(evaluations))
+        return [answer for answer in evaluations[:done] if answer is not None]
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         evaluator, kept = self._evaluator_of(labels)
@@ -526,6 +527,7 @@ class _Case:
             return BatchResults.joined(list(pool.map(solved, np.array_split(labellings, threads))))
 
     def _add(self, proof: State | Motion) -> None:
+        """Store where a state fails, or what a motion costs, under either label."""
         if len(self._bad) + len(self._cost) >= _KEPT:
             return
         sets = self._analysis.template.yield_set

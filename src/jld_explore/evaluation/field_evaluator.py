@@ -36,22 +36,23 @@ def field_evaluation(
     nominal: float | None = None,
 ) -> Evaluation:
     """Return the evaluation of bounds by fields (c,) on λ under each case; λ is the lower bound."""
-    least, most = float((low / required).min()), min(most, float((high / required).min()))
+    lowest, most = float((low / required).min()), min(most, float((high / required).min()))
     several = len(low) > 1
     cases = tuple(float(value) if math.isfinite(value) else math.nan for value in low) if several else ()
     if nominal is not None:
         # with nominal values the entries of load cases and then that value are expected
         cases = (*cases, nominal if math.isfinite(nominal) else math.nan)
-    known = [
-        CaseBounds(Status.COLLAPSE, one, other, one) for one, other in zip(low.tolist(), high.tolist(), strict=True)
+    bounds = [
+        CaseBounds(Status.COLLAPSE, below, above, below)
+        for below, above in zip(low.tolist(), high.tolist(), strict=True)
     ]
-    case = governing(known, required.tolist()).case if several else -1
+    case = governing(bounds, required.tolist()).case if several else -1
     nan = math.nan
-    low_end, high_end = (end if math.isfinite(end) else nan for end in (least, most))
+    low_end, high_end = (end if math.isfinite(end) else nan for end in (lowest, most))
     if most < 0.0:
         status, low_end, high_end, value, settled = Status.UNSTABLE, nan, nan, nan, SOLVE
-    elif math.isfinite(least) and math.isfinite(most):
-        status, value, settled = Status.COLLAPSE, least, SOLVE
+    elif math.isfinite(lowest) and math.isfinite(most):
+        status, value, settled = Status.COLLAPSE, lowest, SOLVE
     else:
         status, value = Status.UNCERTIFIED, nan
         settled = BOUND if math.isnan(low_end) and most < best else SOLVE
@@ -78,14 +79,14 @@ class FieldEvaluator(LabellingEvaluator):
         self, labellings: Bits, pruning_thresholds: Floats | None = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         # Pruning thresholds are ignored: bounds by fields have no cheap part.
-        found: list[Evaluation] = []
-        while len(found) < len(labellings) and not (deadline is not None and deadline.passed()):
+        evaluations: list[Evaluation] = []
+        while len(evaluations) < len(labellings) and not (deadline is not None and deadline.passed()):
             start = time.perf_counter()
-            found += self._together(labellings[len(found) : len(found) + self._count])
+            evaluations += self._together(labellings[len(evaluations) : len(evaluations) + self._count])
             # how many are taken together does not change their bounds
             late = time.perf_counter() - start > _SECONDS
             self._count = max(1, self._count // 2) if late else min(_TOGETHER, 2 * self._count)
-        return found
+        return evaluations
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         return self._together(labels[None])[0]
@@ -221,13 +222,13 @@ class FieldPool:
 
     def take_from(self, other: FieldPool) -> None:
         """Take over the bounds and the number of programs of another pool of the same assembly."""
-        place = {labels.tobytes(): row for row, labels in enumerate(self.labellings)}
-        both = zip(other.low().tolist(), other.high().tolist(), strict=True)
-        for theirs, (labels, (low, high)) in enumerate(zip(other.labellings, both, strict=True)):
-            row = place.get(labels.tobytes())
+        row_of = {labels.tobytes(): row for row, labels in enumerate(self.labellings)}
+        ends = zip(other.low().tolist(), other.high().tolist(), strict=True)
+        for other_row, (labels, (low, high)) in enumerate(zip(other.labellings, ends, strict=True)):
+            row = row_of.get(labels.tobytes())
             if row is not None:
-                self._low[row] = np.maximum(self._low[row], other._low[theirs])
-                self._high[row] = np.minimum(self._high[row], other._high[theirs])
+                self._low[row] = np.maximum(self._low[row], other._low[other_row])
+                self._high[row] = np.minimum(self._high[row], other._high[other_row])
                 self._least[row], self._most[row] = max(self._least[row], low), min(self._most[row], high)
         self._steps.update(other._steps)
         self.programs += other.programs

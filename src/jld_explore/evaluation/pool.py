@@ -301,10 +301,10 @@ def make_executor(jobs: int) -> Executor:
     """Return a new executor of `jobs` local processes; tests replace it by one of threads."""
     from joblib.externals.loky import ProcessPoolExecutor  # slow to import, and most searches stay in one process
 
-    found: Executor = ProcessPoolExecutor(
+    executor: Executor = ProcessPoolExecutor(
         max_workers=jobs, initializer=_init_process, initargs=(os.getpid(),), env=SINGLE_THREADED
     )
-    return found
+    return executor
 
 
 @contextmanager

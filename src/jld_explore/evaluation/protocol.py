@@ -86,11 +86,11 @@ FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
 def evaluations_of(found: Sequence[Evaluation] | BatchResult) -> Sequence[Evaluation]:
     """Return the evaluations of a result of `jld_core.solve_many`, and evaluations as they are."""
     if not isinstance(found, BatchResult):
-        if not isinstance(found, Sequence) or not all(isinstance(one, Evaluation) for one in found):
+        if not isinstance(found, Sequence) or not all(isinstance(evaluation, Evaluation) for evaluation in found):
             raise ParameterError("evaluations", "they are wrong", "a list of them, or what solve_many returned")
         return found
     names = list(found.cases)
-    cases = [tuple(one.load_factor[k] for one in found.cases.values()) for k in range(len(found))]
+    cases = [tuple(case.load_factor[k] for case in found.cases.values()) for k in range(len(found))]
     dilatant = found.model.friction == "associative"
     value = found.load_factor.tolist()
     return [
@@ -213,7 +213,7 @@ class Evaluator(SharedEvaluator):
             pruning_thresholds = None if pruning_thresholds is None else pruning_thresholds[: len(labellings)]
         known = self._by_batch_solver(labellings)
         values = [-math.inf] * len(labellings) if pruning_thresholds is None else pruning_thresholds.tolist()
-        found: list[Evaluation] = []
+        evaluations: list[Evaluation] = []
         for labels, pruning_threshold, evaluation in zip(labellings, values, known, strict=True):
             if evaluation is None:
                 # one that takes a second would surely end late
@@ -222,40 +222,43 @@ class Evaluator(SharedEvaluator):
                 evaluation = self._before_deadline(labels, pruning_threshold, deadline)
             if evaluation is None:
                 break
-            found.append(evaluation)
-        return found
+            evaluations.append(evaluation)
+        return evaluations
 
     def _before_deadline(self, labels: Bits, pruning_threshold: float, deadline: Deadline | None) -> Evaluation | None:
         """Evaluate one labelling; None if the deadline passes before λ without dilation is known."""
         if deadline is None or self.settings.model.friction == "associative":
             return self.evaluate(labels, pruning_threshold)
         with suppress(DeadlinePassed), deadline.enforced():
-            found = self.evaluate(labels, pruning_threshold)
-            return None if deadline.passed() else found
+            evaluation = self.evaluate(labels, pruning_threshold)
+            return None if deadline.passed() else evaluation
         return None
 
     def _by_batch_solver(self, labellings: Bits) -> list[Evaluation | None]:
+        """Evaluate labellings by the batch solver; None where it proves nothing."""
         if self._batch is None:
             return [None] * len(labellings)
         start = time.perf_counter()
         batch_results = self._batch.prove(labellings)
         scale = self._batch.load
         low, high = (scale * batch_results.low).tolist(), (scale * batch_results.high).tolist()
-        each = self._batch_share = (time.perf_counter() - start) / max(len(labellings), 1)
-        found: list[Evaluation | None] = []
-        for k, (least, most) in enumerate(zip(low, high, strict=True)):
+        share = self._batch_share = (time.perf_counter() - start) / max(len(labellings), 1)
+        evaluations: list[Evaluation | None] = []
+        for k, (low_end, high_end) in enumerate(zip(low, high, strict=True)):
             status = batch_results.status(k)
-            found.append(
-                None if status is None else Evaluation(status, least, most, 0.5 * (least + most), seconds=each)
+            evaluations.append(
+                None
+                if status is None
+                else Evaluation(status, low_end, high_end, 0.5 * (low_end + high_end), seconds=share)
             )
-        return found
+        return evaluations
 
     def evaluate(self, labels: Bits, pruning_threshold: float = -math.inf) -> Evaluation:
         start = time.perf_counter()
         proof = solve_labelling(self._analysis, labels, self.settings.model, pruning_threshold=pruning_threshold)
-        found = self._evaluation(proof, start)
-        self._shortest = min(self._shortest or found.seconds, found.seconds)
-        return found
+        evaluation = self._evaluation(proof, start)
+        self._shortest = min(self._shortest or evaluation.seconds, evaluation.seconds)
+        return evaluation
 
     def _evaluation(self, proof: Proof, start: float) -> Evaluation:
         """Convert the proof of a limit analysis, begun at `start`, to an evaluation (scene units)."""
@@ -428,16 +431,16 @@ def rows_of(
     rows = np.zeros(len(found), dtype=kind)
     rows["labelling"] = np.packbits(labellings, axis=1)
     rows["multiplicity"] = multiplicities
-    rows["status"] = [_CODES[one.status] for one in found]
-    rows["settled"] = [_SETTLED_CODES[one.settled] for one in found]
-    values = np.array([_numbers(one) for one in found], dtype=np.float64).reshape(-1, len(_NUMBERS))
+    rows["status"] = [_CODES[evaluation.status] for evaluation in found]
+    rows["settled"] = [_SETTLED_CODES[evaluation.settled] for evaluation in found]
+    values = np.array([_numbers(evaluation) for evaluation in found], dtype=np.float64).reshape(-1, len(_NUMBERS))
     # The file has one zero and one NaN, so remove the sign of zeros and the payload of NaNs.
     values = np.where(np.isnan(values), np.nan, values + 0.0)
     for name, column in zip(_NUMBERS, values.T, strict=True):
         rows[name] = column
-    rows["governing"] = [one.governing for one in found]
+    rows["governing"] = [evaluation.governing for evaluation in found]
     if width := rows["cases"].shape[1]:
-        cases = [one.cases or (math.nan,) * width for one in found]
+        cases = [evaluation.cases or (math.nan,) * width for evaluation in found]
         # Reshape also works for an empty list, if time ran out before the first evaluation.
         rows["cases"] = np.array(cases, dtype=np.float64).reshape(-1, width)
     return rows

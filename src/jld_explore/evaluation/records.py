@@ -354,22 +354,22 @@ class Records:
         """
         columns = "decided, labels, bound, closed, checksum"
         with self._errors_named():
-            known = self._file.execute("SELECT value FROM meta WHERE key = ?", (CONFLICTS_OF,)).fetchone()
-            if known != (json.dumps(key),):
+            problem = self._file.execute("SELECT value FROM meta WHERE key = ?", (CONFLICTS_OF,)).fetchone()
+            if problem != (json.dumps(key),):
                 with self._transaction():
                     self._file.execute("DELETE FROM conflicts")
                     self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (CONFLICTS_OF, json.dumps(key)))
-            found = self._file.execute(f"SELECT {columns} FROM conflicts ORDER BY id").fetchall()
+            rows = self._file.execute(f"SELECT {columns} FROM conflicts ORDER BY id").fetchall()
         width = self.type["labelling"].itemsize
         try:
-            if any(checksum(_EVIDENCE[closed], bound, *masks) != check for *masks, bound, closed, check in found):
+            if any(checksum(_EVIDENCE[closed], bound, *masks) != check for *masks, bound, closed, check in rows):
                 raise ValueError
-            masks = b"".join(part for decided, labels, *_ in found for part in (decided, labels))
-            packed = np.frombuffer(masks, np.uint8).reshape(len(found), 2, width)
+            masks = b"".join(part for decided, labels, *_ in rows for part in (decided, labels))
+            packed = np.frombuffer(masks, np.uint8).reshape(len(rows), 2, width)
         except (TypeError, ValueError, KeyError):
             raise self._damaged("a conflict is not as it was written") from None
         bits = np.unpackbits(packed, axis=2, count=self.faces).astype(bool)
-        bounds, evidence = [row[2] for row in found], [row[3] for row in found]
+        bounds, evidence = [row[2] for row in rows], [row[3] for row in rows]
         return bits[:, 0], bits[:, 1], np.array(bounds, dtype=np.float64), np.array(evidence, dtype=np.int64)
 
     def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float], evidence: Sequence[int]) -> None:

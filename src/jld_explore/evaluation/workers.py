@@ -309,7 +309,7 @@ class Run:
         """Discard the results of submitted tasks; iterating evaluates those labellings again."""
         self._results = None
 
-    def _merged(self, results: list[tuple[int, list[Evaluation]]]) -> Iterator[tuple[slice, list[Evaluation]]]:
+    def _merge_adjacent(self, results: list[tuple[int, list[Evaluation]]]) -> Iterator[tuple[slice, list[Evaluation]]]:
         """Merge results of adjacent tasks into one if the deadline cut none of them short."""
         parts = [self._slices[number] for number, _ in results]
         whole = slice(parts[0].start, parts[-1].stop)
@@ -334,10 +334,10 @@ class Run:
                 self.submit()
             tasks = self._results_of_threads or []
             if self._first_required and tasks:
-                yield from self._merged([tasks.pop(0)()])
+                yield from self._merge_adjacent([tasks.pop(0)()])
             # Wait for all threads together, so that their results are recorded in one transaction.
             for first in range(0, len(tasks), workers.threads):
-                yield from self._merged([result() for result in tasks[first : first + workers.threads]])
+                yield from self._merge_adjacent([result() for result in tasks[first : first + workers.threads]])
             return
         if self._first_required:
             evaluations = evaluate_batch(*self._arguments(0))[1]

@@ -265,14 +265,15 @@ def rounded(values: Any, digits: int = PLACES) -> Any:
     if array.ndim == 0:
         return float(f"{array:.{digits}g}") if np.isfinite(array) else None
     with np.errstate(divide="ignore", invalid="ignore"):
-        power = np.where((array == 0.0) | ~np.isfinite(array), 0.0, np.floor(np.log10(abs(array))))
-    clean = abs(power) < 280
-    factor = 10.0 ** np.where(clean, digits - 1 - power, 0.0)
-    # Division by a power of ten gives the double nearest to the decimal number, which prints short.
-    shift = 10.0 ** np.where(clean, np.abs(digits - 1 - power), 0.0)
-    whole = np.round(np.where(digits - 1 - power >= 0, array * shift, array / shift))
-    short = np.where(digits - 1 - power >= 0, whole / shift, whole * shift)
-    return _plain(np.where(clean & np.isfinite(factor), short, array))
+        exponent = np.where((array == 0.0) | ~np.isfinite(array), 0.0, np.floor(np.log10(abs(array))))
+    # numbers whose power of ten would overflow stay as they are
+    usual = abs(exponent) < 280
+    decimals = np.where(usual, digits - 1 - exponent, 0.0)
+    # Division by a power of ten gives the double nearest to the decimal number, which prints short; a product does not.
+    power = 10.0 ** abs(decimals)
+    whole = np.round(np.where(decimals >= 0, array * power, array / power))
+    short = np.where(decimals >= 0, whole / power, whole * power)
+    return _plain(np.where(usual & np.isfinite(power), short, array))
 
 
 def rounded_each(arrays: Sequence[Floats]) -> list[Any]:

@@ -7,7 +7,7 @@ import math
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError, ParameterError
@@ -92,66 +92,73 @@ def check_certificate_file(path: Path, folder: Path) -> None:
 
 def write_tables(study: Study, reason: StopReason, deadline: Deadline | None = None) -> Exploration:
     """Write the tables of a finished study, but results and summary, which `save_tables` writes."""
-    own, by_fields = study.settings.own_objective, isinstance(study.scene.cracks, FieldCracks)
+    by_fields = isinstance(study.scene.cracks, FieldCracks)
     results = tables.results_table(
         study.table_records,
         study.assembly,
         study.space,
         study.driver.name,
-        own_objective=own is not None,
+        own_objective=study.settings.own_objective is not None,
         deadline=deadline,
         standing=study.standing,
         by_fields=by_fields,
     )
     real = study.assembly if study.space.void is None else study.space.void.real
-    axes = study.scene.search.front.axes
-    front = tables.front_table(results, axes)
-    complete = reason is StopReason.EXHAUSTED and not study.undecided
-    found = tables.summary(results, study, reason, complete=complete)
-    if study.assembly.has_low_values:
-        found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
-    found["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *_complaints(study), *_uncounted(results)]
-    found["warnings"] += without_parquet(len(results))
-    model = study.settings.model
-    found["model"] = model.facts()
-    if model.effective_area:
-        # A proof holds for the effective areas of one fixed point and not for other fixed points.
-        found |= {"proven": False, "bound": None, "gap": None}
-    if own is not None:
-        # Bounds on λ say nothing about another objective.
-        found |= {"own_objective": name_of(own), "proven": False, "bound": None, "gap": None}
-    of_study = study.facts(results)
-    found |= study.driver.facts(results, complete) | of_study
-    found["proven"] &= tables.is_ahead(results, found["bound"], max(GAP, model.gap), load_scale(study.assembly))
-    sure = complete and bool(found["proven"])
-    finished = study.driver.finished and not found.get("open_layouts")
-    asked = tables.requirement_entries(results, study.scene.search, complete=complete, finished=finished)
-    # A proof for the count under a required load factor is no proof for the front of λ.
-    known = {**found, "proven": found["proven"] and not asked}
-    every = front_rows(front, known, axes, complete=sure, aimed=study.driver.settings.get("aim") == "front")
-    counts = [name for name, _ in axes]
-    on_front = {str(value) for value in values_on(front, counts)}
-    found["front"] = [row for row in every if str(row["count"]) in on_front]
-    found["best_by_count"] = every
-    found |= asked
-    front = with_evidence(front, found, counts)
-    if own is None:
-        found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)
-    if study.scene.cracks != "faces":
-        found["next"] = of_study.get("next", BESIDE_FACES if found.get("next") else None)
-    found |= {"cracks": cracks_to_json(study.scene.cracks), "uncut": None}
-    found["by_fields"] = _bracket_of_best(results) if by_fields else None
+    front = tables.front_table(results, study.scene.search.front.axes)
+    facts = _summary_facts(study, reason, results, front)
+    front = with_evidence(front, facts, [name for name, _ in study.scene.search.front.axes])
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
     write_text(study.folder / "pareto.csv", csv_of(front))
     write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.table_records)))
     write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))
-    done = Exploration(study.scene, real, results, front, Summary.of(found), study.folder, reason, model)
-    if found["best_labelling"] is not None:
-        write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
-    if done.summary.stands_at_zero is not False:
-        return done
-    least = math.nan if by_fields else getattr(done.result(), "least_load_factor", math.nan)  # unknown by fields
-    return replace(done, summary=Summary.of({**found, "least_load_factor": least if math.isfinite(least) else None}))
+    model = study.settings.model
+    exploration = Exploration(study.scene, real, results, front, Summary.of(facts), study.folder, reason, model)
+    if facts["best_labelling"] is not None:
+        write_text(study.folder / "blocks.csv", blocks_csv(exploration.layout()))
+    if exploration.summary.stands_at_zero is not False:
+        return exploration
+    least = math.nan if by_fields else getattr(exploration.result(), "least_load_factor", math.nan)  # unknown by fields
+    facts["least_load_factor"] = least if math.isfinite(least) else None
+    return replace(exploration, summary=Summary.of(facts))
+
+
+def _summary_facts(study: Study, reason: StopReason, results: pd.DataFrame, front: pd.DataFrame) -> dict[str, Any]:
+    """Return the entries of summary.json, all but `least_load_factor`."""
+    objective, model, axes = study.settings.own_objective, study.settings.model, study.scene.search.front.axes
+    complete = reason is StopReason.EXHAUSTED and not study.undecided
+    facts = tables.summary(results, study, reason, complete=complete)
+    if study.assembly.has_low_values:
+        facts |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
+    facts["warnings"] = [*study.assembly.warnings, *study.assembly.notes, *_complaints(study), *_blank_counts(results)]
+    facts["warnings"] += without_parquet(len(results))
+    facts["model"] = model.facts()
+    if model.effective_area:
+        # A proof holds for the effective areas of one fixed point and not for other fixed points.
+        facts |= {"proven": False, "bound": None, "gap": None}
+    if objective is not None:
+        # Bounds on λ say nothing about another objective.
+        facts |= {"own_objective": name_of(objective), "proven": False, "bound": None, "gap": None}
+    of_study = study.facts(results)
+    facts |= study.driver.facts(results, complete) | of_study
+    facts["proven"] &= tables.is_ahead(results, facts["bound"], max(GAP, model.gap), load_scale(study.assembly))
+    front_proven = complete and bool(facts["proven"])
+    finished = study.driver.finished and not facts.get("open_layouts")
+    requirement = tables.requirement_entries(results, study.scene.search, complete=complete, finished=finished)
+    # A proof for the count under a required load factor is no proof for the front of λ.
+    of_front = {**facts, "proven": facts["proven"] and not requirement}
+    aimed = study.driver.settings.get("aim") == "front"
+    best_by_count = front_rows(front, of_front, axes, complete=front_proven, aimed=aimed)
+    on_front = {str(value) for value in values_on(front, [name for name, _ in axes])}
+    facts["front"] = [row for row in best_by_count if str(row["count"]) in on_front]
+    facts["best_by_count"] = best_by_count
+    facts |= requirement
+    if objective is None:
+        facts["next"] = what_would_prove(study.space, model, facts, whole=study.driver.exhaustive, finite=study.finite)
+    if study.scene.cracks != "faces":
+        facts["next"] = of_study.get("next", BESIDE_FACES if facts.get("next") else None)
+    facts |= {"cracks": cracks_to_json(study.scene.cracks), "uncut": None}
+    facts["by_fields"] = _bracket_of_best(results) if isinstance(study.scene.cracks, FieldCracks) else None
+    return facts
 
 
 def save_tables(done: Exploration, saved: Exploration | None = None, *, csv: bool = False) -> Exploration:
@@ -179,12 +186,12 @@ def _complaints(study: Study) -> list[str]:
         *([anew] if study.records.began_anew else []),
         *([left_out] if study.undecided else []),
         *study.records.withdrawn,
-        *(one for one in study.driver.complaints if one not in study.records.withdrawn),
+        *(complaint for complaint in study.driver.complaints if complaint not in study.records.withdrawn),
     ]
 
 
-def _uncounted(results: pd.DataFrame) -> list[str]:
+def _blank_counts(results: pd.DataFrame) -> list[str]:
     """Return a warning for each count that is blank in some rows because time ran out."""
     missing = {count.name: int(results[count.name].isna().sum()) for count in registered()}
-    told = "the time limit ended the counting; --resume with more time goes on with it"
-    return [f"{name}: blank in {count} of {len(results)} layouts; {told}" for name, count in missing.items() if count]
+    text = "the time limit ended the counting; --resume with more time goes on with it"
+    return [f"{name}: blank in {count} of {len(results)} layouts; {text}" for name, count in missing.items() if count]

@@ -137,7 +137,7 @@ def requirement_sort_keys(table: pd.DataFrame, search: Search) -> list[Floats]:
     if search.require is None:
         return []
     met = table[MEETS].to_numpy(bool)
-    return [np.where(met, _signed(table, search), 0.0), np.where(met, 0.0, 1.0)]
+    return [np.where(met, _signed_count(table, search), 0.0), np.where(met, 0.0, 1.0)]
 
 
 def requirement_entries(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
@@ -148,7 +148,7 @@ def requirement_entries(table: pd.DataFrame, search: Search, *, complete: bool, 
     if search.require is None:
         return {}
     met, (count, sense) = table[table[MEETS]], search.front.axes[0]
-    sign = _signed(met, search)
+    sign = _signed_count(met, search)
     best = None if met.empty else met.iloc[int(np.argmin(sign))]
     # a layout that collapses may reach the factor although its lower bound does not
     open_status = [Status.UNCERTIFIED, Status.FAILED, Status.COLLAPSE]
@@ -156,7 +156,7 @@ def requirement_entries(table: pd.DataFrame, search: Search, *, complete: bool, 
     high = open_rows["bracket_hi"].to_numpy(float)
     # Undecided layouts matter only if their count is better.
     may = ~(high < search.require.threshold) & (open_rows["settled"] != BOUND).to_numpy(bool)
-    better = _signed(open_rows, search) < (np.inf if best is None else float(np.min(sign)))
+    better = _signed_count(open_rows, search) < (np.inf if best is None else float(np.min(sign)))
     proven = finished or (complete and not np.any(may & better))
     found: dict[str, Any] = {
         "load_factor": search.require.load_factor,
@@ -186,7 +186,7 @@ def requirement_words(require: dict[str, Any]) -> str:
     return f"{value} ({proof} with {least}), which carry {carried}; {require['met']} layouts meet it"
 
 
-def _signed(table: pd.DataFrame, search: Search) -> Floats:
+def _signed_count(table: pd.DataFrame, search: Search) -> Floats:
     """Return the first count of the front, signed so that less is better."""
     count, sense = search.front.axes[0]
     return np.asarray((1.0 if sense == "min" else -1.0) * table[count].to_numpy(float))
@@ -425,12 +425,14 @@ def _stands(
 ) -> Floats:
     """Return 1 for rows whose layouts stand under their dead load alone, 0 for others, NaN where undecided."""
     status = statuses(rows)
-    found = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
-    asked = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
+    stands = np.where(status == str(Status.UNSTABLE), 0.0, np.nan)
+    bounded = np.flatnonzero((status == str(Status.COLLAPSE)) | (status == str(Status.LOCKED)))
     if standing is not None:
-        labels, took = unpack(np.ascontiguousarray(rows["labelling"][asked]), faces), rows["seconds"][asked]
-        found[asked] = standing.of(labels, rows["low"][asked], deadline, float(np.nanmax(took, initial=0.0)))
-    return np.where(found == 1.0, np.nan, found) if by_fields else found
+        labels = unpack(np.ascontiguousarray(rows["labelling"][bounded]), faces)
+        longest = float(np.nanmax(rows["seconds"][bounded], initial=0.0))
+        stands[bounded] = standing.of(labels, rows["low"][bounded], deadline, longest)
+    # `standing` looks at rigid blocks: where these stand, blocks that crack anywhere may still fall.
+    return np.where(stands == 1.0, np.nan, stands) if by_fields else stands
 
 
 def that_stand(results: pd.DataFrame) -> pd.DataFrame:

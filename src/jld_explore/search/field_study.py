@@ -85,7 +85,7 @@ class FieldStudy(Study):
     def _run_all(self) -> StopReason:
         pool: FieldPool | None = None
         try:
-            labellings = self._enumerated()
+            labellings = self._enumerate()
             pool = self._pool(labellings)
             self._race(pool)
         finally:
@@ -237,7 +237,7 @@ class FieldStudy(Study):
             return "the gap is of the discretisation: some layouts of better count have the finest mesh"
         return None
 
-    def _enumerated(self) -> Bits:
+    def _enumerate(self) -> Bits:
         """Return all layouts (k, m) of the driver, or those found until the deadline."""
         # The flag `_complete` becomes False if the deadline ended the enumeration.
         self.driver.start(self.deadline, lambda: None, self.records)
@@ -270,16 +270,16 @@ class FieldStudy(Study):
         enough = self._aim(labellings).enough(pool.low())
         nominal = self._nominal(pool) if self.assembly.has_low_values else [None] * len(labellings)
         rows = zip(*pool.bounds, pool.high().tolist(), enough.tolist(), nominal, strict=True)
-        found: list[Evaluation] = [
+        evaluations: list[Evaluation] = [
             field_evaluation(low, high, required, most=most, best=best, nominal=value)
             for low, high, most, best, value in rows
         ]
         sizes = orbit_sizes(labellings, self.space.group).tolist()
         before = len(self.records)
-        self.records.append(labellings, sizes, found)
+        self.records.append(labellings, sizes, evaluations)
         if before:
-            self.table_records.keep(labellings, sizes, found)
-        self.evaluated, self.solved = len(found), max(self.solved, pool.programs)
+            self.table_records.keep(labellings, sizes, evaluations)
+        self.evaluated, self.solved = len(evaluations), max(self.solved, pool.programs)
 
     def _nominal(self, pool: FieldPool) -> list[float | None]:
         """Return lower bounds at nominal values, of the best layout alone; others NaN."""

@@ -171,13 +171,13 @@ class ExploreSettings(OutputSettings, SearchMethod, ParallelSettings, BudgetSett
         *parts : ModelSettings, BudgetSettings, ParallelSettings, SearchMethod or OutputSettings
             Settings of one concern each.
         """
-        return cls(**{one.name: getattr(part, one.name) for part in parts for one in fields(part)})
+        return cls(**{field.name: getattr(part, field.name) for part in parts for field in fields(part)})
 
     def maximising(self, objective: Objective) -> ExploreSettings:
         """Return a copy of the settings with another objective.
 
         Arguments and errors are those of `ModelSettings.maximising`.
         """
-        part = ModelSettings(**{one.name: getattr(self, one.name) for one in fields(ModelSettings)})
+        part = ModelSettings(**{field.name: getattr(self, field.name) for field in fields(ModelSettings)})
         changed = part.maximising(objective)
-        return replace(self, **{one.name: getattr(changed, one.name) for one in fields(ModelSettings)})
+        return replace(self, **{field.name: getattr(changed, field.name) for field in fields(ModelSettings)})

@@ -86,9 +86,9 @@ class BlockShapes:
 
     def one(self, members: Ints) -> Outline:
         """Return the outline of one block given by its free elements in ascending order."""
-        return self._known[self._placed(members)]
+        return self._known[self._outline_position(members)]
 
-    def _placed(self, members: Ints) -> int:
+    def _outline_position(self, members: Ints) -> int:
         """Return the position of the outline of one block, computed if it is not yet known."""
         key = int(self._sign[members].sum(dtype=np.uint64))
         with self._lock:
@@ -102,18 +102,18 @@ class BlockShapes:
         places = []
         for members in blocks:
             checkpoint()
-            places.append(self._placed(np.array(members, dtype=np.int64)))
+            places.append(self._outline_position(np.array(members, dtype=np.int64)))
         with self._lock:
             return np.asarray(self._numbers()[places])
 
     def different(self, blocks: Ints, sink: int = -1) -> Ints:
         """Return (k,) number of different block shapes of each row (k, n)."""
         # The block that contains the element `sink` is not counted if `sink` is at least 0.
-        holds, places, number = self._counted(blocks, sink)
+        holds, places, number = self._blocks_that_count(blocks, sink)
         _, new = _first_of_kinds(holds, number[places])
         return np.asarray(new.sum(axis=1), dtype=np.int64)
 
-    def _counted(self, blocks: Ints, sink: int) -> tuple[Bools, Ints, Ints]:
+    def _blocks_that_count(self, blocks: Ints, sink: int) -> tuple[Bools, Ints, Ints]:
         """Return which blocks (k, n) count, their positions among known outlines, and the kinds of these."""
         with self._lock:
             holds, places = self._look(blocks)
@@ -124,7 +124,7 @@ class BlockShapes:
 
     def total(self, blocks: Ints, name: str, sink: int = -1, *, once: bool = False) -> Ints:
         """Return (k,) sums of a whole-number attribute of outlines over the blocks (k, n)."""
-        holds, places, number = self._counted(blocks, sink)
+        holds, places, number = self._blocks_that_count(blocks, sink)
         value = np.array([getattr(shape, name) for shape in self._known[: len(number)]], dtype=np.int64)
         if not once:
             return np.asarray(np.where(holds, value[places], 0).sum(axis=1), dtype=np.int64)
@@ -515,6 +515,7 @@ def _checked(count: Count) -> Count:
         return found
 
     def of(layouts: Layouts) -> Ints | Floats:
+        """Return the counts of layouts; refuse wrong shapes, and sums unlike the terms."""
         with plugins.guarded("jld.counts", count.name):
             found: Any = np.asarray(count.of(layouts))
         size = (len(layouts.labellings),)
@@ -693,15 +694,15 @@ def values_until(
     if not deadline.limited:
         return _values([count], assembly, labellings, graph, shapes)[count.name]
     # whoever has a layout also has its counts: the first one is never late
-    known, done = [count.of(Layouts(assembly, labellings[:1], graph, shapes))], min(1, len(labellings))
+    parts, counted = [count.of(Layouts(assembly, labellings[:1], graph, shapes))], min(1, len(labellings))
     try:
         with deadline.enforced():
-            while done < len(labellings):
-                known.append(count.of(Layouts(assembly, labellings[done : done + _SLICE], graph, shapes)))
-                done = min(done + _SLICE, len(labellings))
+            while counted < len(labellings):
+                parts.append(count.of(Layouts(assembly, labellings[counted : counted + _SLICE], graph, shapes)))
+                counted = min(counted + _SLICE, len(labellings))
     except DeadlinePassed:
-        known.append(np.full(len(labellings) - done, np.nan))
-    values: Floats = np.concatenate(known)
+        parts.append(np.full(len(labellings) - counted, np.nan))
+    values: Floats = np.concatenate(parts)
     return values
 
 

@@ -347,31 +347,38 @@ def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
 
 def void_of(scene: Scene, assembly: Assembly) -> Void | None:
     """Return the cells that a scene's search may leave out, or None; InputError where it cannot."""
-    asked, elements = scene.search.void, assembly.elements
-    if asked is None:
+    stated, elements = scene.search.void, assembly.elements
+    if stated is None:
         return None
-    for key, odd in (("segmentation", not scene.search.segmentation), ("assemble", scene.search.assemble is not None)):
-        if odd:
+    for key, beside in (
+        ("segmentation", not scene.search.segmentation),
+        ("assemble", scene.search.assemble is not None),
+    ):
+        if beside:
             raise InputError("search.void", f"it is given together with search.{key}", "searches of blocks without it")
     assembly.members.refuse("a search that leaves cells out")
     cases = scene.loads.cases or []
-    lists = [scene.loads.dead, scene.loads.live or [], *(part for case in cases for part in (case.dead, case.live))]
+    lists = [
+        scene.loads.dead,
+        scene.loads.live or [],
+        *(entries for case in cases for entries in (case.dead, case.live)),
+    ]
     if scene.fill is not None:
         raise InputError("search.void", "fill rests on all elements", "a scene without fill, or no void cells")
-    if scene.loads.moving or any(isinstance(entry, FaceLoad) for part in lists for entry in part):
+    if scene.loads.moving or any(isinstance(entry, FaceLoad) for entries in lists for entry in entries):
         raise InputError("search.void", "a load moves or acts on faces", "loads on elements, or no void cells")
-    loaded = {entry.element for part in lists for entry in part if isinstance(entry, PointLoad)}
-    if asked.cells == "all":
+    loaded = {entry.element for entries in lists for entry in entries if isinstance(entry, PointLoad)}
+    if stated.cells == "all":
         chosen = [k for k in elements.free.tolist() if elements.ids[k] not in loaded]
     else:
-        for place, name in enumerate(asked.cells):
-            where = f"search.void.cells[{place}]"
+        for position, name in enumerate(stated.cells):
+            where = f"search.void.cells[{position}]"
             if name not in elements.index or elements.support[elements.index[name]]:
-                what = "is a support" if name in elements.index else "names no element"
-                raise InputError(where, f"{name!r} {what}", "the id of a free element")
+                fault = "is a support" if name in elements.index else "names no element"
+                raise InputError(where, f"{name!r} {fault}", "the id of a free element")
             if name in loaded:
                 raise InputError(where, f"{name!r} carries a load", "an element that no load names")
-        chosen = sorted({elements.index[name] for name in asked.cells})
+        chosen = sorted({elements.index[name] for name in stated.cells})
     if not chosen:
         raise InputError("search.void.cells", "no cell may be left out", "ids of free elements that no load names")
     return Void(assembly, np.array(chosen, dtype=np.int64))
@@ -383,7 +390,7 @@ def with_sink(void: Void) -> Assembly:
     elements, faces, d = real.elements, real.interfaces, real.dimension
     middle = elements.centroid.mean(axis=0)
     sink = len(elements)
-    more = replace(
+    with_sink_element = replace(
         elements,
         ids=(*elements.ids, ""),
         blocks=(*elements.blocks, None),
@@ -397,19 +404,19 @@ def with_sink(void: Void) -> Assembly:
     )
     count = len(cells)
 
-    def longer(values: Floats) -> Floats:
+    def padded(values: Floats) -> Floats:
         """Return values (m, ...) with zeros appended for the faces to the sink."""
         return np.concatenate([values, np.zeros((count, *values.shape[1:]), dtype=values.dtype)])
 
     places = elements.centroid[cells]
-    grown = replace(
+    with_sink_faces = replace(
         faces,
         a=np.concatenate([faces.a, cells]),
         b=np.concatenate([faces.b, np.full(count, sink)]),
         origin=np.vstack([faces.origin, places]),
         polygon=(*faces.polygon, *(np.repeat(place[None], 2, axis=0) for place in places)),
         rectangle=np.append(faces.rectangle, np.zeros(count, dtype=bool)),
-        **{name: longer(getattr(faces, name)) for name in ("normal", "e1", "e2", "l1", "l2", "area", "c_t")},
+        **{name: padded(getattr(faces, name)) for name in ("normal", "e1", "e2", "l1", "l2", "area", "c_t")},
     )
 
     cases: tuple[LoadCase, ...] = tuple(
@@ -417,8 +424,8 @@ def with_sink(void: Void) -> Assembly:
     )
     return replace(
         real,
-        elements=more,
-        interfaces=grown,
+        elements=with_sink_element,
+        interfaces=with_sink_faces,
         face_strengths=real.face_strengths.joined(Strengths(*np.zeros((7, count)))),
         dead_loads=real.dead_loads.padded(),
         live_loads=real.live_loads.padded(),

@@ -466,7 +466,8 @@ def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
 
 
 def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
-    limits, found = space.limits, []
+    """Say which limits on blocks a labelling, by its blocks (1, n), violates."""
+    limits, violations = space.limits, []
     names = np.unique(blocks[0][space.assembly.elements.free])
     excepted = np.isin(names, blocks[0][limits.excepted])
     for measure, bounds in limits.on_blocks:
@@ -475,14 +476,14 @@ def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
         if wrong.any():
             worst = int(np.argmax(np.where(wrong, sizes, -1.0)))
             what = f"{_block(space, blocks[0], int(names[worst]), wrong)} has {sizes[worst]:.6g} {measure.words}"
-            found.append(f"{what}; {measure.key} allows {_words(bounds)}")
+            violations.append(f"{what}; {measure.key} allows {_words(bounds)}")
     if limits.on_shapes:
         wrong = np.array([limits.misshapen(_members(space, blocks[0], int(name)).tolist()) for name in names])
         if wrong.any():
             first = int(names[np.argmax(wrong)])
             allowed = ", ".join(f"{name} {_words(bounds)}" for name, bounds in limits.on_shapes)
-            found.append(f"{_block(space, blocks[0], first, wrong)} has a shape that is not allowed ({allowed})")
-    return found
+            violations.append(f"{_block(space, blocks[0], first, wrong)} has a shape that is not allowed ({allowed})")
+    return violations
 
 
 def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:

@@ -82,7 +82,9 @@ def signature_of(scene: Scene, assembly: Assembly) -> Signature | None:
         for k, entry in enumerate(scene.elements or []):
             weights[k] = (_text([entry.weight, entry.density]),)
         strengths = _tags_of_faces(scene, assembly)
-    members = [(_text([one.tension, one.compression, one.prestress, one.shear]),) for one in scene.members]
+    members = [
+        (_text([member.tension, member.compression, member.prestress, member.shear]),) for member in scene.members
+    ]
     return Signature(tuple(weights), tuple(strengths), tuple(members), dead, cases)
 
 
@@ -138,7 +140,7 @@ def _marks(entries: Sequence[LoadEntry], elements: Elements, kind: str = "dead")
             k = elements.index[entry.element]
             place = [*(entry.at or elements.centroid[k].tolist()), entry.width or 0.0]
             moments = entry.moment if isinstance(entry.moment, list) else [entry.moment] * (still.shape[1])
-            if len(moments) > 1 and any(isinstance(one, Uncertain) for one in moments):
+            if len(moments) > 1 and any(isinstance(moment, Uncertain) for moment in moments):
                 raise Unknown("distributions of spatial moments are not compared")
             add(("point", entry.width is None, *_spread(moments[0])), k, [place], entry.force or none, moments)
         elif isinstance(entry, FaceLoad):
@@ -428,35 +430,44 @@ def _same_axes(faces: Interfaces, to: Ints, matrix: Floats) -> bool:
 def _image_of_members(
     assembly: Assembly, signature: Signature | None, to: Ints, matrix: Floats, centre: Floats, reach: float
 ) -> Ints | None:
+    """Return the image of each face of members under a motion of elements `to`, or None."""
     members = assembly.members
     tags = () if signature is None else signature.members
     strengths = assembly.face_strengths.table()
     table = np.column_stack([members.axial, members.prestress])
+
+    def alike(k: int, j: int) -> bool:
+        """Return whether two members have the same kind, numbers and strengths."""
+        face, other = int(members.face[k]), int(members.face[j])
+        return bool(
+            members.kinds[j] == members.kinds[k]
+            and np.array_equal(table[j], table[k])
+            and (face < 0) == (other < 0)
+            and len(members.elements[j]) == len(members.elements[k])
+            and tags[k : k + 1] == tags[j : j + 1]
+            and (face < 0 or not np.any(strengths[face] != strengths[other]))
+        )
+
+    def maps_to(k: int, j: int) -> bool:
+        """Return whether the motion takes member k to member j, in either sense."""
+        images, axis = to[members.elements[k]], matrix @ members.axis[k]
+        points = (members.points[k] - centre) @ matrix.T + centre
+        for step in (1, -1):
+            turned = float(abs(axis - step * members.axis[j]).max()) if members.kinds[k] == "pin" else 0.0
+            same_elements = np.array_equal(members.elements[j][::step], images)
+            if same_elements and abs(members.points[j][::step] - points).max() <= reach and turned <= _ANGLE:
+                return True
+        return False
+
     image = np.arange(assembly.faces, len(assembly.interfaces))
-    left = set(range(len(members)))
-    for k, (held, points) in enumerate(zip(members.elements, members.points, strict=True)):
-        moved, aim, axis = (points - centre) @ matrix.T + centre, to[held], matrix @ members.axis[k]
-
-        def same(j: int, k: int = k, moved: Floats = moved, aim: Ints = aim, axis: Floats = axis) -> bool:
-            one, other = int(members.face[k]), int(members.face[j])
-            alike = members.kinds[j] == members.kinds[k] and np.array_equal(table[j], table[k])
-            alike = alike and (one < 0) == (other < 0) and len(members.elements[j]) == len(aim)
-            alike = alike and tags[k : k + 1] == tags[j : j + 1]
-            if not alike or (one >= 0 and np.any(strengths[one] != strengths[other])):
-                return False
-            for step in (1, -1):
-                there, at = members.elements[j][::step], members.points[j][::step]
-                turned = float(abs(axis - step * members.axis[j]).max()) if members.kinds[k] == "pin" else 0.0
-                if np.array_equal(there, aim) and abs(at - moved).max() <= reach and turned <= _ANGLE:
-                    return True
-            return False
-
-        found = next((j for j in sorted(left) if same(j)), None)
-        if found is None:
+    free = list(range(len(members)))
+    for k in range(len(members)):
+        target = next((j for j in free if alike(k, j) and maps_to(k, j)), None)
+        if target is None:
             return None
-        left.remove(found)
+        free.remove(target)
         if members.face[k] >= 0:
-            image[members.face[k] - assembly.faces] = members.face[found]
+            image[members.face[k] - assembly.faces] = members.face[target]
     return image
 
 
@@ -520,11 +531,11 @@ def _falls_on(one: Assembly, other: Assembly, to: Ints, matrix: Floats) -> bool:
     d = one.dimension
     reflect = np.linalg.det(matrix)
     turn = np.array([[reflect]]) if d == 2 else reflect * matrix
-    for loads, there in ((one.dead, other.dead), (one.live, other.live)):
+    for loads, target in ((one.dead, other.dead), (one.live, other.live)):
         total = np.linalg.norm(loads[:, :d], axis=1).sum() + np.linalg.norm(loads[:, d:], axis=1).sum() / one.size
-        for part, map_, arm in ((slice(0, d), matrix, 1.0), (slice(d, None), turn, one.size)):
+        for columns, turning, arm in ((slice(0, d), matrix, 1.0), (slice(d, None), turn, one.size)):
             if (
-                abs(loads[:, part] @ map_.T - there[to][:, part]).max(initial=0.0)
+                abs(loads[:, columns] @ turning.T - target[to][:, columns]).max(initial=0.0)
                 > 10.0 * tolerances.SYMMETRY * total * arm
             ):
                 return False

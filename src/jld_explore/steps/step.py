@@ -235,7 +235,7 @@ def plan_check(scene: Scene, assembly: Assembly, space: SearchSpace, settings: E
     except InputError as error:
         # A criterion is news to those who know that faces of this kind are checked.
         return CheckPlan(0, 0.0, error.problem) if assembly.face_strengths.criteria else None
-    triangles = sum(len(one.coarse) for one in meshed) / cases
+    triangles = sum(len(coarse.coarse) for coarse in meshed) / cases
     each = cases * mesh_seconds(COARSE_RATE, triangles)
     count = min(settings.check_fields, int(MOST / each) - 1)
     if count < 1:

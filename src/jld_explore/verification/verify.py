@@ -83,28 +83,28 @@ class Balances:
         axes = [faces.normal, faces.e1] if self._planar else [faces.normal, faces.e1, faces.e2]
         anchors = list(self._anchors())
         centres = [assembly.elements.centroid.ravel(), faces.origin.ravel()]
-        points, far = whole(np.concatenate([*centres, *(at for _, _, at, _ in anchors)])[None])
+        points, point_digits = whole(np.concatenate([*centres, *(at for _, _, at, _ in anchors)])[None])
         places = [points[0][k : k + assembly.dimension] for k in range(0, len(points[0]), assembly.dimension)]
-        held = [frame.ravel() for *_, frame in anchors]
-        frames, near = whole(np.concatenate([np.stack(axes, axis=1).ravel(), *held])[None])
+        frames_of_members = [frame.ravel() for *_, frame in anchors]
+        frames, frame_digits = whole(np.concatenate([np.stack(axes, axis=1).ravel(), *frames_of_members])[None])
         d = assembly.dimension
         vectors = [frames[0][k : k + d] for k in range(0, len(frames[0]), d)]
-        self._coefficient_digits = far + near
+        self._coefficient_digits = point_digits + frame_digits
         number = len(assembly.elements)
         self._sides: list[list[tuple[int, int, list[list[int]]]]] = []
         for face in range(self._count):
             frame = vectors[d * face : d * face + d]
-            both = []
+            sides = []
             for sign, element in ((-1, int(faces.a[face])), (1, int(faces.b[face]))):
                 if not (self._of_member[face] or assembly.elements.support[element]):
                     arm = [o - c for o, c in zip(places[number + face], places[element], strict=True)]
-                    both.append((element, sign, _rows(frame, arm, far, near)))
-            self._sides.append(both)
+                    sides.append((element, sign, _rows(frame, arm, point_digits, frame_digits)))
+            self._sides.append(sides)
         for place, (face, element, _, _) in enumerate(anchors):
             if not assembly.elements.support[element]:
                 at, first = number + self._count + place, d * (self._count + place)
                 arm = [o - c for o, c in zip(places[at], places[element], strict=True)]
-                rows = _rows(vectors[first : first + d], arm, far, near)
+                rows = _rows(vectors[first : first + d], arm, point_digits, frame_digits)
                 none = [0] * assembly.freedoms
                 self._sides[face].append((element, 1, [*rows[:d], *([none] * (assembly.freedoms - d))]))
         self._dead, self._dead_digits = whole(assembly.dead)
@@ -242,7 +242,7 @@ class Balances:
         """Return the dissipation of a spatial face, (3.4) and (3.5), rounded up; None if infinite."""
         # The unit is 1/24 of 2**−(jumps + 4 digits).
         area, l1, l2, arm, tension, shear, _, compression, sticks, friction, rough = self._numbers[face]
-        known, digits = self._finite[face], self._digits
+        finite, digits = self._finite[face], self._digits  # 4: tension, 5: shear, 9: friction
         slide = math.isqrt(jump[1] * jump[1] + jump[2] * jump[2])
         slide += slide * slide < jump[1] * jump[1] + jump[2] * jump[2]
         slip = max(slide << digits, arm * abs(jump[5]))
@@ -252,10 +252,10 @@ class Balances:
             axial = max(tension * opening, -compression * opening)
             return _PARTS * area * ((shear * slip << digits) + axial)
         if dry:
-            if not known[9] or 2 * (opening - friction * slip) < turn:
+            if not finite[9] or 2 * (opening - friction * slip) < turn:
                 return None
             return _PARTS * area * sticks * slip << digits
-        if not (known[4] and known[5]) or 6 * (opening - rough * slip) < turn:
+        if not (finite[4] and finite[5]) or 6 * (opening - rough * slip) < turn:
             return None
         return _PARTS * area * ((shear * slip << digits) + tension * (opening - rough * slip))
 
@@ -301,8 +301,8 @@ def _slip(gauge: Gauge, jump: Sequence[Fraction]) -> Fraction:
     slide, torsion = Fraction(0), Fraction(float(np.squeeze(gauge.torsion)))
     if gauge.shear is not None:
         (a, b), (c, d) = ([Fraction(float(x)) for x in row] for row in gauge.shear[0])
-        one, two = ((d * jump[1] - c * jump[2]) / (a * d - b * c), (a * jump[2] - b * jump[1]) / (a * d - b * c))
-        square = one * one + two * two
+        slip1, slip2 = ((d * jump[1] - c * jump[2]) / (a * d - b * c), (a * jump[2] - b * jump[1]) / (a * d - b * c))
+        square = slip1 * slip1 + slip2 * slip2
         root = math.isqrt(square.numerator * square.denominator)
         root += root * root < square.numerator * square.denominator
         slide = Fraction(root, square.denominator)
@@ -369,12 +369,7 @@ class Labellings:
         # literals: face + 1 states that a face is inner, −(face + 1) that it is dry; limits that clauses cannot express
         # are ignored, so that the proof covers more labellings
         self.assembly, self.search = assembly, scene.search
-        for name, field in type(scene.search).model_fields.items():
-            # A key that admits more labellings, or an unknown new key, would make rules wrong.
-            strange = name not in _STATED | _NARROWER | _IDLE
-            if strange and getattr(scene.search, name) != field.get_default(call_default_factory=True):
-                key = f"search.{field.alias or name}"
-                raise InputError(key, "certificates do not support this key", "a search without it")
+        self._refuse_other_keys()
         faces, elements = assembly.interfaces, assembly.elements
         self._ends = list(zip(faces.a.tolist(), faces.b.tolist(), strict=True))
         self.fixed = self._fixed()
@@ -390,19 +385,29 @@ class Labellings:
             self._touching[a].append(b)
             self._touching[b].append(a)
         self.beginning: list[Clause] = [[-(face + 1)] if dry else [face + 1] for face, dry in self.fixed.items()]
+        self.beginning += self._limit_dry_faces()
+
+    def _refuse_other_keys(self) -> None:
+        """Raise InputError for a key that admits more labellings, or is unknown."""
+        for name, field in type(self.search).model_fields.items():
+            other = name not in _STATED | _NARROWER | _IDLE
+            if other and getattr(self.search, name) != field.get_default(call_default_factory=True):
+                key = f"search.{field.alias or name}"
+                raise InputError(key, "certificates do not support this key", "a search without it")
+
+    def _limit_dry_faces(self) -> list[Clause]:
+        """Return clauses that limit the number of dry faces between free elements."""
         low, high = self.search.dry_faces
-        members = assembly.of_members.tolist()
-        counted = [
-            face
-            for face, (a, b) in enumerate(self._ends)
-            if not (self._support[a] or self._support[b] or members[face])
-        ]
-        top = len(self._ends)
-        for bound, literals in ((low, [-(f + 1) for f in counted]), (high, [f + 1 for f in counted])):
-            least = bound if literals and literals[0] < 0 else None if bound is None else len(counted) - bound
-            if least is not None and least > 0:
-                clauses, top = at_least(literals, int(least), top)
-                self.beginning += clauses
+        members = self.assembly.of_members.tolist()
+        counted = [face for face in range(len(self._ends)) if face in self.between_free and not members[face]]
+        last_variable, clauses = len(self._ends), list[Clause]()
+        if low is not None and low > 0 and counted:
+            clauses, last_variable = at_least([-(face + 1) for face in counted], int(low), last_variable)
+        # at most `high` dry: at least the others are inner
+        if high is not None and len(counted) > high:
+            more, _ = at_least([face + 1 for face in counted], int(len(counted) - high), last_variable)
+            clauses += more
+        return clauses
 
     def _fixed(self) -> dict[int, bool]:
         """Return the labels that are fixed: of faces that are no candidates or are kept."""
@@ -443,25 +448,25 @@ class Labellings:
 
     def _listed(self) -> list[Block]:
         joined = {f for f in self.between_free if not self.fixed.get(f, False)}
-        level = {frozenset([e]) for e, support in enumerate(self._support) if not support}
-        found: list[Block] = []
-        while level and self.search.segmentation:
-            grown: set[frozenset[int]] = set()
-            for members in level:
+        same_size = {frozenset([e]) for e, support in enumerate(self._support) if not support}
+        blocks: list[Block] = []
+        while same_size and self.search.segmentation:
+            larger: set[frozenset[int]] = set()
+            for members in same_size:
                 sizes = self._sizes(members)
                 if any(high is not None and size > high * (1.0 + slack) for size, (_, high), slack in sizes):
                     continue
                 touched = {f for e in members for f in self._around[e]}
                 inside = [f for f in touched if members.issuperset(self._ends[f])]
                 border = sorted(touched.difference(inside))
-                grown |= {members.union(self._ends[f]) for f in joined.intersection(border)}
+                larger |= {members.union(self._ends[f]) for f in joined.intersection(border)}
                 small = any(low is not None and size < low * (1.0 - slack) for size, (low, _), slack in sizes)
                 if not small and joined.issuperset(inside):
-                    found.append(Block(tuple(sorted(members)), tuple(sorted(inside)), tuple(border)))
-                if len(found) > _MOST_BLOCKS:
+                    blocks.append(Block(tuple(sorted(members)), tuple(sorted(inside)), tuple(border)))
+                if len(blocks) > _MOST_BLOCKS:
                     raise InputError("search", "too many blocks are possible", f"at most {_MOST_BLOCKS}")
-            level = grown
-        return found
+            same_size = larger
+        return blocks
 
     # --- clauses that a certificate gives ---------------------------------------------------------------
 
@@ -643,7 +648,7 @@ class Checker:
         for number, reason in enumerate(reasons, len(self.clauses) + 1):
             clause = self.clause(reason)
             if clause is None and isinstance(reason, Mechanism) and self.lowers_ceiling(reason):
-                clause = [1, -1]  # for block mechanisms to come
+                clause = [1, -1]  # always true: it holds the number of a reason that serves later block mechanisms
             if clause is None:
                 raise InputError(f"reason {number}", _wrong(reason), "reasons that hold")
             self.clauses[number] = clause
@@ -718,23 +723,26 @@ class Checker:
         lengths_match = all(len(velocity) == q * len(members) for members, velocity in reason.blocks.items())
         if not self.labellings.search.segmentation or not lengths_match:
             return None
-        scale, none = 1 << reason.digits, (0,) * q
+        scale, still = 1 << reason.digits, (0,) * q
+        # of each element the multipliers v and σ of (6.6)
         price = {e: [Fraction(part, scale) for part in values] for e, values in reason.prices.items()}
-        loads = bound, max(bound, ceiling)
-        left = [sum((load * own[1] - own[0] for own in price.values()), Fraction(0)) for load in loads]
+        load_factors = bound, max(bound, ceiling)
+        excess = [sum((factor * sigma - v for v, sigma in price.values()), Fraction(0)) for factor in load_factors]
         for block in self.labellings.blocks:
             if any(decided.get(f) for f in block.inside) or any(decided.get(f) is False for f in block.around):
-                continue
-            velocity = reason.blocks.get(block.members, none * len(block.members))
+                continue  # labels that the reason decides forbid this block
+            velocity = reason.blocks.get(block.members, still * len(block.members))
             moves = {e: velocity[q * k : q * k + q] for k, e in enumerate(block.members)}
-            sides = {f: walls.get(f, none) for f in block.around}
-            found = self._balances[reason.case].weigh_block(moves, reason.digits, block.inside, sides)
-            if found.spent is None:
+            sides = {f: walls.get(f, still) for f in block.around}
+            balance = self._balances[reason.case].weigh_block(moves, reason.digits, block.inside, sides)
+            if balance.spent is None:
                 return None
-            own = [price[e] for e in block.members if e in price]
-            for k, load in enumerate(loads):
-                left[k] += min(Fraction(0), load * found.work - found.spent - sum(load * s - v for v, s in own))
-        return _labels(reason) if left[0] >= 0 and (left[1] > 0 or ceiling <= bound) else None
+            members = [price[e] for e in block.members if e in price]
+            for k, factor in enumerate(load_factors):
+                gain = factor * balance.work - balance.spent
+                excess[k] += min(Fraction(0), gain - sum(factor * sigma - v for v, sigma in members))
+        at_bound, at_ceiling = excess
+        return _labels(reason) if at_bound >= 0 and (at_ceiling > 0 or ceiling <= bound) else None
 
 
 def _labels(reason: Mechanism | BlockMechanism) -> list[int]:

@@ -345,9 +345,9 @@ class DesignOptions:
     def given(self) -> dict[str, Any]:
         """Return the values by name of those options that differ from their defaults."""
         return {
-            one.name: getattr(self, one.name)
-            for one in fields(self)
-            if getattr(self, one.name) != one.default and getattr(self, one.name) not in ((), None)
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if getattr(self, field.name) != field.default and getattr(self, field.name) not in ((), None)
         }
 
 
@@ -547,9 +547,9 @@ def read_outline(file: File, options: DesignOptions) -> Outline:
                 )
         notes = Notes()
         with libraries.reading(file):
-            scene = _united(load_scene(file), notes)
+            scene = _unite_elements(load_scene(file), notes)
     else:
-        scene, notes = _imported(file, options)
+        scene, notes = _import(file, options)
     document = scene.model_dump(mode="json", exclude_defaults=True)
     options = options.of(scene)
     document["materials"] = _materials(document, options, notes, scene.dimension)
@@ -581,7 +581,7 @@ def _is_scene(file: File) -> bool:
     return not isinstance(document, dict) or "loads" in document or "elements" in document or "grid" in document
 
 
-def _united(scene: Scene, notes: Notes) -> Scene:
+def _unite_elements(scene: Scene, notes: Notes) -> Scene:
     """Unite the free elements of a planar scene of one material to outlines without holes; return others unchanged."""
     document = scene.model_dump(mode="json", exclude_defaults=True)
     # entries of `document`, changed in place
@@ -647,7 +647,7 @@ def _refuse_named_elements(scene: Scene, owners: list[dict[str, Any]]) -> None:
         raise InputError(where, problem, remedy)
 
 
-def _imported(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
+def _import(file: File, options: DesignOptions) -> tuple[Scene, Notes]:
     """Convert a drawing or a file of solids to a scene, and collect what was assumed."""
     # Supports are added below it if the file has none.
     if options.load is not None and options.force("N") == options.force("kN"):

@@ -74,20 +74,25 @@ def facts_of(work: Design) -> dict[str, Any]:
         "usual": None if usual is None else {"load_factor": number(usual.load_factor), "fields": _bounds(usual.fields)},
         "gain": gain_of(work),
         "tessellations": [
-            {"name": one.name, "words": one.words, "problem": one.problem, "search": work.search_words.get(one.name)}
-            for one in work.tessellations
+            {
+                "name": tessellation.name,
+                "words": tessellation.words,
+                "problem": tessellation.problem,
+                "search": work.search_words.get(tessellation.name),
+            }
+            for tessellation in work.tessellations
         ],
         "layouts": [
             {
-                "tessellation": one.tessellation,
-                "kind": one.kind,
-                "load_factor": number(one.load_factor),
-                "fields": _bounds(one.fields),
-                "words": one.words,
+                "tessellation": trial.tessellation,
+                "kind": trial.kind,
+                "load_factor": number(trial.load_factor),
+                "fields": _bounds(trial.fields),
+                "words": trial.words,
             }
-            for one in work.trials
+            for trial in work.trials
         ],
-        "checks": [{"name": one.name, "words": one.words, **one.values} for one in work.checks],
+        "checks": [{"name": check.name, "words": check.words, **check.values} for check in work.checks],
         **({} if (uncut := uncut_at_most(work)) is None else {"uncut_at_most": uncut}),
         "assumed": list(work.outline.assumed),
         "options": work.options.given(),
@@ -99,7 +104,7 @@ def facts_of(work: Design) -> dict[str, Any]:
 
 def uncut_at_most(work: Design) -> float | None:
     """Return the upper bound on λ by faces without cuts if the best is proven stronger."""
-    return next((one.values["uncut_at_most"] for one in work.checks if "uncut_at_most" in one.values), None)
+    return next((check.values["uncut_at_most"] for check in work.checks if "uncut_at_most" in check.values), None)
 
 
 def gain_of(work: Design) -> float | None:
@@ -121,8 +126,10 @@ def rivals_of(work: Design) -> list[Trial]:
     winner = work.winner
     if winner is None:
         return []
-    others = [one for one in work.trials if one is not winner and one.allowed and one.fields[1] >= 0.0]
-    return sorted((one for one in others if one.upper_estimate > winner.proven), key=lambda one: -one.upper_estimate)
+    others = [trial for trial in work.trials if trial is not winner and trial.allowed and trial.fields[1] >= 0.0]
+    return sorted(
+        (other for other in others if other.upper_estimate > winner.proven), key=lambda other: -other.upper_estimate
+    )
 
 
 def verdict(work: Design) -> str:
@@ -141,22 +148,22 @@ def verdict(work: Design) -> str:
     )
     if not math.isfinite(low):
         at_most = f"at most {high:.4g} times {load}" if math.isfinite(high) else "no bound was found in time"
-        told = f"What {stones} stones carry {model} is not decided: {at_most}."
+        text = f"What {stones} stones carry {model} is not decided: {at_most}."
     else:
         ending = f"; not decided between that and {high:.4g}" if high > (1.0 + _CLOSE) * low else ""
         ending = "; nothing bounds it from above" if math.isinf(high) else ending
-        told = f"{subject} at least {low:.4g} times {load} {model}{ending}."
+        text = f"{subject} at least {low:.4g} times {load} {model}{ending}."
         if low < 1.0:
-            told += " That is less than the load itself." if high < 1.0 else " That the load is carried is not proven."
-    told += drawn
+            text += " That is less than the load itself." if high < 1.0 else " That the load is carried is not proven."
+    text += drawn
     rivals = rivals_of(work)
     if rivals:
         at_most = (
             "without a bound" if math.isinf(rivals[0].upper_estimate) else f"at most {rivals[0].upper_estimate:.4g}"
         )
         count = "another layout" if len(rivals) == 1 else f"one of {len(rivals)} other layouts"
-        told += f" Whether {count} carries more is not decided ({_name(rivals[0])}: {at_most})."
-    return told
+        text += f" Whether {count} carries more is not decided ({_name(rivals[0])}: {at_most})."
+    return text
 
 
 _CLOSE: Final = 1e-3  # relative width of a bracket up to which nothing is said to be undecided
@@ -170,7 +177,7 @@ def words_of(work: Design) -> str:
     lines = [f"verdict      {verdict(work)}", f"best         {_name(winner)}: {_claim(winner)}"]
     if work.usual is not None:
         lines.append(f"usual bond   {_claim(work.usual)}; {_compared(work, work.usual)}")
-    lines += [f"checked      {one.words}" for one in work.checks]
+    lines += [f"checked      {check.words}" for check in work.checks]
     lines += [f"assumed      {one}" for one in work.outline.assumed]
     lines.append("not proven   that no stronger layout exists: tessellations and moves were tried, not all")
     return "\n".join([*lines, f"written to   {work.folder}: {', '.join(FILES)}"])
@@ -204,10 +211,10 @@ def _claim(trial: Trial) -> str:
     if high < 0.0:
         return "does not stand under its dead load where blocks crack anywhere"
     if math.isfinite(high):
-        told = (
+        text = (
             f"carries at most {high:.4g} times the load where blocks crack anywhere; no lower bound was found in time"
         )
-        return f"{told} ({trial.by_faces})"
+        return f"{text} ({trial.by_faces})"
     low, high = trial.faces
     if high < 0.0:
         return "does not stand under its dead load"
@@ -230,7 +237,7 @@ def _page(work: Design, pictured: bool) -> str:
             parts.append(f'<img src="{FILES[3]}" alt="Usual bond and best layout with numbered blocks">')
     parts.append("<h2>What was tried</h2>" + _table(_tried(work)))
     if work.checks:
-        parts.append("<h2>How the best was checked</h2>" + _list([one.words for one in work.checks]))
+        parts.append("<h2>How the best was checked</h2>" + _list([check.words for check in work.checks]))
     parts.append("<h2>What is proven, and what is not</h2>" + _list(_proven(work)))
     if winner is not None:
         parts.append("<h2>Blocks</h2>" + _table(_blocks(winner)))
@@ -245,7 +252,10 @@ def _page(work: Design, pictured: bool) -> str:
 
 def _loads(work: Design) -> str:
     """Describe the load cases of a design in one phrase."""
-    scene = next((one.scene for one in work.tessellations if one.scene is not None), work.outline.scene)
+    scene = next(
+        (tessellation.scene for tessellation in work.tessellations if tessellation.scene is not None),
+        work.outline.scene,
+    )
     loads = scene.loads
     cases = [case.name for case in loads.cases or []] + [vehicle.name for vehicle in loads.moving or []]
     if loads.pushes is not None:
@@ -305,8 +315,8 @@ def _proven(work: Design) -> list[str]:
         if re.match(r"\d+ layouts?, proven", words):
             crushed = "" if work.outline.scene.dimension == 3 else ", where faces crush as blocks do,"
             sentences.append(f"Proven: of the cells of {name}{crushed} no other choice of joints is stronger by faces.")
-    tried = sum(one.scene is not None for one in work.tessellations)
-    moved = any(one.kind == "moved" for one in work.trials)
+    tried = sum(tessellation.scene is not None for tessellation in work.tessellations)
+    moved = any(trial.kind == "moved" for trial in work.trials)
     ends = "; moves end at a local best" if moved else ""
     kinds = "1 kind of cells was" if tried == 1 else f"{tried} kinds of cells were"
     sentences.append(f"Not proven: that no stronger layout exists. {kinds} tried{ends}.")

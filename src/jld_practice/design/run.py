@@ -93,7 +93,9 @@ def move_in_rounds(work: Design, until: Deadline, say: Callable[[str], None]) ->
 
 def _first_tasks(work: Design) -> list[Task]:
     """Return the layouts of the first round: best of each tessellation, second best, stated ones."""
-    scenes = {one.name: one.scene for one in work.tessellations if one.scene is not None}
+    scenes = {
+        tessellation.name: tessellation.scene for tessellation in work.tessellations if tessellation.scene is not None
+    }
     tasks: list[Task] = []
     ranked = sorted((one for one in work.ranked if one.kind == "searched"), key=lambda one: -one.upper_estimate)
     for number in range(LAYOUTS):
@@ -110,9 +112,9 @@ def _first_tasks(work: Design) -> list[Task]:
 
 def _further_tasks(work: Design, until: Deadline, strength: float, number: int) -> list[Task]:
     """Search labels on the best moved cells; return the layouts of a further round."""
-    moved = [one for one in work.ranked if one.kind == "moved"]
+    moved = [trial for trial in work.ranked if trial.kind == "moved"]
     bases = moved[:1]
-    bases += sorted((one for one in moved if one not in bases), key=lambda one: -one.upper_estimate)[: _BASES - 1]
+    bases += sorted((trial for trial in moved if trial not in bases), key=lambda one: -one.upper_estimate)[: _BASES - 1]
     tasks: list[Task] = []
     for k, base in enumerate(bases):
         base_labels = build_assembly(base.scene).labels
@@ -325,14 +327,21 @@ def _add(work: Design, tessellation: Tessellation, scene: Scene, fields: Bounds 
     name, words = tessellation.name, work.search_words[tessellation.name]
     trial = Trial(name, "searched", scene, result.load_factor, faces_of(result.bracket), fields, words)
     others = [one for one in work.trials if (one.tessellation, one.kind) == (name, "searched")]
-    if not any(one.order() < trial.order() for one in others):
+    if not any(other.order() < trial.order() for other in others):
         work.trials = [*(one for one in work.trials if one not in others), trial]
 
 
 def _solve_usual(work: Design) -> None:
     """Solve the stated layout of the usual bond by faces, and add it to the trials."""
     # Gains are measured by this layout. Nothing is added if the outline cannot be cut in a bond.
-    first = next((one for one in work.tessellations if one.scene is not None and one.name in _USUAL_BONDS), None)
+    first = next(
+        (
+            tessellation
+            for tessellation in work.tessellations
+            if tessellation.scene is not None and tessellation.name in _USUAL_BONDS
+        ),
+        None,
+    )
     if first is None or first.scene is None:
         return
     assembly = build_assembly(first.scene)
@@ -353,7 +362,7 @@ def _bound_usual(work: Design, until: Deadline) -> None:
     if usual is not None and _USUAL * until.remaining() > _LEAST_BOUNDS:
         assembly = build_assembly(usual.scene)
         fields = field_bounds(assembly, assembly.labels, _USUAL * until.remaining(), lower_first=False)
-        work.trials = [replace(one, fields=fields) if one is usual else one for one in work.trials]
+        work.trials = [replace(trial, fields=fields) if trial is usual else trial for trial in work.trials]
 
 
 def _search_all(work: Design, until: Deadline, say: Say) -> None:
@@ -372,13 +381,13 @@ def _search_all(work: Design, until: Deadline, say: Say) -> None:
     fitting = sorted(fitting, key=lambda tessellation: -work.screened[tessellation.name].load_factor)
     seconds_each = max((work.screened[tessellation.name].search_seconds for tessellation in fitting), default=_LEAST)
     fitting = fitting[: max(1, round(total / min(seconds_each, _LEAST)))]
-    whole = until.within(total)
+    all_searches = until.within(total)
     for number, tessellation in enumerate(fitting):
-        each = whole.within(whole.remaining() / (len(fitting) - number))
-        if each.remaining() < 1.0:
+        one_search = all_searches.within(all_searches.remaining() / (len(fitting) - number))
+        if one_search.remaining() < 1.0:
             continue
         try:
-            _search(work, tessellation, each)
+            _search(work, tessellation, one_search)
         except InputError as error:
             work.search_words[tessellation.name] = f"{error.where}: {error.problem}".lstrip(": ")
         except Interrupted as stop:

@@ -93,7 +93,7 @@ def aligned_cells(field: TriangleStresses, size: float) -> AlignedCells:
     # whose gradient is at right angles to it. Both are weighted least-squares fits; the sign of the direction is made
     # alike from triangle to triangle. Lines between two crossings become straight where they leave the curve by little.
     gradient, area = field.gradients
-    deviator = _smoothed(field, gradient, area, _SMOOTH * size)
+    deviator = _smooth(field, gradient, area, _SMOOTH * size)
     strength = np.hypot(*deviator.T)
     mean = float(strength @ area / area.sum())
     if not mean > 0.0:
@@ -102,10 +102,10 @@ def aligned_cells(field: TriangleStresses, size: float) -> AlignedCells:
     # the compression is at right angles to the largest principal stress
     angle = 0.5 * np.arctan2(deviator[:, 1], deviator[:, 0]) + 0.5 * np.pi
     direction = np.column_stack([np.cos(angle), np.sin(angle)])
-    part = _oriented(field.triangles, direction, weight * area)
+    part = _orient(field.triangles, direction, weight * area)
     across = np.column_stack([-direction[:, 1], direction[:, 0]])
-    heads = _fitted(field, gradient, area * weight, direction)
-    beds = _fitted(field, gradient, area * weight, across)
+    heads = _fit_potential(field, gradient, area * weight, direction)
+    beds = _fit_potential(field, gradient, area * weight, across)
     lines: list[shapely.LineString] = []
     deviation, total = 0.0, 0.0  # sum of angles of head joints by weight, and of weights
     for number in range(int(part.max()) + 1):
@@ -121,7 +121,7 @@ def aligned_cells(field: TriangleStresses, size: float) -> AlignedCells:
             total += float(share.sum())
     if len(lines) > arrangement.MOST:
         raise InputError("cell", f"that makes {len(lines):.3g} pieces of joints", f"at most {arrangement.MOST}")
-    cells = _halved(_cells(field, lines, size), field, direction, _LARGEST * size**2)
+    cells = _halve(_cells(field, lines, size), field, direction, _LARGEST * size**2)
     return AlignedCells(cells, deviation / total if total > 0.0 else 0.0)
 
 
@@ -139,25 +139,25 @@ def _matrix(triangles: Ints, blocks: Floats, count: int) -> csr_matrix:
     return coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count)).tocsr()
 
 
-def _lumped(triangles: Ints, values: Floats, count: int) -> Floats:
+def _lump(triangles: Ints, values: Floats, count: int) -> Floats:
     """Return the sum (count,) at each node of a third of the values (t,) of its triangles."""
     return np.asarray(np.bincount(triangles.ravel(), np.repeat(values / 3.0, 3), count), dtype=float)
 
 
-def _smoothed(field: TriangleStresses, gradient: Floats, area: Floats, length: float) -> Floats:
+def _smooth(field: TriangleStresses, gradient: Floats, area: Floats, length: float) -> Floats:
     """Return (σx − σy)/2 and τxy (t, 2) of the triangles, averaged over a length."""
     # One implicit step of diffusion: (M + l² K) v = M v0 at the nodes.
     count = len(field.points)
     raw = np.column_stack([0.5 * (field.stress[:, 0] - field.stress[:, 1]), field.stress[:, 2]])
-    mass = _lumped(field.triangles, area, count)
+    mass = _lump(field.triangles, area, count)
     mass = np.where(mass > 0.0, mass, 1.0)
     stiffness = _matrix(field.triangles, np.einsum("tid,tjd,t->tij", gradient, gradient, area), count)
     system = (diags(mass) + length**2 * stiffness).tocsc()
-    nodal = [spsolve(system, _lumped(field.triangles, one * area, count)) for one in raw.T]
+    nodal = [spsolve(system, _lump(field.triangles, one * area, count)) for one in raw.T]
     return np.asarray(np.column_stack(nodal)[field.triangles].mean(axis=1))
 
 
-def _oriented(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
+def _orient(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
     """Give directions (t, 2) like signs in place, from the triangles of largest weight on; return the parts (t,)."""
     # Triangles that hang together over edges are one part.
     edges: dict[tuple[int, int], list[int]] = {}
@@ -189,7 +189,7 @@ def _oriented(triangles: Ints, direction: Floats, weight: Floats) -> Ints:
     return part
 
 
-def _fitted(field: TriangleStresses, gradient: Floats, weight: Floats, direction: Floats) -> Floats:
+def _fit_potential(field: TriangleStresses, gradient: Floats, weight: Floats, direction: Floats) -> Floats:
     """Return the function (p,) at nodes whose gradient is parallel to directions (t, 2), and about as long.
 
     weight: (t,).
@@ -261,14 +261,14 @@ def _cells(field: TriangleStresses, lines: list[shapely.LineString], size: float
         # what is left of such a joint ends in a cell, and is no border of cells
         rest = shapely.difference(straight, shapely.union_all(along)) if along else straight
         pieces = [piece for piece in shapely.get_parts(rest) if not piece.is_empty]
-        chains += [_extended(piece, near, _PAST * _OUTSIDE * size) for piece in pieces]
+        chains += [_extend(piece, near, _PAST * _OUTSIDE * size) for piece in pieces]
     around = shapely.boundary(body.buffer(_OUTSIDE * size, join_style="mitre"))
     noded = shapely.union_all([around, *chains], grid_size=_GRID * extent)
     polygons = shapely.get_parts(shapely.polygonize(list(shapely.get_parts(noded))))
     return [polygon for polygon in polygons if body.contains(polygon.representative_point())]
 
 
-def _extended(line: shapely.LineString, near: shapely.Geometry, length: float) -> shapely.LineString:
+def _extend(line: shapely.LineString, near: shapely.Geometry, length: float) -> shapely.LineString:
     """Return a line whose ends on the outline are moved beyond it by a length."""
     points = shapely.get_coordinates(line)
     for end, before in ((0, 1), (-1, -2)):
@@ -278,7 +278,7 @@ def _extended(line: shapely.LineString, near: shapely.Geometry, length: float) -
     return shapely.LineString(points)
 
 
-def _halved(
+def _halve(
     cells: list[shapely.Polygon], field: TriangleStresses, direction: Floats, largest: float
 ) -> list[shapely.Polygon]:
     """Cut cells across their longer principal direction until none is larger than an area.
@@ -368,7 +368,7 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
     strengths = assembly.strengths(_ROUTE)
     for share in _TENSION:
         weak = assembly.with_strengths(replace(strengths, tension=share * strengths.tension))
-        bounds = [_refined(case, until) for case in weak.by_case]
+        bounds = [_refine_bounds(case, until) for case in weak.by_case]
         # the case with the least lower bound governs
         lower = [one.lower / factor for one, factor in zip(bounds, assembly.required.tolist(), strict=True)]
         stresses = bounds[int(np.argmin([low if np.isfinite(low) else np.inf for low in lower]))].stresses
@@ -378,7 +378,7 @@ def stresses_of_body(assembly: Assembly, until: Deadline | None = None) -> Trian
     raise InputError("", "no stresses of the uncut body keep equilibrium with the loads", "a stronger stone")
 
 
-def _refined(assembly: Assembly, until: Deadline | None) -> bounds.FieldBounds:
+def _refine_bounds(assembly: Assembly, until: Deadline | None) -> bounds.FieldBounds:
     """Return the bounds by fields of a structure under one load case, with their stresses."""
     refinement = bounds.FieldRefinement(assembly, assembly.labels, lower_first=True)
     found = refinement.step()
@@ -432,11 +432,15 @@ def tessellations(
     for name, words, make in kinds:
         late = bool(made_so_far) and until is not None and until.passed()
         cut = Tessellation(name, words, None, "no time was left") if late else _made(name, words, make, options, side)
-        alike = [one.name for one in made_so_far if cut.scene is not None and one.scene == cut.scene]
+        alike = [
+            tessellation.name
+            for tessellation in made_so_far
+            if cut.scene is not None and tessellation.scene == cut.scene
+        ]
         made_so_far.append(Tessellation(name, words, None, f"the same stones as {alike[0]}") if alike else cut)
         made(made_so_far[-1])
-    if all(one.scene is None for one in made_so_far):
-        reasons = "; ".join(f"{one.name}: {one.problem}" for one in made_so_far)
+    if all(tessellation.scene is None for tessellation in made_so_far):
+        reasons = "; ".join(f"{tessellation.name}: {tessellation.problem}" for tessellation in made_so_far)
         raise InputError(
             "the outline", f"no tessellation fits ({reasons})", "a larger `block_mass`, or another outline"
         )
@@ -642,6 +646,6 @@ def region_words(scene: Scene) -> str:
         for arc in refinement_voussoirs.find_arcs(unions.region_of(shapely.Polygon(part.shell)).shell)
     ]
     unit = assembly.units[0]
-    told = ", ".join(f"an arc of radius {arc.radius:.4g} {unit} over {math.degrees(arc.sweep):.4g}°" for arc in arcs)
+    text = ", ".join(f"an arc of radius {arc.radius:.4g} {unit} over {math.degrees(arc.sweep):.4g}°" for arc in arcs)
     area = sum(shapely.Polygon(part.shell, part.holes).area for part in parts)
-    return f"area {area:.4g} {unit}², {told or 'no arcs'}"
+    return f"area {area:.4g} {unit}², {text or 'no arcs'}"

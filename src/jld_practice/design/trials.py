@@ -84,8 +84,12 @@ def screen(scene: Scene, seed: int, seconds: float, deadline: Deadline) -> Scree
             count += len(evaluations)
             # layouts that do not stand, or have no proven λ, are below all others
             values = [
-                math.inf if one.status is Status.LOCKED else one.load_factor if one.status is Status.COLLAPSE else -1.0
-                for one in evaluations
+                math.inf
+                if evaluation.status is Status.LOCKED
+                else evaluation.load_factor
+                if evaluation.status is Status.COLLAPSE
+                else -1.0
+                for evaluation in evaluations
             ]
             place = int(np.argmax(values))
             if values[place] >= 0.0 and values[place] > load_factor:
@@ -184,7 +188,7 @@ class Design:
     @property
     def ranked(self) -> list[Trial]:
         """Layouts that keep the limits and are proven to stand, ordered."""
-        standing = (one for one in self.trials if one.allowed and one.stands)
+        standing = (trial for trial in self.trials if trial.allowed and trial.stands)
         return sorted(standing, key=Trial.order)
 
     @property
@@ -194,7 +198,7 @@ class Design:
     @property
     def usual(self) -> Trial | None:
         """First layout with the stated labels of a tessellation, the usual bond; None without one."""
-        return next((one for one in self.trials if one.kind == "stated"), None)
+        return next((trial for trial in self.trials if trial.kind == "stated"), None)
 
 
 def labelled(scene: Scene, assembly: Assembly, labels: Bits) -> Scene:
@@ -214,7 +218,7 @@ def labelled(scene: Scene, assembly: Assembly, labels: Bits) -> Scene:
     dry_pairs = [list(pair) for pair, dry in pairs.items() if dry]
     inner_pairs = [list(pair) for pair, dry in pairs.items() if not dry]
     document["labels"] = {"dry": dry_pairs, "inner": inner_pairs}
-    document["elements"] = [{k: v for k, v in one.items() if k != "block"} for one in document["elements"]]
+    document["elements"] = [{k: v for k, v in entry.items() if k != "block"} for entry in document["elements"]]
     return parse_scene(document, scene.name)
 
 
@@ -326,7 +330,7 @@ def _by_fields(work: Design, until: Deadline) -> Check:
     low, high = field_bounds(assembly, assembly.labels, until.remaining())
     best = (max(low, winner.fields[0]), min(high, winner.fields[1]))
     better = replace(winner, fields=best)
-    work.trials = [better if one is winner else one for one in work.trials]
+    work.trials = [better if trial is winner else trial for trial in work.trials]
     values = {"fields_lo": number(best[0]), "fields_hi": number(best[1])}
     return Check("by fields", f"blocks that crack anywhere: {_span(best)}", values)
 

@@ -166,7 +166,7 @@ def combinations_of(assembly: Assembly, factors: scene_design.PartialFactors) ->
     # that no factor between both ends gives a smaller λ. Stated dead loads of all load cases are one action.
     cases = assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
     weights = bool(np.any(assembly.elements.weight[assembly.elements.free]))
-    stated = any(_stated(assembly, case.dead_loads) for case in cases)
+    stated = any(_stated_dead_load(assembly, case.dead_loads) for case in cases)
     present = {
         "self_weight": weights,
         "dead": stated,
@@ -186,7 +186,7 @@ def at_design_loads(assembly: Assembly, factors: scene_design.PartialFactors, co
     chosen = combination.factors(factors)
 
     def dead_of(dead: Loads) -> Loads:
-        stated = chosen["dead"] * _stated(assembly, dead)
+        stated = chosen["dead"] * _stated_dead_load(assembly, dead)
         return replace(stated, body=stated.body + chosen["self_weight"] * _weights(assembly))
 
     cases = tuple(
@@ -206,7 +206,7 @@ def _weights(assembly: Assembly) -> Floats:
     return np.where(assembly.elements.support[:, None], 0.0, assembly.elements.weight)
 
 
-def _stated(assembly: Assembly, dead: Loads) -> Loads:
+def _stated_dead_load(assembly: Assembly, dead: Loads) -> Loads:
     """Return a dead load without self-weight and its rounding errors."""
     weight = _weights(assembly)
     rest = dead.body - weight
@@ -233,7 +233,7 @@ class Loaded:
 
 def why_not_anywhere(scene: Scene, assembly: Assembly) -> str:
     """Return why cracks anywhere in the blocks are not checked; "" where they are."""
-    if scene.materials.inner is None and not any(one.inner for one in scene.materials.faces or []):
+    if scene.materials.inner is None and not any(face.inner for face in scene.materials.faces or []):
         return "rigid"
     try:
         require_cracks(replace(assembly, cracks=cracks.FieldCracks(kind="fields", gap=FINER[-1])))
@@ -249,18 +249,22 @@ def assess_all(count: int, seconds: float, assess: Assess, least: Callable[[int]
     """
     end = time.perf_counter() + seconds
     verdicts: dict[int, bool | None] = {}
-    for k in range(count):
-        if k and time.perf_counter() > end:
+    for case in range(count):
+        if case and time.perf_counter() > end:
             break
-        verdicts[k] = assess(k, COARSE, 0.0)
-    refuted = [k for k, verdict in verdicts.items() if verdict is False]
-    again = sorted(refuted or [k for k, verdict in verdicts.items() if verdict is None], key=least)
-    for k in again[: 1 if refuted else None]:
+        verdicts[case] = assess(case, COARSE, 0.0)
+    refuted = [case for case, verdict in verdicts.items() if verdict is False]
+    if refuted:
+        # The answer is known. Of the worst case, the utilisation is reported: its bounds are refined for a short time.
+        refined, share_of_time = [min(refuted, key=least)], _REFUTED
+    else:
+        refined, share_of_time = sorted((case for case in verdicts if verdicts[case] is None), key=least), 1.0
+    for case in refined:
         for gap in FINER:
             left = end - time.perf_counter()
             if left <= 0.0:
                 return
-            verdict = assess(k, gap, min(left, _REFUTED * seconds) if refuted else left)
+            verdict = assess(case, gap, min(left, share_of_time * seconds))
             if verdict is True or (verdict is False and not refuted):
                 break
         if verdict is False:
@@ -296,7 +300,7 @@ def worst_parts(
     heavier = tuple(name for name, up in zip(search.names, worst > search.middle, strict=True) if up)
     chosen, loaded = replace(combination, heavier=heavier), search.loaded(worst)
     if low == high == -math.inf:
-        return WorstParts(chosen, loaded, CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan), False)
+        return WorstParts(chosen, loaded, CaseBounds(Status.UNSTABLE, math.nan, math.nan, math.nan), stands=False)
     if low == math.inf:
         return WorstParts(chosen, loaded, CaseBounds(Status.LOCKED, math.inf, math.inf, math.nan), stands)
     ends = [end if math.isfinite(end) else math.nan for end in (low, high)]
@@ -583,11 +587,11 @@ def design_check(
         if factors.by_parts:
             tried.append(_cases_by_parts(structure, cells, factors, combination))
             continue
-        solution = _solved(scene, structure, cells, seconds)
+        solution = _solve(scene, structure, cells, seconds)
         solutions.append(solution)
         tried.append(_cases(structure, cells, combination, solution, seconds))
     by_case = tuple(zip(*tried, strict=True))
-    cases = tuple(_worst(one) for one in by_case)
+    cases = tuple(_worst(group) for group in by_case)
     first = _worst(cases)
     chosen = combinations.index(replace(first.combination, heavier=()))
     cells = structures[chosen][1]
@@ -634,7 +638,7 @@ def _structures(
     return structures
 
 
-def _solved(scene: Scene, structure: Assembly, labels: Bits, seconds: float) -> Solution:
+def _solve(scene: Scene, structure: Assembly, labels: Bits, seconds: float) -> Solution:
     """Solve a structure under all its load cases, by fields where the scene says so."""
     if isinstance(scene.cracks, cracks.FieldCracks):
         return solve_by_fields(structure, labels, gap=scene.cracks.gap, seconds=seconds)
@@ -646,7 +650,7 @@ def _cases(
 ) -> list[CaseCheck]:
     names = [case.name for case in structure.cases] or [""]
     places = [case.place for case in structure.cases] or [None]
-    found = []
+    checks = []
     for k, (name, alone, required) in enumerate(zip(names, structure.by_case, structure.required, strict=True)):
         if isinstance(solution, models_by_fields.FieldResult):
             by_fields = list(solution.cases.values())[k]
@@ -657,8 +661,8 @@ def _cases(
         else:
             one = solution.cases[name] if solution.cases else solution
             bounds, stands = CaseBounds(one.status, *one.bracket, one.load_factor), one.stands_at_zero
-        found.append(CaseCheck(name, float(required), combination, alone, bounds, stands, places[k]))
-    return found
+        checks.append(CaseCheck(name, float(required), combination, alone, bounds, stands, places[k]))
+    return checks
 
 
 def _with_cracks_anywhere(
@@ -673,43 +677,42 @@ def _with_cracks_anywhere(
         return replace(check, not_anywhere=reason)
     drawn = scene.model_copy(update={"cracks": "faces"})
     structures = _structures(drawn, labels, factors, combinations)
-    loaded = [
-        one
-        for combination, (structure, own) in zip(combinations, structures, strict=True)
-        for one in [
-            Loaded(number, alone.with_strengths(alone.strengths(ROUTE)), own, float(required), combination)
-            for number, (alone, required) in enumerate(zip(structure.by_case, structure.required, strict=True))
-        ]
-    ]
+    loaded: list[Loaded] = []
+    for combination, (structure, own_labels) in zip(combinations, structures, strict=True):
+        for position, (case, required) in enumerate(zip(structure.by_case, structure.required, strict=True)):
+            alone = case.with_strengths(case.strengths(ROUTE))
+            loaded.append(Loaded(position, alone, own_labels, float(required), combination))
     refuted = check.as_drawn
     if refuted.verified is False:  # how much less the blocks carry is of interest for the governing load alone
         name, combination = refuted.name, refuted.combination
         loaded = [k for k in loaded if (check.cases[k.number].name, k.combination) == (name, combination)]
 
     nothing = CaseBounds(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
-    every: list[CaseCheck] = []
+    checks: list[CaseCheck] = []
     for one in loaded:
-        plain = check.cases[one.number]
-        start = CaseCheck(plain.name, one.required, one.combination, one.structure, nothing, None, plain.place)
-        every.append(start)
+        drawn_check = check.cases[one.number]
+        start = CaseCheck(
+            drawn_check.name, one.required, one.combination, one.structure, nothing, None, drawn_check.place
+        )
+        checks.append(start)
 
     def assess(k: int, gap: float, patience: float) -> bool | None:
         """Bound one case by fields and keep its check."""
-        one, before = loaded[k], every[k]
+        one, before = loaded[k], checks[k]
         result = solve_by_fields(one.structure, one.labels, gap=gap, seconds=patience)
         (found,) = _cases(one.structure, one.labels, one.combination, result, patience)
-        every[k] = replace(before, bounds=found.bounds, stands=found.stands)
-        return every[k].verified
+        checks[k] = replace(before, bounds=found.bounds, stands=found.stands)
+        return checks[k].verified
 
     def least(k: int) -> float:
         """Return the upper bound over the required factor; what has none comes first."""
-        high = every[k].bounds.high
-        return high / every[k].required if math.isfinite(high) else -1.0
+        high = checks[k].bounds.high
+        return high / checks[k].required if math.isfinite(high) else -1.0
 
     assess_all(len(loaded), seconds, assess, least)
     by_case: dict[int, list[CaseCheck]] = {one.number: [] for one in loaded}
-    for one, case in zip(loaded, every, strict=True):
-        by_case[one.number].append(case)
+    for one, assessed in zip(loaded, checks, strict=True):
+        by_case[one.number].append(assessed)
     return replace(check, anywhere=tuple(_worst(tuple(group)) for group in by_case.values()))
 
 
@@ -719,17 +722,17 @@ def _cases_by_parts(
     """Return the check of every load case under its worst factors of the parts of permanent loads."""
     names = [case.name for case in structure.cases] or [""]
     places = [case.place for case in structure.cases] or [None]
-    found = []
+    checks = []
     for name, alone, required, place in zip(names, structure.by_case, structure.required, places, strict=True):
         one = worst_parts(alone, labels, factors, combination)
-        found.append(CaseCheck(name, float(required), one.combination, one.structure, one.bounds, one.stands, place))
-    return found
+        checks.append(CaseCheck(name, float(required), one.combination, one.structure, one.bounds, one.stands, place))
+    return checks
 
 
 def _worst(cases: tuple[CaseCheck, ...]) -> CaseCheck:
     """Return the first governing case: refuted, else undecided, else of largest utilisation."""
     for verdict in (False, None):
-        if group := [one for one in cases if one.verified is verdict]:
+        if group := [case for case in cases if case.verified is verdict]:
             break
     else:
         group = list(cases)

@@ -366,9 +366,9 @@ def _factors(check: DesignCheck, words: Mapping[str, str]) -> Table:
     rows = []
     for one in fields(check.factors)[1:-1]:
         value = getattr(check.factors, one.name)
-        told = f"{value[0]:g} / {value[1]:g}" if isinstance(value, tuple) else f"{value:g}"
+        text = f"{value[0]:g} / {value[1]:g}" if isinstance(value, tuple) else f"{value:g}"
         source = check.factors.clauses[one.name]
-        rows.append([words[one.name], told, words.get(source, source)])
+        rows.append([words[one.name], text, words.get(source, source)])
     title = words["factors"].format(name=check.factors.name)
     return Table(title, [words["factor"], words["value"], words["source"]], rows, [0.27, 0.25, 0.48])
 
@@ -416,21 +416,20 @@ def _cases(check: DesignCheck, words: Mapping[str, str]) -> Table:
 
 
 def _reactions(check: DesignCheck, words: Mapping[str, str]) -> Table:
-    by_place: dict[str, dict[str, str]] = {}
-    largest = max(abs(end) for one in check.reactions for end in (*one.interval, 0.0) if end is not None)
-    for one in check.reactions:
-        ends = [_end(end, largest) for end in one.interval]
-        place = one.resultant.place.removeprefix("support ")
-        told = ends[0] if ends[0] == ends[1] != "–" else " … ".join(ends)
-        by_place.setdefault(place, {})[one.resultant.component] = told
-    components = list(next(iter(by_place.values())))
-    rows = [[textwrap.shorten(place, 14, placeholder=" …"), *found.values()] for place, found in by_place.items()]
+    """Return the table of reactions: supports by components."""
+    ranges: dict[str, dict[str, str]] = {}  # by support, then component
+    largest = max(abs(end) for reaction in check.reactions for end in (*reaction.interval, 0.0) if end is not None)
+    for reaction in check.reactions:
+        low, high = (_end(end, largest) for end in reaction.interval)
+        support = reaction.resultant.place.removeprefix("support ")
+        ranges.setdefault(support, {})[reaction.resultant.component] = low if low == high != "–" else f"{low} … {high}"
+    components = list(next(iter(ranges.values())))
+    rows = [[textwrap.shorten(support, 14, placeholder=" …"), *row.values()] for support, row in ranges.items()]
     length, force = check.assembly.units
     title = words["reactions"].format(force=force, length=length)
-    width = 0.86 / len(components)
-    kept = rows[:LISTED]
-    head = [words["support"], *components]
-    return Table(title, head, kept, [0.14, *[width] * len(components)], len(rows) - len(kept))
+    widths = [0.14, *[0.86 / len(components)] * len(components)]
+    listed = rows[:LISTED]
+    return Table(title, [words["support"], *components], listed, widths, len(rows) - len(listed))
 
 
 def _joints(check: DesignCheck, words: Mapping[str, str]) -> Table:
@@ -580,7 +579,7 @@ def to_json(check: DesignCheck) -> dict[str, Any]:
             {"case": one.name or None, **one.to_json(), "combinations": [other.to_json() for other in tried]}
             for one, tried in zip(check.cases, check.tried, strict=True)
         ],
-        "reactions": [one.to_json() for one in check.reactions],
+        "reactions": [reaction.to_json() for reaction in check.reactions],
         "share_of_capacity": None if check.reserve is None else list(check.reserve.bracket),
         "joints": joints_of(check),
         "blocks": blocks_near_cracking(check),
@@ -713,7 +712,7 @@ def _drop(size: float) -> float:
     return 0.8 * size / 72.0 / _PAPER[1]
 
 
-def _wrapped(text: str, size: float) -> list[str]:
+def _wrap(text: str, size: float) -> list[str]:
     """Return the lines of a text on the sheet; size: of letters, points."""
     return textwrap.wrap(text, int(_PAPER[0] * 72.0 * (1.0 - 2.0 * _MARGIN) / (0.53 * size))) or [""]
 
@@ -723,10 +722,10 @@ def _fitting(content: Content, room: float) -> float:
     size = _SIZE
     while size > 3.5:
         lines = sum(
-            1.7 + len(one.rows) + 1.0 + 0.6 + (one.more > 0) + 1.2 * (len(_wrapped(one.title, 1.2 * size)) - 1)
-            for one in content.tables
+            1.7 + len(table.rows) + 1.0 + 0.6 + (table.more > 0) + 1.2 * (len(_wrap(table.title, 1.2 * size)) - 1)
+            for table in content.tables
         )
-        lines += 1.2 + sum(len(_wrapped(f"– {note}", size)) for note in content.notes)
+        lines += 1.2 + sum(len(_wrap(f"– {note}", size)) for note in content.notes)
         if lines * _line(size) <= room:
             break
         size -= 0.1
@@ -735,7 +734,7 @@ def _fitting(content: Content, room: float) -> float:
 
 def _text(figure: Figure, top: float, text: str, size: float) -> float:
     """Write a wrapped text from the height `top` on; return the height below."""
-    for part in _wrapped(text, size):
+    for part in _wrap(text, size):
         figure.text(_MARGIN, top - _drop(size), part, fontsize=size, color=look.INK)
         top -= _line(size)
     return top
@@ -789,7 +788,7 @@ def _draw(
 def path_of(check: DesignCheck) -> list[moved_joints.PathValue]:
     """Return λ of each position of moving loads under its worst combination."""
     return [
-        moved_joints.PathValue(*one.place, one.bounds.low, one.bounds.high, one.required)
-        for one in check.cases
-        if one.place is not None
+        moved_joints.PathValue(*case.place, case.bounds.low, case.bounds.high, case.required)
+        for case in check.cases
+        if case.place is not None
     ]

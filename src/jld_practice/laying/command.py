@@ -151,15 +151,15 @@ def _words_along(laying: Laying, stations: Stations) -> str:
     step, place = (int(k) for k in np.unravel_index(int(forces.argmax()), forces.shape))
     where = ", ".join(f"{x:.4g}" for x in stations.points[place])
     count, loaded = len(stations.points), int((forces > 0.0).any(axis=0).sum())
-    told = f"props along  {count} place{'s' * (count != 1)}, {loaded} of them loaded"
+    text = f"props along  {count} place{'s' * (count != 1)}, {loaded} of them loaded"
     if forces[step, place] > 0.0:
         largest = units.force_in_words(forces[step, place], force)
-        told += f"; the largest force is {largest} at ({where}) {length}, step {step + 1}"
+        text += f"; the largest force is {largest} at ({where}) {length}, step {step + 1}"
     beside = [k for k, one in enumerate(laying.steps, 1) if one.stage.elsewhere > 1e-5 * one.stage.weight]
     if beside:
         most = units.force_in_words(max(laying.steps[k - 1].stage.elsewhere for k in beside), force)
-        told += f"\nprops beside {most} at most, first in step {beside[0]}: the places alone do not hold it"
-    return told
+        text += f"\nprops beside {most} at most, first in step {beside[0]}: the places alone do not hold it"
+    return text
 
 
 def table_of(laying: Laying, stone_of: Ints, stations: Stations | None = None) -> pd.DataFrame:
@@ -217,8 +217,8 @@ def words_of(laying: Laying) -> str:
         return f"order        {many}, every stage stands without props"
     worst = max(step.stage.props.sum() for step in laying.steps)
     force = blocks.assembly.units[1]
-    told = f"order        {many}, props of {units.force_in_words(worst, force)} at most\n{_first_fall(laying)}"
-    return "\n".join([told, *_centring(laying)])
+    text = f"order        {many}, props of {units.force_in_words(worst, force)} at most\n{_first_fall(laying)}"
+    return "\n".join([text, *_centring(laying)])
 
 
 def _centring(laying: Laying) -> list[str]:
@@ -230,12 +230,12 @@ def _centring(laying: Laying) -> list[str]:
     blocks = laying.blocks
     below = sorted({int(b) for k in needed for b in np.flatnonzero(laying.steps[k - 1].stage.props > 0.0)})
     first, last = needed[0], needed[-1]
-    held = f"centring     from step {first}, in turn below {', '.join(blocks.name(block) for block in below)}"
+    standing = f"centring     from step {first}, in turn below {', '.join(blocks.name(block) for block in below)}"
     if last < len(laying.steps):
-        return [f"{held}; it may be struck after step {last + 1}: no stage from there on needs it"]
+        return [f"{standing}; it may be struck after step {last + 1}: no stage from there on needs it"]
     if laying.steps[-1].stage.stands is None:
-        return [f"{held}; that the finished structure stands without it is not proven"]
-    return [f"{held}; the finished structure does not stand without it"]
+        return [f"{standing}; that the finished structure stands without it is not proven"]
+    return [f"{standing}; the finished structure does not stand without it"]
 
 
 def _first_fall(laying: Laying) -> str:

@@ -211,7 +211,7 @@ def stations_below(assembly: Assembly, spacing: float) -> Stations:
             owner.append(element)
     if not points:
         ends = [elements.shape[e] @ right for e in range(len(elements)) if elements.support[e]]
-        grounds = shapely.union_all([shapely.LineString([(one.min(), 0.0), (one.max(), 0.0)]) for one in ends])
+        grounds = shapely.union_all([shapely.LineString([(end.min(), 0.0), (end.max(), 0.0)]) for end in ends])
         whole = shapely.LineString([(low, 0.0), (high, 0.0)])
         if shapely.difference(whole, shapely.buffer(grounds, 1e-9 * assembly.size)).is_empty:
             problem = "the structure stands on supports along its whole length: places lie below a free underside only"
@@ -330,10 +330,10 @@ class Arcs:
         low, high = before[free], begin[free, 0]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         angle = _nearest(wanted, middle, half)
-        best = int(np.argmin(np.round(abs(_turned(angle - wanted)), 6)))
+        best = int(np.argmin(np.round(abs(_reduce_angles(angle - wanted)), 6)))
         ends = np.concatenate([self.ends(int(piece))[others] for piece in mine])
         # the same gap between exact arcs, whose ends differ from those of the shrunk pieces
-        after, before = _turned(ends[:, 1] - low[best]), _turned(ends[:, 0] - high[best])
+        after, before = _reduce_angles(ends[:, 1] - low[best]), _reduce_angles(ends[:, 0] - high[best])
         low_end = low[best] + np.max(after, initial=0.0, where=abs(after) <= _NEAR)
         high_end = high[best] + np.min(before, initial=0.0, where=abs(before) <= _NEAR)
         between = float(_nearest(wanted, 0.5 * (low_end + high_end), max(0.5 * float(high_end - low_end), 0.0)))
@@ -374,14 +374,14 @@ class Arcs:
         return found
 
 
-def _turned(angle: Floats | float) -> Floats:
+def _reduce_angles(angle: Floats | float) -> Floats:
     """Reduce angles of any shape to −π … π, radians."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def _nearest(wanted: float, middle: Floats | float, half: Floats | float) -> Floats:
     """Return the angle nearest to the wanted one in each interval (middle ± half)."""
-    return np.asarray(middle + np.clip(_turned(wanted - middle), -half, half))
+    return np.asarray(middle + np.clip(_reduce_angles(wanted - middle), -half, half))
 
 
 def _different(angles: Floats) -> Floats:
@@ -547,7 +547,7 @@ class Freedom:
 
         def free(numbers: Ints) -> tuple[Bools, Bools]:
             """Return what each block takes along (w, s, s) in directions (w,), and those (w, s) that leave."""
-            reach = _closed(table[numbers][:, standing][:, :, standing])
+            reach = _transitive_closure(table[numbers][:, standing][:, :, standing])
             return reach, (reach.sum(axis=2) <= most) & ~reach[:, :, held].any(axis=2)
 
         for first in range(0, len(ways), step):
@@ -597,13 +597,14 @@ class Freedom:
         return False
 
     def _separable(self, group: Ints) -> bool:
+        """Return whether the blocks of a group can be moved apart."""
         if len(group) < 2:
             return True
         key = group.tobytes()
         if key not in self._apart:
-            there = np.zeros(len(self.blocks), dtype=bool)
-            there[group] = True
-            parts = [part for part, _ in self._groups(there, len(group) - 1)]
+            in_group = np.zeros(len(self.blocks), dtype=bool)
+            in_group[group] = True
+            parts = [part for part, _ in self._groups(in_group, len(group) - 1)]
             # the order of removal is irrelevant: fewer obstacles remain later
             rest = None if not parts else np.setdiff1d(group, parts[0])
             self._apart[key] = rest is not None and self._separable(parts[0]) and self._separable(rest)
@@ -637,7 +638,7 @@ class Freedom:
         table[number, block, self.blocks.of[met]] = True
 
 
-def _closed(arrows: Bools) -> Bools:
+def _transitive_closure(arrows: Bools) -> Bools:
     """Return the reflexive transitive closure (k, b, b) of directed graphs (k, b, b)."""
     reach = np.asarray(arrows | np.eye(arrows.shape[1], dtype=bool))
     while True:

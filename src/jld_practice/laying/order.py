@@ -232,7 +232,7 @@ def locked_blocks(
     # The blocks found lock one another in every labelling that has them.
     assembly.members.refuse("an assembly sequence")
     blocks = blocks_of_labelling(assembly, labels)
-    freedom = Freedom(blocks, False, bodies)
+    freedom = Freedom(blocks, sideways=False, bodies=bodies)
     there = emptied(freedom, np.ones(len(blocks), dtype=bool), group)
     if not np.any(there & ~blocks.fixed):
         return ()
@@ -246,16 +246,16 @@ Move = tuple[tuple[int, ...], Floats]  # step of disassembly: blocks, and the di
 def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
     """List the blocks of `there` (k,) that can be removed now, with directions; else the smallest group."""
     blocks = freedom.blocks
-    found: list[Move] = []
+    moves: list[Move] = []
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
         direction = freedom.way_out(block, there)
         if direction is not None:
-            found.append(((block,), direction))
-    if not found and group > 1:
+            moves.append(((block,), direction))
+    if not moves and group > 1:
         together = freedom.group_out(there, group)
         if together is not None:
-            found.append((tuple(together[0].tolist()), together[1]))
-    return found
+            moves.append((tuple(together[0].tolist()), together[1]))
+    return moves
 
 
 def _without(there: Bools, move: Move) -> Bools:
@@ -326,18 +326,19 @@ def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
 
 
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
-    """Return an irreducible set of blocks of `there` (k,) that lock one another."""
-    there = emptied(freedom, there, group)
-    blocks = freedom.blocks
-    for block in np.flatnonzero(there & ~blocks.fixed).tolist():
-        if not there[block]:
+    """Return an irreducible set of blocks that lock one another, moved by up to `group` at a time."""
+    locked = emptied(freedom, there, group)
+    movable = ~freedom.blocks.fixed
+    for block in np.flatnonzero(locked & movable).tolist():
+        if not locked[block]:
             continue
-        tried = there.copy()
-        tried[block] = False
-        left = emptied(freedom, tried, group)
-        if np.any(left & ~blocks.fixed):
-            there = left
-    return tuple(np.flatnonzero(there & ~blocks.fixed).tolist())
+        # a block is needed only if nothing stays locked without it
+        without = locked.copy()
+        without[block] = False
+        remaining = emptied(freedom, without, group)
+        if np.any(remaining & movable):
+            locked = remaining
+    return tuple(np.flatnonzero(locked & movable).tolist())
 
 
 def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn) -> tuple[list[Move] | None, bool]:
@@ -363,9 +364,9 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int, turn: Turn
             stands = standing.stage(left).stands
             settled &= stands is not None
             if stands:
-                found = search(left, [*taken, move])
-                if found is not None:
-                    return found
+                moves = search(left, [*taken, move])
+                if moves is not None:
+                    return moves
         failed.add(key)
         return None
 

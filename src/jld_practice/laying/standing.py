@@ -115,17 +115,17 @@ class Parts:
         ends, count = (faces.a[joined], faces.b[joined]), len(here)
         link = sp.coo_array((np.ones(len(joined)), ends), shape=(count, count))
         name = connected_components(link, directed=False)[1]
-        return [self._part(here & (support | (name == one)), labels) for one in np.unique(name[free])]
+        return [self._part(here & (support | (name == part)), labels) for part in np.unique(name[free])]
 
     def _part(self, here: Bools, labels: Bits) -> _Part:
         faces = self.assembly.interfaces
         key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
         if key not in self._known:
             checkpoint()
-            self._known[key] = self._solved(here, labels)
+            self._known[key] = self._least_props(here, labels)
         return self._known[key]
 
-    def _solved(self, here: Bools, labels: Bits) -> _Part:
+    def _least_props(self, here: Bools, labels: Bits) -> _Part:
         """Minimise the sum of prop forces of the part of elements `here` (n,)."""
         assembly, template = self.assembly, self.template
         elements, faces, q = assembly.elements, assembly.interfaces, assembly.freedoms
@@ -136,40 +136,40 @@ class Parts:
         if weight == 0.0:
             return _Part(props, 0.0, weight, np.zeros(self.places))
         program = template.program(labels)
-        own = np.zeros((len(free), q))
-        own[:, : assembly.dimension] = elements.weight[free]
-        weight_of = (own / template.scaling.row).ravel()
+        weights = np.zeros((len(free), q))
+        weights[:, : assembly.dimension] = elements.weight[free]
+        weight_of = (weights / template.scaling.row).ravel()
         # select faces between laid elements and equations of laid elements; drop the column of λ
-        face = here[faces.a] & here[faces.b]
+        chosen = here[faces.a] & here[faces.b]
         pattern = template.yield_set.pattern
         equations = (q * standing[:, None] + np.arange(q)).ravel()
         first = template.structure.equalities + 1
-        linear = first + np.flatnonzero(face[pattern.row_face[: pattern.linear]])
+        linear = first + np.flatnonzero(chosen[pattern.row_face[: pattern.linear]])
         heads = pattern.linear + beginnings(pattern.cones)
-        kept = [k for k in range(len(pattern.cones)) if face[pattern.row_face[heads[k]]]]
-        conic = [first + heads[k] + np.arange(pattern.cones[k]) for k in kept]
+        cones_kept = [k for k in range(len(pattern.cones)) if chosen[pattern.row_face[heads[k]]]]
+        conic = [first + heads[k] + np.arange(pattern.cones[k]) for k in cones_kept]
         yields = np.concatenate([linear, *conic]) if conic else linear
         matrix = program.matrix.tocsr()
         of_yield, of_equations = matrix[yields], matrix[equations]
         used = np.flatnonzero(np.diff(of_yield.tocsc().indptr))
         used = used[used < matrix.shape[1] - 1]
-        push, owner, place = self._props(standing)
-        size = push.shape[1]
-        forces = sp.vstack([of_equations[:, used], sp.csr_array((size, len(used))), of_yield[:, used]])
-        upward = sp.vstack([sp.csr_array(push), -sp.eye_array(size), sp.csr_array((len(yields), size))])
+        push, owner, station = self._props(standing)
+        prop_count = push.shape[1]
+        forces = sp.vstack([of_equations[:, used], sp.csr_array((prop_count, len(used))), of_yield[:, used]])
+        upward = sp.vstack([sp.csr_array(push), -sp.eye_array(prop_count), sp.csr_array((len(yields), prop_count))])
         rows = sp.hstack([forces, upward])
-        rhs = np.concatenate([-weight_of[equations], np.zeros(size), program.rhs[yields]])
-        cost = np.where(place < 0, 1.0 if self.stations is None else _ELSEWHERE, 1.0)
+        rhs = np.concatenate([-weight_of[equations], np.zeros(prop_count), program.rhs[yields]])
+        cost = np.where(station < 0, 1.0 if self.stations is None else _ELSEWHERE, 1.0)
         objective = np.concatenate([np.zeros(len(used)), cost])
-        cones = tuple(pattern.cones[k] for k in kept)
-        stated = pack(rows, rhs, objective, len(equations), size + len(linear), cones)
+        cones = tuple(pattern.cones[k] for k in cones_kept)
+        stated = pack(rows, rhs, objective, len(equations), prop_count + len(linear), cones)
         answer = solve_auxiliary(stated)
         error = _error(stated, answer.point, answer.dual)
         force = np.maximum(answer.point[len(used) :], 0.0) * template.scaling.force
-        force = np.where(force > _NONE * weight / size, force, 0.0)
+        force = np.where(force > _NONE * weight / prop_count, force, 0.0)
         np.add.at(props, owner, force)
         along = np.zeros(self.places)
-        np.add.at(along, place[place >= 0], force[place >= 0])
+        np.add.at(along, station[station >= 0], force[station >= 0])
         relative = template.scaling.force / weight
         return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight, along)
 

@@ -137,15 +137,16 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
         )
     stage = step.stage
     # places along a line exist in the plane alone
-    for foot in projection(stage.places[stage.along > 0.0]) if stage.along.any() else ():
-        ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
-    beside = not stage.along.size or stage.elsewhere > 1e-5 * stage.weight
-    for block in np.flatnonzero(stage.props > 0.0).tolist() if beside else ():
-        points = projection(np.concatenate([elements.shape[e] for e in blocks.elements(block)]))
-        foot = np.array([points[:, 0].mean(), points[:, 1].min()])
+    feet = list(projection(stage.places[stage.along > 0.0])) if stage.along.any() else []
+    if not stage.along.size or stage.elsewhere > 1e-5 * stage.weight:
+        # below the middle of a block that is propped elsewhere
+        for block in np.flatnonzero(stage.props > 0.0).tolist():
+            points = projection(np.concatenate([elements.shape[e] for e in blocks.elements(block)]))
+            feet.append(np.array([points[:, 0].mean(), points[:, 1].min()]))
+    for foot in feet:
         ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
     props = f"props {units.force_in_words(float(stage.props.sum()), assembly.units[1])}"
-    verdict = "stands" if stage.stands else "unsettled" if stage.stands is None else props
+    verdict = {True: "stands", False: props, None: "unsettled"}[stage.stands]
     ax.set_title(f"{number}: {verdict}", fontsize=8, color=look.INK)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])

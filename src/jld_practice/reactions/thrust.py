@@ -104,13 +104,12 @@ def extreme_value(
 
 
 def _analysis(assembly: Assembly, function: ForceFunction, gap: float, sign: float, origin: float) -> LimitAnalysis:
-    """Create the analysis that maximises λ where R(F) / unit = origin + sign λ."""
+    """Create the analysis that maximises λ where R(F) / unit = origin + sign λ; sign ±1, origin a force."""
     scaling = scaling_of(assembly)
-    # Here λ is a force, and scaled like one.
-    scaling = Scaling(scaling.force, scaling.face, scaling.row, scaling.force)
+    scaling = replace(scaling, load=scaling.force)  # here λ is a force, and scaled like one
     row = (function.weights / function.unit * scaling.face).ravel() / scaling.force
-    beside = Beside(row=row, dead=-origin / scaling.force, live=-sign)
-    template = Template(assembly, scaling, yield_set(assembly, scaling, "uncoupled"), beside)
+    defines_load = Beside(row=row, dead=-origin / scaling.force, live=-sign)  # R(F) / unit − origin − sign λ = 0
+    template = Template(assembly, scaling, yield_set(assembly, scaling, "uncoupled"), defines_load)
     analysis = LimitAnalysis(assembly, template=template, gap=gap, solver="clarabel")
     analysis.load_scale = tolerances.GAP_FLOOR * reference_load(assembly) / scaling.force
     return analysis
@@ -143,7 +142,7 @@ def _thrust(
     if moved is not None:
         # At the greatest reaction the supports move against the structure.
         mechanism += -sign * moved
-    found = LimitAnalysisResult(
+    result = LimitAnalysisResult(
         assembly=assembly,
         labels=labels,
         status=Status.COLLAPSE,
@@ -158,7 +157,7 @@ def _thrust(
         seconds={"assemble": analysis.seconds, "solve": proof.seconds, "total": analysis.seconds + proof.seconds},
         model=SolveOptions(gap=gap),
     )
-    return Thrust(value, (low, high), width, "certified", found)
+    return Thrust(value, (low, high), width, "certified", result)
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ def _resultants(
             numbers = [float(part) for part in text.split(",")]
         except ValueError:
             numbers = []
-        if len(numbers) != 4 or not all(abs(one) < float("inf") for one in numbers):
+        if len(numbers) != 4 or not all(abs(number) < float("inf") for number in numbers):
             raise ParameterError("section", f"{text!r} is not a line", "two points, as X,Y,X,Y")
         found += resultant_of_section(assembly, numbers[:2], numbers[2:])
     return found

@@ -151,8 +151,8 @@ class LimitFunction:
 def _by_strength(sets: FrictionSet, jumps: Floats, normal: Floats, labels: np.ndarray) -> dict[str, Floats]:
     """Return derivatives (m,) of scaled λ by scaled strengths, at unit live work, from jumps (m, q)."""
     slip = sets.slip(jumps) * normal
-    frictions = [one for one in standard.PARAMETERS if one.side == "friction"]
-    found = {one.field: np.where(labels == (one.label == "dry"), slip, 0.0) for one in frictions}
+    frictions = [parameter for parameter in standard.PARAMETERS if parameter.side == "friction"]
+    found = {friction.field: np.where(labels == (friction.label == "dry"), slip, 0.0) for friction in frictions}
     for name, values in sets.numbers.stresses.items():
         step = np.where(np.isfinite(values), _DIFFERENCE * np.maximum(values, 1.0), 0.0)
         ends = [
@@ -263,8 +263,8 @@ def design_point(function: LimitFunction, start: Floats | None = None) -> Form:
             if moved:
                 break
         if not moved:
-            return Form(math.nan, work.point, number, True, "no step leads nearer to the failure surface")
-    return Form(math.nan, work.point, _STEPS, True, f"no design point after {_STEPS} steps")
+            return Form(math.nan, work.point, number, kink=True, problem="no step leads nearer to the failure surface")
+    return Form(math.nan, work.point, _STEPS, kink=True, problem=f"no design point after {_STEPS} steps")
 
 
 def _found(work: _Iteration, steps: int, inside: bool, kink: bool) -> Form:
@@ -330,7 +330,7 @@ class _Part:
 
 def is_rare(points: Sequence[Form], samples: int) -> bool:
     """Return whether plain samples are expected to fail too seldom."""
-    return bool(points) and samples * sum(one.probability for one in points) < _FEW
+    return bool(points) and samples * sum(point.probability for point in points) < _FEW
 
 
 def simulate(
@@ -388,11 +388,11 @@ class _Drawing:
     @classmethod
     def around(cls, points: Sequence[Form], samples: int, seed: int, variables: int, rare: bool) -> _Drawing:
         """Return the drawing of samples around the means alone, or around rare design points too."""
-        ends = np.array([one.point for one in points]).reshape(-1, variables)
+        ends = np.array([point.point for point in points]).reshape(-1, variables)
         first = ends[:1] if len(ends) else np.zeros((1, variables))
         if not rare:
             return cls(seed, np.array([samples]), np.zeros((1, variables)), first)
-        share = np.array([one.probability for one in points])
+        share = np.array([point.probability for point in points])
         share = _EVEN / len(share) + (1.0 - _EVEN) * share / share.sum() if share.any() else 1.0 / len(share) + share
         plain = -(-samples // _PLAIN)
         last = np.round((samples - plain) * np.cumsum(share)).astype(np.int64)
@@ -546,18 +546,18 @@ def explore_failures(function: LimitFunction, first: Form, samples: int, seed: i
     tried = np.zeros(len(failing), dtype=bool)
     in_vain = 0
     for _ in range(_SEARCHES):
-        unexplained = np.flatnonzero(_unexplained(failing, points) & ~tried)
+        unexplained = np.flatnonzero(_beyond_design_points(failing, points) & ~tried)
         if not len(unexplained) or in_vain == _VAIN:
             break
         start = unexplained[np.argmin((failing[unexplained] ** 2).sum(axis=1))]
         tried[start] = True
         form = design_point(function, failing[start])
-        new = form.found and form.beta > 0.0 and bool(_unexplained(form.point[None], points)[0])
+        new = form.found and form.beta > 0.0 and bool(_beyond_design_points(form.point[None], points)[0])
         points += [form] if new else []
         in_vain = 0 if new else in_vain + 1
-    count = int(_unexplained(failing, points).sum())
+    count = int(_beyond_design_points(failing, points).sum())
     share = min(1.0, _DOUBT * exact_interval(count, 0, samples)[1])
-    return Exploration(tuple(sorted(points, key=lambda one: one.beta)), _unseen_probability(share, spread))
+    return Exploration(tuple(sorted(points, key=lambda point: point.beta)), _unseen_probability(share, spread))
 
 
 def _unseen_probability(share: float, spread: float) -> float:
@@ -586,11 +586,11 @@ def _failing(function: LimitFunction, spread: float, samples: int, seed: int, jo
     return np.concatenate(in_threads(part, -(-samples // batch_solver.SAMPLES_OF_A_CALL), jobs))
 
 
-def _unexplained(samples: Floats, points: list[Form]) -> np.ndarray:
+def _beyond_design_points(samples: Floats, points: list[Form]) -> np.ndarray:
     """Return a mask (k,) of the samples (k, v) that lie beyond no design point."""
     if not points or not len(samples):
         return np.ones(len(samples), dtype=bool)
-    centres = np.array([one.point for one in points])
+    centres = np.array([point.point for point in points])
     return np.asarray((samples @ centres.T < _NEAR * (centres**2).sum(axis=1)).all(axis=1))
 
 
@@ -650,7 +650,7 @@ class Reliability:
             "confidence": CONFIDENCE,
             "importance_sampling": simulation.importance,
             "unseen": simulation.unseen,
-            "mechanisms": [{"beta": one.beta, "probability": one.probability} for one in self.points],
+            "mechanisms": [{"beta": point.beta, "probability": point.probability} for point in self.points],
             "resolved": simulation.resolved,
             "undecided": simulation.undecided,
             "form": {"iterations": form.steps, "kink": form.kink, "problem": form.problem or None},

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
@@ -126,14 +127,14 @@ class RandomStructure:
         """Return the strengths of all faces, scene units, of samples (k, v); 0 for negative ones."""
         own, mean = self.assembly.strengths(_ROUTE), self.variables.mean
         tables = {name: np.repeat(getattr(own, name)[None], len(values), axis=0) for name in vars(own)}
-        for one in self.followers:
-            x, m = values[:, one.variables], mean[one.variables]
-            if one.angle:
+        for follower in self.followers:
+            x, m = values[:, follower.variables], mean[follower.variables]
+            if follower.angle:
                 x, m = _tangent(x), _tangent(m)
-            base = getattr(own, one.field)[one.faces]
-            least = _LEAST * base if one.field in standard.ENDS else 0.0
-            tables[one.field][:, one.faces] = np.maximum(base + (x - m), least)
-        inner = {one.side: one.field for one in standard.PARAMETERS if one.label == "inner"}
+            base = getattr(own, follower.field)[follower.faces]
+            least = _LEAST * base if follower.field in standard.ENDS else 0.0
+            tables[follower.field][:, follower.faces] = np.maximum(base + (x - m), least)
+        inner = {parameter.side: parameter.field for parameter in standard.PARAMETERS if parameter.label == "inner"}
         tension, shear, friction = (tables[inner[side]] for side in ("tension", "shear", "friction"))
         with np.errstate(divide="ignore", invalid="ignore"):
             apex = np.where(friction > 0.0, shear / friction, np.inf)
@@ -162,7 +163,7 @@ class RandomStructure:
         """For each case the variables (r,) of linear loads, and their rates (r, n·q)."""
         found: list[tuple[Ints, Floats, Floats] | None] = []
         for growths in self.growths:
-            plain = [one for one in growths if len(one.variables) == 1]
+            plain = [growth for growth in growths if len(growth.variables) == 1]
             rows = np.array([one.variables[0] for one in plain], dtype=np.int64)
             parts = [np.array([getattr(one, name).ravel() for one in plain]) for name in ("dead", "live")]
             found.append((rows, parts[0], parts[1]) if plain else None)
@@ -181,19 +182,19 @@ class RandomStructure:
         self, values: Floats, case: int, by_strength: dict[str, Floats], by_load: tuple[Floats, Floats]
     ) -> Floats:
         """Return derivatives (v,) by the variables, from those by strengths (m,) and loads (n, q)."""
-        found, away = np.zeros(len(values)), values - self.variables.mean
-        for one in self.followers:
+        derivatives, deviation = np.zeros(len(values)), values - self.variables.mean
+        for follower in self.followers:
             slope: Any = 1.0
-            if one.angle:
-                x = np.clip(values[one.variables], 0.0, _STEEPEST)
+            if follower.angle:
+                x = np.clip(values[follower.variables], 0.0, _STEEPEST)
                 slope = np.radians(1.0) / np.cos(np.radians(x)) ** 2
-            np.add.at(found, one.variables, slope * by_strength[one.field][one.faces])
+            np.add.at(derivatives, follower.variables, slope * by_strength[follower.field][follower.faces])
         for growth in self.growths[case]:
             rate = float((by_load[0] * growth.dead).sum() + (by_load[1] * growth.live).sum())
             for position, variable in enumerate(growth.variables):
-                others = [away[k] for n, k in enumerate(growth.variables) if n != position]
-                found[variable] += rate * float(np.prod(others))
-        return found
+                others = [deviation[k] for n, k in enumerate(growth.variables) if n != position]
+                derivatives[variable] += rate * float(np.prod(others))
+        return derivatives
 
 
 def _tangent(degrees: Floats) -> Floats:
@@ -231,19 +232,19 @@ class _Measurement:
     def structure(self) -> RandomStructure:
         variables_of = [self._add(path, value) for path, value in self.found]
         self._add_products(variables_of)
-        mean = np.array([float(one) for one in self.sizes])
+        mean = np.array([float(size) for size in self.sizes])
         variables = Variables(
             names=tuple(self.names),
             mean=mean,
-            deviation=np.array([one.cov for one in self.sizes]) * abs(mean),
-            lognormal=np.array([one.kind == "lognormal" for one in self.sizes]),
+            deviation=np.array([size.cov for size in self.sizes]) * abs(mean),
+            lognormal=np.array([size.kind == "lognormal" for size in self.sizes]),
         )
-        growths = tuple(tuple(one) for one in self.growths)
+        growths = tuple(tuple(growth) for growth in self.growths)
         return RandomStructure(self.base, variables, tuple(self.followers), growths)
 
     def changed(self, *changes: tuple[int, float]) -> Assembly:
         """Return the assembly with some values, by position, multiplied by factors."""
-        document = _copied(self.document)
+        document = _copy(self.document)
         fresh = False
         for position, factor in changes:
             path, value = self.found[position]
@@ -261,23 +262,25 @@ class _Measurement:
         size = value.size if isinstance(value, uncertain.UncertainVector) else value
         step = _STEP
         try:
-            other = self.changed((position, 1.0 + step))
+            stepped = self.changed((position, 1.0 + step))
         except InputError:  # a larger value contradicts another one; a smaller one does not
             step = -_STEP
-            other = self.changed((position, 1.0 + step))
-        faces = self._following(path, other, float(size) * step)
-        rates = self._rates(other, float(size) * step)
-        split = self._split(path, size, faces, rates)
-        first, many = len(self.names), 1 if split is None else len(split)
+            stepped = self.changed((position, 1.0 + step))
+        faces = self._following(path, stepped, float(size) * step)
+        rates = self._rates(stepped, float(size) * step)
+        varying = self._split(path, size, faces, rates)
+        first, count = len(self.names), 1 if varying is None else len(varying)
         name = uncertain.in_words(path)
-        self.names += [name] if split is None else [f"{name} of {one}" for one in self._owners(split, bool(faces))]
-        self.sizes += [size] * many
+        self.names += [name] if varying is None else [f"{name} of {one}" for one in self._owners(varying, bool(faces))]
+        self.sizes += [size] * count
         for field, mask, angle in faces:
-            own = np.flatnonzero(mask)
-            place = np.zeros(len(own), dtype=np.int64) if split is None else np.searchsorted(split, own)
-            self.followers.append(_Follower(field, own, first + place, angle))
-        self._grow(rates, first, split if split is not None and not faces else None)
-        return list(range(first, first + many))
+            followed = np.flatnonzero(mask)
+            variable = (
+                np.zeros(len(followed), dtype=np.int64) if varying is None else np.searchsorted(varying, followed)
+            )
+            self.followers.append(_Follower(field, followed, first + variable, angle))
+        self._grow(rates, first, varying if varying is not None and not faces else None)
+        return list(range(first, first + count))
 
     def _following(self, path: uncertain.Path, other: Assembly, change: float) -> list[tuple[str, Any, bool]]:
         """Return the strengths that follow a value: name, faces (m,), whether by its tangent."""
@@ -324,8 +327,8 @@ class _Measurement:
     def _owners(self, split: Ints, faces: bool) -> list[str]:
         """Return the names of faces or elements; several faces of a pair of elements are numbered."""
         if not faces:
-            return [self.base.elements.ids[one] for one in split]
-        names = [self.base.pair(one) for one in split]
+            return [self.base.elements.ids[owner] for owner in split]
+        names = [self.base.pair(owner) for owner in split]
         return [
             f"{name} ({names[:k].count(name) + 1})" if names.count(name) > 1 else name for k, name in enumerate(names)
         ]
@@ -344,26 +347,23 @@ class _Measurement:
         """Add the loads that grow with products of two values: body loads, by weights."""
         weights = [k for k, (path, _) in enumerate(self.found) if path[-1] in ("density", "weight")]
         bodies = [k for k, (path, _) in enumerate(self.found) if "body" in path]
-        for one in weights:
-            for two in bodies:
-                both, alone = (one, 1.0 + _STEP), (two, 1.0 + _STEP)
-                sizes = [float(self.sizes[variables_of[k][0]]) for k in (one, two)]
-                change = sizes[0] * sizes[1] * _STEP**2
-                parts = [
-                    found.by_case for found in (self.changed(both, alone), self.changed(both), self.changed(alone))
-                ]
-                for case, growths in enumerate(self.growths):
-                    base = self.base.by_case[case]
-                    dead, live = (
-                        _rate(
-                            getattr(parts[0][case], name) + getattr(base, name),
-                            getattr(parts[1][case], name) + getattr(parts[2][case], name),
-                            change,
-                            digits=1.0 / _STEP**2,
-                        )
-                        for name in ("dead", "live")
-                    )
-                    self._grow_pairs(growths, variables_of[one], variables_of[two][0], dead, live)
+        for weight, body in itertools.product(weights, bodies):
+            # second difference of the loads by both values: (both + none − weight − body) / (change of both)
+            more_weight, more_body = (weight, 1.0 + _STEP), (body, 1.0 + _STEP)
+            mean_weight, mean_body = (float(self.sizes[variables_of[k][0]]) for k in (weight, body))
+            rate = partial(_rate, change=mean_weight * mean_body * _STEP**2, digits=1.0 / _STEP**2)
+            cases = zip(
+                self.changed(more_weight, more_body).by_case,
+                self.base.by_case,
+                self.changed(more_weight).by_case,
+                self.changed(more_body).by_case,
+                self.growths,
+                strict=True,
+            )
+            for both, none, by_weight, by_body, growths in cases:
+                dead = rate(both.dead + none.dead, by_weight.dead + by_body.dead)
+                live = rate(both.live + none.live, by_weight.live + by_body.live)
+                self._grow_pairs(growths, variables_of[weight], variables_of[body][0], dead, live)
 
     @staticmethod
     def _grow_pairs(growths: list[Growth], weights: list[int], body: int, dead: Floats, live: Floats) -> None:
@@ -398,12 +398,12 @@ def _unknown(path: uncertain.Path) -> InputError:
     )
 
 
-def _copied(part: Any) -> Any:
+def _copy(part: Any) -> Any:
     """Copy nested dicts and lists; lists of numbers are shared."""
     if isinstance(part, dict):
-        return {key: _copied(one) for key, one in part.items()}
+        return {key: _copy(one) for key, one in part.items()}
     if isinstance(part, list):
-        return [_copied(one) for one in part]
+        return [_copy(one) for one in part]
     return part
 
 
@@ -445,22 +445,25 @@ class SampleBounds:
         require_materials(structure.assembly, labels, ~labels)
         self.structure, self.labels = structure, labels
         analyses = [limit_analysis(case, _OPTIONS, reference=labels) for case in structure.cases]
-        self.analyses = [SampleAnalysis(one, labels) for one in analyses]
+        self.analyses = [SampleAnalysis(analysis, labels) for analysis in analyses]
 
     @property
     def batched(self) -> bool:
         """True if the batch solver takes the samples of all load cases."""
-        return all(one.batched for one in self.analyses)
+        return all(analysis.batched for analysis in self.analyses)
 
     @one_thread()
     def of(self, values: Floats, required: float | None = None) -> GoverningBounds:
         if not self.batched:
             return self.proven(values)
         size, cases = batch_solver.SAMPLES_OF_A_CALL, range(len(self.analyses))
-        parts = [values[k : k + size] for k in range(0, len(values), size)]
-        each = [[self._of_case(case, part, required) for case in cases] for part in parts]
-        least, most = (np.concatenate([np.min([one[end] for one in part], axis=0) for part in each]) for end in (0, 1))
-        return GoverningBounds(least, most)
+        lows, highs = [], []
+        for k in range(0, len(values), size):
+            low, high = zip(*(self._of_case(case, values[k : k + size], required) for case in cases), strict=True)
+            # the governing case has the least bounds
+            lows.append(np.min(low, axis=0))
+            highs.append(np.min(high, axis=0))
+        return GoverningBounds(np.concatenate(lows), np.concatenate(highs))
 
     def _of_case(self, case: int, values: Floats, required: float | None) -> tuple[Floats, Floats]:
         """Return bounds (k,) on λ over the required one under a load case."""
@@ -477,7 +480,7 @@ class SampleBounds:
 
     def proven(self, values: Floats) -> GoverningBounds:
         """Compute bounds of single samples that the batch solver left open."""
-        brackets = np.array([self._proven(one) for one in values]).reshape(-1, 2)
+        brackets = np.array([self._proven(value) for value in values]).reshape(-1, 2)
         return GoverningBounds(brackets[:, 0], brackets[:, 1])
 
     def _proven(self, values: Floats) -> tuple[float, float]:

@@ -283,7 +283,7 @@ class _BlockRefutation:
         # Each mechanism bounds λ of all segmentations into the blocks left, and rules out the blocks that occur in none
         # above the threshold. Without those, propagation leaves fewer blocks for the next mechanism. The threshold is
         # the stated bound raised by rounding. True: no block is left for an element, or no segmentation exceeds it.
-        threshold, bound = _raised(conflict.bound), self._bound
+        threshold, bound = _raise_by_tolerance(conflict.bound), self._bound
         possible = self._tables.propagated(self._tables.agreeing(conflict.faces, conflict.labels))
         if possible is None or bound <= threshold:
             return True
@@ -305,7 +305,7 @@ class _BlockRefutation:
 
     def by_programs(self, conflict: Conflict) -> bool | None:
         """Return whether new block relaxations refute a conflict, None if time ran out."""
-        threshold = _raised(conflict.bound)
+        threshold = _raise_by_tolerance(conflict.bound)
         for labels in self._labellings(conflict, threshold):
             if time.perf_counter() >= self._end:
                 return None
@@ -346,6 +346,6 @@ class _BlockRefutation:
         return self._relaxations[key]
 
 
-def _raised(bound: float) -> float:
+def _raise_by_tolerance(bound: float) -> float:
     """Return a scaled λ raised by the tolerance of a proof, `tolerances.PROVEN`."""
     return bound + tolerances.PROVEN * max(1.0, abs(bound))

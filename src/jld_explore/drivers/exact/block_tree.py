@@ -52,7 +52,7 @@ class FaceChildren:
     @property
     def left(self) -> list[Node]:
         """Children that may still hold labellings: none, one or two."""
-        return [one for one in (self.inner, self.dry) if one is not None]
+        return [branch for branch in (self.inner, self.dry) if branch is not None]
 
 
 # children of a node for several faces, and the conflicts of the refuted children
@@ -289,11 +289,11 @@ class BlockTree:
         children = [one for (one,) in forced]
         if len(children) == 1:
             return children[0]
-        faces = np.concatenate([branching.node.faces, *(one.faces[-1:] for one in children)])
-        labels = np.concatenate([branching.node.labels, *(one.labels[-1:] for one in children)])
-        new_proofs = [one.proof[len(branching.node.proof) :] for one in children]
+        faces = np.concatenate([branching.node.faces, *(child.faces[-1:] for child in children)])
+        labels = np.concatenate([branching.node.labels, *(child.labels[-1:] for child in children)])
+        new_proofs = [child.proof[len(branching.node.proof) :] for child in children]
         proof = (*branching.node.proof, *(evidence for some in new_proofs for evidence in some))
-        allowed = self._tables.propagated(np.logical_and.reduce([one.allowed for one in children]))
+        allowed = self._tables.propagated(np.logical_and.reduce([child.allowed for child in children]))
         if allowed is not None:
             weakest = min(children, key=lambda one: one.choice.bound)
             share = np.where(allowed, weakest.choice.share, 0.0)
@@ -378,7 +378,7 @@ class BlockSearch:
         narrow = self._context.relaxation.batched and root - least <= _NARROW_GAP[self._bounds.batched] * abs(root)
         # the relaxation of wedges is a linear program; with cones it is too slow for a tree
         sets = [analysis.template.yield_set for analysis in self._context.analyses]
-        quick = all(one.coulomb_wedge(dry=True) is not None for one in sets)
+        quick = all(yield_set.coulomb_wedge(dry=True) is not None for yield_set in sets)
         if self._wanted == "on" or (quick and not narrow and root - tree.root.bound >= _GAP_CLOSED * (root - least)):
             self._tree = tree
         return min(root, tree.root.bound)
@@ -437,7 +437,7 @@ class BlockSearch:
         step = tree.step(threshold, formula.possible, time_is_up)
         if step.labelling is not None:
             return BlockStep(step.conflicts, complete=step.labelling)
-        promising = None if time_is_up() else self._rounded(tree, step.node, formula, threshold)
+        promising = None if time_is_up() else self._round_to_labelling(tree, step.node, formula, threshold)
         return BlockStep(step.conflicts, promising=promising)
 
     def note_inaccurate_bound(self) -> None:
@@ -446,7 +446,7 @@ class BlockSearch:
         if self._inaccurate_bounds >= _MOST_INACCURATE:
             self.abandon()
 
-    def _rounded(self, tree: BlockTree, node: Node, formula: Formula, threshold: float) -> Bits | None:
+    def _round_to_labelling(self, tree: BlockTree, node: Node, formula: Formula, threshold: float) -> Bits | None:
         """Round block shares to a labelling (m,) that may exceed a scaled λ; None if old or refuted."""
         labels = formula.next(*tree.rounded(node))
         if labels is None or labels.tobytes() in self._offered:

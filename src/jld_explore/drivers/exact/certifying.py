@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from functools import cached_property
@@ -274,8 +275,8 @@ class Certifier:
     def _block_programs(self) -> tuple[list[BlockRelaxation], PossibleBlocks, BlockTables]:
         """Block relaxations of the load cases over the blocks that the checker lists, with tables of these."""
         listed = self._checker.labellings.blocks
-        blocks = PossibleBlocks(tuple(one.members for one in listed), tuple(one.inside for one in listed))
-        programs = [BlockRelaxation(one, blocks.members, blocks.inside) for one in self._analyses]
+        blocks = PossibleBlocks(tuple(block.members for block in listed), tuple(block.inside for block in listed))
+        programs = [BlockRelaxation(analysis, blocks.members, blocks.inside) for analysis in self._analyses]
         return programs, blocks, BlockTables(self._space, blocks)
 
     def _by_blocks(self, decided: Bits, labels: Bits) -> BlockMechanism | None:
@@ -347,29 +348,30 @@ class Certifier:
     ) -> BlockMechanism | None:
         """Round the mechanism of a block relaxation to whole numbers that the checker accepts, or None."""
         decided, labels = stated[0] & self._space.candidates, stated[1]
-        scaling, parts = program.template.scaling, program.parts
-        free = program.template.assembly.elements.free.tolist()
+        assembly, scaling, parts = program.template.assembly, program.template.scaling, program.parts
+        free = assembly.elements.free.tolist()
         multipliers = mechanism.multipliers
-        index = np.full(len(decided), -1)
-        index[parts.side_face] = parts.side_shared
-        shared = np.flatnonzero(index >= 0)
+        # number of each face among the faces with velocities of their own, −1 for others
+        wall_of_face = np.full(len(decided), -1)
+        wall_of_face[parts.side_face] = parts.side_shared
+        shared = np.flatnonzero(wall_of_face >= 0)
         for share in _BLOCKS_OPEN:
             opened = program.opened(multipliers, allowed, share)
             if opened is None:
                 return None
-            velocity = opened[0] / scaling.row[parts.part_element]
-            wall = opened[1][index[shared]] / scaling.face[shared]
+            scaled_velocity, scaled_wall = opened
+            velocity = scaled_velocity / scaling.row[parts.part_element]
+            wall = scaled_wall[wall_of_face[shared]] / scaling.face[shared]
             size = float(max(abs(velocity).max(), abs(wall).max(initial=0.0)))
-            digits = max(
-                _DIGITS - int(np.floor(np.log2(size)) - np.ceil(max(0.0, np.log2(program.template.assembly.size)))), 0
-            )
+            bits_of_size = int(np.floor(np.log2(size)) - np.ceil(max(0.0, np.log2(assembly.size))))
+            digits = max(_DIGITS - bits_of_size, 0)
             price = np.column_stack([multipliers.price, multipliers.portion / scaling.load])
-            begin = np.searchsorted(parts.part_block, np.arange(len(blocks) + 1))
-            moves = {
-                members: tuple(n for row in velocity[begin[p] : begin[p + 1]] for n in _whole(row, digits))
-                for p, members in enumerate(blocks.members)
-                if allowed[p]
-            }
+            begin = np.searchsorted(parts.part_block, np.arange(len(blocks) + 1))  # first part of each block
+            moves = {}
+            for p, members in enumerate(blocks.members):
+                if allowed[p]:
+                    rows = (_whole(row, digits) for row in velocity[begin[p] : begin[p + 1]])
+                    moves[members] = tuple(itertools.chain(*rows))
             reason = BlockMechanism(
                 tuple(np.flatnonzero(decided & labels).tolist()),
                 tuple(np.flatnonzero(decided & ~labels).tolist()),

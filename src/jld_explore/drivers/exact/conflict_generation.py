@@ -233,17 +233,19 @@ class ConflictGenerator:
                 ConflictRequest(drawn[labelling], self._free, limits, outside, in_window, seed)
             )
             refuted = [
-                replace(one, labelling=int(labelling[one.labelling])) for one in minimized if one.bound is not None
+                replace(conflict, labelling=int(labelling[conflict.labelling]))
+                for conflict in minimized
+                if conflict.bound is not None
             ]
             conflicts += refuted
-            unrefuted = np.setdiff1d(open_ones, [one.labelling for one in refuted])
+            unrefuted = np.setdiff1d(open_ones, [conflict.labelling for conflict in refuted])
             self._statistics.record(width, 1.0 - len(unrefuted) / len(open_ones))
             open_ones = unrefuted
         if open_ones.size:
             limits = np.full(len(open_ones), threshold)
             request = ConflictRequest(drawn[open_ones], self._free, limits, how=options, seed=seed)
             whole = self._relaxation.minimize_conflicts(request)
-            conflicts += [replace(one, labelling=int(open_ones[one.labelling])) for one in whole]
+            conflicts += [replace(conflict, labelling=int(open_ones[conflict.labelling])) for conflict in whole]
         return conflicts
 
     def _add_results(

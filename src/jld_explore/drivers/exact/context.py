@@ -359,7 +359,7 @@ class Heuristics:
     def start(self) -> Iterator[Bits]:
         """Yield labellings (k, m) of the driver that begins, until none is due."""
         while self._starter is not None and self._starter_due > 0:
-            found = self._starter.ask(self._limited(self._starter_due))
+            found = self._starter.ask(self._limit_count(self._starter_due))
             self._starter_due -= len(found) or self._starter_due
             yield found
         self._starter = None
@@ -367,11 +367,11 @@ class Heuristics:
     def run(self) -> Iterator[Bits]:
         """Yield labellings (k, m) of the usual driver, until none is due."""
         while self.due > 0:
-            found = self.driver.ask(self._limited(self.due))
+            found = self.driver.ask(self._limit_count(self.due))
             self.due -= len(found) or self.due
             yield found
 
-    def _limited(self, due: int) -> int:
+    def _limit_count(self, due: int) -> int:
         """Return the number of labellings to ask for, if `due` are due."""
         return due if self.limit is None else min(self.limit, due)
 

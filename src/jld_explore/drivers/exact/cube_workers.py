@@ -78,7 +78,7 @@ class _WorkerProof:
         result = TaskResult()
         while not result.closed:
             batch = self._generator.step(task.threshold, task.cube)
-            result.conflicts += [one for one in batch.conflicts if self._bounds.lowered(one)]
+            result.conflicts += [conflict for conflict in batch.conflicts if self._bounds.lowered(conflict)]
             result.unrefuted += batch.unrefuted
             result.closed = batch.exhausted
             if time.perf_counter() >= end:
@@ -91,7 +91,9 @@ class _WorkerProof:
         """Add new conflicts and labellings to the formula, and aim it at the target of the task."""
         if self._formula is None:
             self._formula = Formula(self._context.space, self._context.blocks)
-        self._formula.learn([one for one in task.new_conflicts if self._bounds.lowered(one)], task.handed_over)
+        self._formula.learn(
+            [conflict for conflict in task.new_conflicts if self._bounds.lowered(conflict)], task.handed_over
+        )
         if task.target != self._target:
             self._target = task.target
             self._formula.aim(task.threshold, task.count)
@@ -204,7 +206,7 @@ class CubeWorkers:
             done_in(self._assigned, _WAIT_SECONDS)
             self.exchange()
         self._has_new_results = False
-        return not self._cubes and not any(one.target == self._target for one in self._assigned.values())
+        return not self._cubes and not any(cube.target == self._target for cube in self._assigned.values())
 
     def exchange(self) -> None:
         """Collect finished tasks and send waiting cubes to free workers, without waiting."""
@@ -217,7 +219,7 @@ class CubeWorkers:
         for worker in self._pool.fill():
             self._reclaim_cubes(worker)
         for held in range(_TASKS_PER_WORKER):
-            tasks_held = Counter(one.worker.name for one in self._assigned.values())
+            tasks_held = Counter(cube.worker.name for cube in self._assigned.values())
             for worker in [worker for worker in self._pool if tasks_held[worker.name] <= held]:
                 self._split_cubes()
                 if not self._cubes:
@@ -263,7 +265,7 @@ class CubeWorkers:
             worker=worker.name,
             number=worker_state.tasks,
             context=content,
-            new_conflicts=tuple(replace(one, mechanism=None, by_blocks=()) for one in new_conflicts),
+            new_conflicts=tuple(replace(conflict, mechanism=None, by_blocks=()) for conflict in new_conflicts),
             handed_over=np.array(handed_over, dtype=bool).reshape(len(handed_over), len(self._face_scores)),
             target=self._target,
             count=self._count,

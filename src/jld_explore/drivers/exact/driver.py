@@ -359,8 +359,8 @@ class ConflictDriver(ProvingDriver):
 
     def _add_conflicts(self, conflicts: Sequence[Conflict]) -> None:
         self._state.add_conflicts(conflicts)
-        for one in conflicts:
-            self.formula.forbid(one.faces, one.labels, one.bound)
+        for conflict in conflicts:
+            self.formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _bound_at_root(self) -> float:
         """Bound λ, scene units, of all labellings by one relaxation of all free faces; inf without one."""

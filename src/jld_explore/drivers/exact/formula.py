@@ -305,23 +305,24 @@ class Formula:
     # --- what a segmentation is -------------------------------------------------------------------------
 
     def _add_blocks(self, blocks: PossibleBlocks) -> None:
+        """Add a variable for each block that implies its labels; every element needs one."""
         graph = self.space.graph
-        around: dict[int, set[int]] = {}
+        faces_of: dict[int, set[int]] = {}
         for face, (a, b) in enumerate(zip(graph.a.tolist(), graph.b.tolist(), strict=True)):
-            around.setdefault(a, set()).add(face)
-            around.setdefault(b, set()).add(face)
-        of: dict[int, list[int]] = {int(e): [] for e in self.space.assembly.elements.free}
-        for p, (members, inside) in enumerate(zip(blocks.members, blocks.inside, strict=True)):
+            faces_of.setdefault(a, set()).add(face)
+            faces_of.setdefault(b, set()).add(face)
+        chosen_of: dict[int, list[int]] = {int(e): [] for e in self.space.assembly.elements.free}
+        for block, (members, inside) in enumerate(zip(blocks.members, blocks.inside, strict=True)):
             self._last_variable += 1
             self._chosen.append(self._last_variable)
-            within = set(inside)
+            inner_faces = set(inside)
             for e in members:
-                of[e].append(self._last_variable)
-            for face in set().union(*(around.get(e, set()) for e in members)):
+                chosen_of[e].append(self._last_variable)
+            for face in set().union(*(faces_of.get(e, set()) for e in members)):
                 if self._variable[face] > 0:
-                    sign = 1 if face in within else -1
-                    self._solver.add_clause([-self._chosen[p], sign * int(self._variable[face])])
-        for variables in of.values():
+                    sign = 1 if face in inner_faces else -1
+                    self._solver.add_clause([-self._chosen[block], sign * int(self._variable[face])])
+        for variables in chosen_of.values():
             self._solver.add_clause(variables)
 
     def limit_kinds(self, kinds: Sequence[int], bounds: Range) -> None:
@@ -335,7 +336,7 @@ class Formula:
     def _any_of(self, literals: list[int]) -> int:
         """Return a new variable that is true exactly where one of the literals is."""
         found = self._new()
-        self._solver.append_formula([[-found, *literals], *([found, -one] for one in literals)])
+        self._solver.append_formula([[-found, *literals], *([found, -literal] for literal in literals)])
         return found
 
     def _can_express(self, count: Count) -> bool:

@@ -94,14 +94,14 @@ def check_proof(
     if problem:
         return ProofCheck(problem, time.perf_counter() - start)
     highest = max((_with_scaling_error(claim.threshold) for claim in claims), default=-math.inf)
-    used = [one for one in state.conflicts if not one.from_cube and one.bound <= highest]
+    used = [conflict for conflict in state.conflicts if not conflict.from_cube and conflict.bound <= highest]
     conflict_check, block_check = _ConflictCheck(context), BlockConflictCheck(context)
     end = start + max(_REFUTATION_SECONDS, _REFUTATION_SHARE * seconds)
     conflict_check.weigh(used)
     conflict_check.refute_again(used, end)
     better = conflict_check.corrected  # one that no claim rests on is no problem
     conflicts_left = [better.get(one.key, one) for one in used]
-    raised = [_raised(claim, used, conflicts_left) for claim in claims] if better else list(claims)
+    raised = [_raise_claim(claim, used, conflicts_left) for claim in claims] if better else list(claims)
     problem = (
         _find_contradiction(conflicts_left, context.space, *evaluated)
         or block_check.refute_again(conflicts_left, end)
@@ -114,7 +114,7 @@ def check_proof(
     return ProofCheck(problem, time.perf_counter() - start, len(used), done, tuple(better.values()), holds)
 
 
-def _raised(claim: Claim, used: Sequence[Conflict], left: Sequence[Conflict]) -> Claim:
+def _raise_claim(claim: Claim, used: Sequence[Conflict], left: Sequence[Conflict]) -> Claim:
     """Return a claim raised to the largest bound of the conflicts `used` for it, as corrected in `left`."""
     highest = _with_scaling_error(claim.threshold)
     bounds = [new.bound for old, new in zip(used, left, strict=True) if old.bound <= highest < new.bound]
@@ -130,9 +130,12 @@ class _ConflictCheck:
         self.corrected: dict[tuple[bytes, bytes], Conflict] = {}
 
     def weigh(self, conflicts: Sequence[Conflict]) -> None:
-        cases = sorted({one.mechanism.case for one in conflicts if one.mechanism is not None})
+        """Evaluate mechanisms again, and correct bounds that they do not prove."""
+        cases = sorted({conflict.mechanism.case for conflict in conflicts if conflict.mechanism is not None})
         for case in cases:
-            of_case = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]
+            of_case = [
+                conflict for conflict in conflicts if conflict.mechanism is not None and conflict.mechanism.case == case
+            ]
             for part in _parts(of_case):
                 velocities = np.array([one.mechanism.velocity for one in part if one.mechanism is not None])
                 bounds = self._relaxation.evaluate_mechanisms(case, velocities, *self._partial(part))
@@ -284,10 +287,10 @@ def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
         propagation.add(literals)
         if not literals:
             break
-    return _trimmed(len(clauses), lemmas, reasons)
+    return _trim(len(clauses), lemmas, reasons)
 
 
-def _trimmed(count: int, lemmas: list[tuple[int, ...]], reasons: list[tuple[int, ...]]) -> Refutation:
+def _trim(count: int, lemmas: list[tuple[int, ...]], reasons: list[tuple[int, ...]]) -> Refutation:
     """Return the refutation with only the clauses and lemmas that the last lemma needs."""
     used = {count + len(lemmas) - 1}
     for place in range(len(lemmas) - 1, -1, -1):
@@ -313,6 +316,7 @@ class _Propagation:
         self._conflict: int | None = None
 
     def add(self, literals: Sequence[int]) -> None:
+        """Add a clause, and propagate what it forces."""
         clause = list(dict.fromkeys(literals))
         name = len(self._clauses)
         self._clauses.append(clause)
@@ -447,7 +451,7 @@ class Incumbents:
     def strongest(self, count: int) -> tuple[Bits, Floats]:
         """Return the labellings (k, m) of largest proven λ, and that λ (k,), scene units, best first."""
         stands = [(low, key) for key, (low, _, _) in self._bounds.items() if math.isfinite(low)]
-        stands.sort(key=lambda one: (-one[0], one[1]))
+        stands.sort(key=lambda stand: (-stand[0], stand[1]))
         faces = len(self._space.fixed)
         packed = np.frombuffer(b"".join(key for _, key in stands[:count]), dtype=np.uint8)
         rows = np.unpackbits(packed.reshape(-1, (faces + 7) // 8), axis=1, count=faces).astype(bool)

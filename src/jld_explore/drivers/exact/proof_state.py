@@ -155,8 +155,8 @@ class Conflicts:
 
     def correct(self, corrected: Iterable[Conflict], reason: str) -> None:
         """Replace conflicts by corrected ones; forget those from cubes, and the bound on record."""
-        better = {one.key: one for one in corrected}
-        known = [better.get(one.key, one) for one in self._known if not one.from_cube]
+        better = {conflict.key: conflict for conflict in corrected}
+        known = [better.get(conflict.key, conflict) for conflict in self._known if not conflict.from_cube]
         if self._records is not None:
             self._records.withdraw_bound(reason)
         self.clear()

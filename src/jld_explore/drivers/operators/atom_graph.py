@@ -115,6 +115,7 @@ class AtomGraph:
 
 
 def atom_graph(space: SearchSpace) -> AtomGraph:
+    """Build the graph of atoms of a space: pairs that may be joined, walls that keep atoms apart."""
     # If slits are allowed, faces fixed dry separate no atoms.
     assembly = space.assembly
     faces = assembly.interfaces
@@ -131,20 +132,20 @@ def atom_graph(space: SearchSpace) -> AtomGraph:
     joinable = np.flatnonzero(between & space.candidates)
     touching = sorted(set(zip(low[joinable].tolist(), high[joinable].tolist(), strict=True)) - apart)
     links: list[list[tuple[int, int]]] = [[] for _ in range(count)]
-    for number, (p, q) in enumerate(touching):
-        links[p].append((q, number))
-        links[q].append((p, number))
+    for number, (atom, other) in enumerate(touching):
+        links[atom].append((other, number))
+        links[other].append((atom, number))
     walls: list[list[int]] = [[] for _ in range(count)]
     reach = _reach(links)
-    for p, q in sorted(apart):
-        if reach[p] == reach[q]:  # atoms of different components can never be joined
-            walls[p].append(q)
-            walls[q].append(p)
-    place = {pair: number for number, pair in enumerate(touching)}
+    for atom, other in sorted(apart):
+        if reach[atom] == reach[other]:  # atoms of different components can never be joined
+            walls[atom].append(other)
+            walls[other].append(atom)
+    number_of = {pair: number for number, pair in enumerate(touching)}
     lines: list[list[int]] = [[] for _ in touching]
     line = _lines(space)
     for face in joinable.tolist():
-        joint = place.get((int(low[face]), int(high[face])))
+        joint = number_of.get((int(low[face]), int(high[face])))
         if joint is not None:
             lines[joint].append(int(line[face]))
     return AtomGraph(

@@ -213,12 +213,14 @@ class Cutter:
 
     def _choose(self, order: list[int], up: dict[int, tuple[int, float]], joined: dict[int, bool]) -> bool:
         """Decide for each atom of a forest whether it stays with its parent; False if impossible."""
+        # Dynamic programming from the leaves: least cost by the number of cells of the part that is still open at an
+        # atom. An atom closes its part there, or leaves it open to its parent's.
         cap, least = self._cap, self._least
-        capped = self._most == inf
+        capped = self._most == inf  # without a largest size all counts from `cap` on are alike
         cells = self.graph.cells
         table: dict[int, dict[int, float]] = {}
-        steps: dict[int, dict[int, tuple[int, int]]] = {}
-        close: dict[int, int] = {}
+        steps: dict[int, dict[int, tuple[int, int]]] = {}  # counts before and of the child, −1 where it closes
+        close: dict[int, int] = {}  # count at which a part is best closed at an atom, −1 if at none
         for a in order:
             own = cells[a]
             if own > cap:
@@ -522,7 +524,7 @@ class FreeBits:
     def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
         rows = np.repeat(self.space.fixed[None], len(keys), axis=0)
         rows[:, self._faces] = keys > 0.5
-        seeds = [np.random.default_rng(np.frombuffer(one.tobytes(), dtype=np.uint32)) for one in keys]
+        seeds = [np.random.default_rng(np.frombuffer(key.tobytes(), dtype=np.uint32)) for key in keys]
         found = [self._repaired(row[None], BufferedRandom(seed)) for row, seed in zip(rows, seeds, strict=True)]
         return np.concatenate([rows[:0], *found]), np.repeat(np.arange(len(found)), [len(one) for one in found])
 

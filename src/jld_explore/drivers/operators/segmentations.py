@@ -205,24 +205,25 @@ class _Forest:
 
     def join(self, rows: Ints, a: Ints, b: Ints, small_only: bool) -> None:
         """Join the parts of atoms a and b (r,) in rows (r,) if the union has at most `most` cells."""
+        # The part of b takes the name of that of a. Indices are those of flat arrays: `take` is the fastest.
         base = rows * self.atoms
-        p: Names = self._names.take(base + a)
-        q: Names = self._names.take(base + b)
-        to: Ints = base + p
-        of: Ints = base + q
-        one, two = self.size.take(to), self.size.take(of)
-        fits = (p != q) & (one + two <= self.most)
+        name_a: Names = self._names.take(base + a)
+        name_b: Names = self._names.take(base + b)
+        part_a: Ints = base + name_a
+        part_b: Ints = base + name_b
+        size_a, size_b = self.size.take(part_a), self.size.take(part_b)
+        fits = (name_a != name_b) & (size_a + size_b <= self.most)
         if small_only:
-            fits &= (one < self.least) | (two < self.least)
+            fits &= (size_a < self.least) | (size_b < self.least)
         chosen = np.flatnonzero(fits)
         if not len(chosen):
             return
         rows = rows.take(chosen)
-        some = self.name.take(rows, axis=0)
-        np.copyto(some, p.take(chosen)[:, None], where=some == q.take(chosen)[:, None])
-        self.name[rows] = some
-        self.size[to.take(chosen)] += two.take(chosen)
-        self.size[of.take(chosen)] = 0
+        names = self.name.take(rows, axis=0)
+        np.copyto(names, name_a.take(chosen)[:, None], where=names == name_b.take(chosen)[:, None])
+        self.name[rows] = names
+        self.size[part_a.take(chosen)] += size_b.take(chosen)
+        self.size[part_b.take(chosen)] = 0
 
 
 _TREES_TRIED: Final = 6  # number of spanning trees tried for one set of keys
@@ -310,22 +311,25 @@ class Segmentations:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def read(self, keys: Floats, *, repair: bool = True) -> tuple[Bits, Ints]:
-        found, of = self.labels([]), np.empty(0, dtype=np.int64)
+        """Return labellings of keys (k, pairs), and the row that each comes from."""
+        labellings, source = self.labels([]), np.empty(0, dtype=np.int64)
         if self._batches is not None:
-            found, of = self._batches.read_some(keys)
-            exact = ((self.write(found) > THRESHOLD) == (keys[of] > THRESHOLD)).all(axis=1)
-            found, of = found[exact], of[exact]
+            labellings, source = self._batches.read_some(keys)
+            exact = ((self.write(labellings) > THRESHOLD) == (keys[source] > THRESHOLD)).all(axis=1)
+            labellings, source = labellings[exact], source[exact]
             if not repair:
-                return found, of
-        parts, rest = [], []
-        for k in np.setdiff1d(np.arange(len(keys)), of).tolist():
+                return labellings, source
+        partitions, repaired = [], []
+        for k in np.setdiff1d(np.arange(len(keys)), source).tolist():
             # the seed derives from the keys, so that the same keys give the same repair
             seed = np.random.default_rng(np.frombuffer(keys[k].tobytes(), dtype=np.uint32))
-            part = self._assemble(keys[k].tolist(), THRESHOLD, BufferedRandom(seed))
-            if part is not None:
-                parts.append(part)
-                rest.append(k)
-        return np.concatenate([found, self.labels(parts)]), np.append(of, np.array(rest, dtype=np.int64))
+            partition = self._assemble(keys[k].tolist(), THRESHOLD, BufferedRandom(seed))
+            if partition is not None:
+                partitions.append(partition)
+                repaired.append(k)
+        return np.concatenate([labellings, self.labels(partitions)]), np.append(
+            source, np.array(repaired, dtype=np.int64)
+        )
 
     def write(self, labellings: Bits) -> Floats:
         part = blocks_of(self.space.graph, labellings)[:, self.graph.first]
@@ -333,6 +337,7 @@ class Segmentations:
         return np.where(part[:, a] != part[:, b], 0.75, 0.25)
 
     def random(self, rng: BufferedRandom) -> Parts | None:
+        """Draw a partition by random keys; limits on parts set the threshold."""
         low, high = self.limits.parts
         threshold = rng.real()
         if (low, high) != (-inf, inf):
@@ -643,42 +648,46 @@ class Following:
         found: list[int] = np.flatnonzero(labels & self.space.candidates & (moving > _LEAST_MOTION)).tolist()
         return found
 
-    def _join(self, segmentations: Segmentations, part: Parts, a: int, b: int, rng: BufferedRandom) -> Parts | None:
+    def _join(self, segmentations: Segmentations, owner: Parts, a: int, b: int, rng: BufferedRandom) -> Parts | None:
         """Form a new block around atoms a and b, out of their two blocks; None if that fails."""
         # The pieces left of the two blocks join neighbours or become blocks of their own.
         cutter, links = segmentations.cutter, segmentations.graph.links
-        old = (part[a], part[b])
+        old = (owner[a], owner[b])
         block = [a, b]
         if not cutter.fits(block):
             return None
-        left = {c for c, name in enumerate(part) if name in old} - {a, b}
+        remaining = {atom for atom, name in enumerate(owner) if name in old} - {a, b}
         while rng.real() < _GROWTH_PROBABILITY:
-            near = sorted({d for c in block for d, _ in links[c] if d in left})
-            fitting = [c for c in near if cutter.fits([*block, c])]
+            neighbours = sorted({other for atom in block for other, _ in links[atom] if other in remaining})
+            fitting = [atom for atom in neighbours if cutter.fits([*block, atom])]
             if not fitting:
                 break
             taken = rng.pick(fitting)
             block.append(taken)
-            left.discard(taken)
-        child, fresh = list(part), max(part) + 1
-        for c in block:
-            child[c] = fresh
+            remaining.discard(taken)
+        child, fresh = list(owner), max(owner) + 1
+        for atom in block:
+            child[atom] = fresh
         members = {fresh: sorted(block)}  # of blocks that a piece may have joined
         unchecked = [fresh]
         # pieces of the two blocks stay separate, because together they may be too large
-        rest = [piece for name in old for piece in cutter.components([c for c in sorted(left) if part[c] == name])]
-        for number, piece in enumerate(rest):
+        pieces = [
+            piece
+            for name in old
+            for piece in cutter.components([atom for atom in sorted(remaining) if owner[atom] == name])
+        ]
+        for number, piece in enumerate(pieces):
             name = fresh + 1 + number
             if rng.real() < _JOIN_PROBABILITY:
-                around = sorted({child[d] for c in piece for d, _ in links[c]} - {*old, fresh})
+                around = sorted({child[other] for atom in piece for other, _ in links[atom]} - {*old, fresh})
                 for beside in around:
                     if beside not in members:
-                        members[beside] = [c for c, other in enumerate(part) if other == beside]
+                        members[beside] = [atom for atom, own in enumerate(owner) if own == beside]
                 fitting = [n for n in around if cutter.fits([*piece, *members[n]])]
                 if fitting:
                     name = rng.pick(fitting)
-            for c in piece:
-                child[c] = name
+            for atom in piece:
+                child[atom] = name
             members[name] = sorted([*members.get(name, []), *piece])
             unchecked.append(name)
         if segmentations.sound and all(cutter.large_enough(members[name]) for name in unchecked):
