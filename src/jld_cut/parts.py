@@ -161,7 +161,9 @@ def plain_surface(solid: Any) -> unions.Surface:
     return unions.Surface(points, faces, faces)
 
 
-def write_parts(folder: Path, parts: list[Part], unit: float, moved: Floats | tuple[float, ...] = (0.0, 0.0, 0.0)) -> None:
+def write_parts(
+    folder: Path, parts: list[Part], unit: float, moved: Floats | tuple[float, ...] = (0.0, 0.0, 0.0)
+) -> None:
     """Write each part as STL, OBJ and 3MF where it stands, moved, as STL on its bed, all as one 3MF; read STL again."""
     for name in ("parts", "bed"):
         (folder / name).mkdir(parents=True, exist_ok=True)
