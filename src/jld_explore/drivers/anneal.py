@@ -232,9 +232,18 @@ class Anneal(Searcher):
         size = abs(energy) if abs(energy) < _NO_LOAD_FACTOR else 1.0
         return float(_FIRST_TEMPERATURE * (_LAST_TEMPERATURE / _FIRST_TEMPERATURE) ** part * max(size, 1e-300))
 
+    def like(self, space: SearchSpace) -> Anneal:
+        return Anneal(space, self.seed, self._chain_count)
+
+    def go_on_from(self, rows: Bits) -> None:
+        names = keys(rows)
+        self._owner.update((name, number % len(self._chains)) for number, name in enumerate(names))
+        self._of_population.update(names)
+
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         # Chains accept or reject their changes when their half is changed again.
         self.prepare()
+        self.standing_start.watch(evaluations)
         bred: list[int] = []
         for k, (key, labels, found) in enumerate(zip(keys(labellings), labellings, evaluations, strict=True)):
             rank, loss = sort_key(found)
