@@ -11,7 +11,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, LoadCase
-from jld_core.batch.batch_solver import FALLS, LOCKED
+from jld_core.batch.batch_solver import FALLS, LOCKED, BatchResults
 from jld_core.build.materials import bond_pull
 from jld_core.deadline import checkpoint
 from jld_core.limit.analysis import LimitAnalysis
@@ -25,6 +25,7 @@ _FIRST: Final = 64  # layouts of the search itself of which none stands before o
 _SHARES: Final = (0.25, 4.0)  # layouts looked at for each one of the search, without and with success of late
 _STRETCH: Final = 256  # layouts looked at after which success is judged
 _GAIN: Final = 0.02  # relative loss of the least bond among them that counts as one
+_LANES: Final = 8  # layouts solved between two looks at the deadline
 _MOST: Final = 30.0  # largest bond looked at, in dead load per volume times the size of the structure
 _NONE: Final = 1e-5  # bond up to which a layout counts as standing, likewise; its evaluation decides
 
@@ -94,7 +95,11 @@ class StandingStart:
         found = np.full((len(self._analyses), len(labellings)), 2.0 * _MOST)
         for own, analysis in zip(found, self._analyses, strict=True):
             assert analysis.batch is not None
-            answer = analysis.batch.solve(labellings)
+            parts = []
+            for first in range(0, len(labellings), _LANES):
+                checkpoint()
+                parts.append(analysis.batch.solve(labellings[first : first + _LANES]))
+            answer = BatchResults.joined(parts)
             known = (answer.verdict != FALLS) & np.isfinite(answer.low)
             own[known] = _MOST * (1.0 - analysis.template.scaling.load * answer.low[known])
             own[answer.verdict == LOCKED] = 0.0
