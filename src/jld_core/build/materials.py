@@ -177,7 +177,7 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
     strength = np.array([usual if value is None else value for value in values], dtype=float)
     if not strength.any():
         return assembly
-    own, faces, d = assembly.strengths(_ROUTE), assembly.interfaces, assembly.dimension
+    own = assembly.strengths(_ROUTE)
     dry, inner = own.side(dry=True), own.side(dry=False)
     with np.errstate(invalid="ignore"):
         over = strength * dry.friction > dry.shear * (1.0 + 1e-12)
@@ -205,17 +205,23 @@ def with_bond(assembly: Assembly, materials: Materials, entries: Sequence[FaceMa
             crush=inner.crush + strength,
         ),
     )
-    force = strength * faces.area
+    force = strength * assembly.interfaces.area
+    return replace(
+        assembly.with_strengths(strengths),
+        members=replace(assembly.members, bond=force, self_stress=bond_pull(assembly, force)),
+    )
+
+
+def bond_pull(assembly: Assembly, force: Floats) -> Floats:
+    """Return the resultants (n, q) of forces (m,) that pull both sides of each face together; zero on supports."""
+    faces, d = assembly.interfaces, assembly.dimension
     vector = np.concatenate([force[:, None] * faces.normal, -force[:, None] * faces.normal])
     owner = np.concatenate([faces.a, faces.b])
     arm = np.concatenate([faces.origin, faces.origin]) - assembly.elements.centroid[owner]
     loads = np.column_stack([vector, np.zeros((len(vector), assembly.freedoms - d))])
     pull = resultants(len(assembly.elements), owner, loads, arm)
     pull[assembly.elements.support] = 0.0
-    return replace(
-        assembly.with_strengths(strengths),
-        members=replace(assembly.members, bond=force, self_stress=pull),
-    )
+    return pull
 
 
 def with_members(assembly: Assembly, entries: Sequence[Member], more: Members | None = None) -> Assembly:

@@ -92,6 +92,7 @@ class Anneal(Searcher):
         self._population_best = math.inf
         self._turn, self._turns_behind, self._half = 0, _TURNS_BEHIND, 1
         self._prepared: Bits | None = None
+        self._all_begin = False  # whether all chains that fall go on from the first layout that stands
 
     @cached_property
     def _movements(self) -> list[Movements]:
@@ -113,6 +114,11 @@ class Anneal(Searcher):
         # Every chain gives changes of its labelling, chains without one random labellings. In some turns the genetic
         # population gives a generation instead.
         self._advance_cycle()
+        energy, best, case = self._best
+        if self._all_begin and best is not None and energy < _NO_LOAD_FACTOR:
+            self._all_begin = False
+            for chain in (one for one in self._chains if one.energy >= _NO_LOAD_FACTOR):
+                chain.move_to(best, energy, case)
         self._turn += 1
         if self._turn % (_TURNS_AHEAD if self._population_best <= self._best[0] else self._turns_behind) == 0:
             return self._generation()
@@ -233,9 +239,19 @@ class Anneal(Searcher):
         size = abs(energy) if abs(energy) < _NO_LOAD_FACTOR else 1.0
         return float(_FIRST_TEMPERATURE * (_LAST_TEMPERATURE / _FIRST_TEMPERATURE) ** part * max(size, 1e-300))
 
+    def like(self, space: SearchSpace) -> Anneal:
+        return Anneal(space, self.seed, self._chain_count)
+
+    def go_on_from(self, rows: Bits) -> None:
+        names = keys(rows)
+        self._owner.update((name, number % len(self._chains)) for number, name in enumerate(names))
+        self._of_population.update(names)
+        self._all_begin = True
+
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         # Chains accept or reject their changes when their half is changed again.
         self.prepare()
+        self.standing_start.watch(evaluations)
         bred: list[int] = []
         for k, (key, labels, found) in enumerate(zip(keys(labellings), labellings, evaluations, strict=True)):
             rank, loss = sort_key(found)

@@ -208,7 +208,11 @@ class Genetic(Searcher):
         given, self._drawn_immigrants = self._drawn_immigrants[:count], self._drawn_immigrants[count:]
         return given
 
+    def like(self, space: SearchSpace) -> Genetic:
+        return Genetic(space, self.seed, self.population, "best")
+
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        self.standing_start.watch(evaluations)
         if len(labellings) and self._enumeration is None:
             self._pending.append(
                 (labellings, objectives(self.space, labellings, evaluations), status_ranks(evaluations))

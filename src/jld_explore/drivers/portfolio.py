@@ -379,6 +379,15 @@ class Portfolio(Anneal):
         climb.fallen = np.array([labels for _, _, labels in climb.changes])
         climb.changes = []
 
+    def like(self, space: SearchSpace) -> Portfolio:
+        return Portfolio(space, self.seed, "best")
+
+    def go_on_from(self, rows: Bits) -> None:
+        super().go_on_from(rows)
+        if self._climb is None:
+            self._climb, self._left = _Climb(patience=self._patience), 0.0
+        self._climbing.update((name, (self._climb, "begin", 1)) for name in keys(rows))
+
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         names = keys(labellings)
         source = np.where([name in self._of_population for name in names], 1, 2)

@@ -16,6 +16,7 @@ from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.operators.atom_graph import BufferedRandom
 from jld_explore.drivers.operators.segmentations import Operators, operators
+from jld_explore.drivers.standing_start import StandingStart
 from jld_explore.evaluation.protocol import Evaluation, front_counts
 from jld_explore.space import feasible, keys
 from jld_explore.space.labelling import canonical
@@ -201,6 +202,7 @@ class Searcher(Driver):
         self.register = Register(space)
         self._unreturned = self._none
         self._enumeration: Iterator[Bits] | None = None
+        self.standing_start = StandingStart(space, self.like)
 
     @property
     def exhaustive(self) -> bool:
@@ -224,6 +226,9 @@ class Searcher(Driver):
     def _batch(self) -> Bits:
         """Return the next proposals, or enumerated classes once proposals have become rare."""
         if self._enumeration is None:
+            if len(rows := self.register.admit(self.standing_start.rows())):
+                self.go_on_from(rows)
+                return rows
             rows = self.propose()
             if len(rows) < max(1, self.size // 8):
                 self._enumeration = self._remaining()
@@ -234,6 +239,13 @@ class Searcher(Driver):
     @abstractmethod
     def propose(self) -> Bits:
         """Propose up to `size` new canonical labellings (k, m), and register them."""
+
+    def like(self, space: SearchSpace) -> Driver | None:
+        """Return a driver of the largest value that looks for what stands; None for none."""
+        return None
+
+    def go_on_from(self, rows: Bits) -> None:
+        """Go on from labellings (k, m), asked next, which should be the first that stand."""
 
     def fresh(self, make: Callable[[int], Bits], count: int) -> Bits:
         """Register up to `count` new classes (k, m) out of batches that `make` returns for a number."""

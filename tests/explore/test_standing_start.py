@@ -1,0 +1,110 @@
+"""Searches none of whose first layouts stands: they look for the least bond of joints that lets one stand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import every_layout, grid_document
+from jld_core import Status, build_assembly, parse_scene
+from jld_core.limit.options import SolveOptions
+from jld_explore import ExploreSettings, SearchSpace, explore, search_space
+from jld_explore.drivers import DRIVERS
+from jld_explore.drivers.searcher import Searcher
+from jld_explore.drivers.standing_start import StandingStart
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.cases import Standing
+
+# Cells that overhang a support, in blocks of two to four: few layouts balance.
+DOCUMENT = grid_document([*["aaaaa"] * 3, "..#.."], block_cells=[2, 4], friction=0.2)
+LOOKED = 150  # layouts evaluated; by chance one search in five finds what stands among so many
+
+
+def space_of(document: dict[str, Any]) -> SearchSpace:
+    scene = parse_scene(document)
+    return search_space(scene, build_assembly(scene))
+
+
+def bonds(space: SearchSpace, labellings: Any) -> tuple[Any, Any]:
+    start = StandingStart(space, lambda own: DRIVERS["random"](own, 0))
+    assert start._made() is not None
+    return start._bonds(labellings)
+
+
+def test_the_bond_is_what_keeps_a_lever_from_tipping() -> None:
+    """Three cells on a joint of one: W a = (W + t a) a / 2 about its edge, so t = 3 γ a, γ times the size."""
+    document = grid_document(["aaa", "#.."], tension=1e6, shear=1e6)
+    tip = [{"element": "c2r0", "force": [0, -1400 * 9.81 * 0.1**3]}]
+    live = document["loads"]["live"]
+    document["loads"] = {"cases": [{"name": "own", "live": live}, {"name": "tip", "live": live, "dead": tip}]}
+    space = space_of(document)
+    found, case = bonds(space, ~space.candidates[None])
+    # the weight of a fourth cell at the tip doubles that: 4 · 1.25 = (4 + 6) / 2
+    assert found[0] == pytest.approx(2.0, rel=1e-5)
+    assert case[0] == 1
+    document["loads"] = {"live": live}
+    assert bonds(space_of(document), ~space.candidates[None])[0][0] == pytest.approx(1.0, rel=1e-5)
+
+
+def test_searches_find_what_stands_where_chance_does_not() -> None:
+    """Five of 4 173 layouts need no bond, which are those that stand; searches that learn find one."""
+    space = space_of(DOCUMENT)
+    every = every_layout(space)
+    standing = Standing(space.assembly, SolveOptions())
+    stands = standing.of(every, np.full(len(every), np.nan)) == 1.0
+    assert len(every) == 4173
+    assert stands.sum() == 5
+    assert ((bonds(space, every)[0] <= 1e-6) == stands).all()
+    solver = Evaluator(space.assembly, EvaluatorSettings())
+    for name in ("portfolio", "anneal", "genetic"):
+        driver, left, found = DRIVERS[name](space, 0), LOOKED, 0
+        while left > 0 and not found:
+            rows = driver.ask()
+            told = standing.told(rows, solver.evaluate_all(rows))
+            driver.tell(rows, told)
+            left -= len(rows)
+            found += sum(one.status is not Status.UNSTABLE for one in told)
+        assert found, name
+
+
+def test_nothing_is_looked_at_where_layouts_stand() -> None:
+    """Nor without dead load, where all do."""
+    space = space_of(grid_document(["aaaa"] * 4 + ["####"], block_cells=[1, 3]))
+    solver = Evaluator(space.assembly, EvaluatorSettings())
+    driver = DRIVERS["portfolio"](space, 0)
+    assert isinstance(driver, Searcher)
+    for _ in range(8):
+        rows = driver.ask()
+        driver.tell(rows, solver.evaluate_all(rows))
+    assert driver.standing_start._driver is None
+    pushed = {"live": [{"element": "c0r0", "force": [1, 0]}]}
+    weightless = space_of({**DOCUMENT, "loads": pushed, "materials": {**DOCUMENT["materials"], "density": 0}})
+    assert StandingStart(weightless, lambda own: DRIVERS["random"](own, 0))._made() is None
+
+
+def test_portions_of_answers_do_not_matter() -> None:
+    space = space_of(DOCUMENT)
+    solver = Evaluator(space.assembly, EvaluatorSettings())
+    asked = []
+    for portion in (None, 7):
+        driver, rows = DRIVERS["portfolio"](space, 3), []
+        while sum(map(len, rows)) < 260:
+            rows.append(driver.ask(portion))
+            if portion is None:
+                driver.prepare()
+            driver.tell(rows[-1], solver.evaluate_all(rows[-1]))
+        asked.append(np.concatenate(rows)[:260])
+    assert (asked[0] == asked[1]).all()
+
+
+def test_two_jobs_give_the_table_of_one(tmp_path: Path) -> None:
+    tables = []
+    for jobs in (1, 2):
+        settings = ExploreSettings(driver="portfolio", budget=200, jobs=jobs, small=0, pictures=False, check_fields=0)
+        done = explore(parse_scene(DOCUMENT), tmp_path / str(jobs), settings)
+        tables.append(done.results.drop(columns="seconds").to_csv(index=False))
+    assert tables[0] == tables[1]
+    assert done.results["stands_at_zero"].any()
