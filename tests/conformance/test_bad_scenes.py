@@ -508,7 +508,7 @@ def test_as_a_process(tmp_path: Path) -> None:
 
 # --- mutation: whatever a file holds, it is a scene or an InputError, never another exception --------------------
 
-MUTATIONS = int(os.environ.get("JLD_MUTATIONS", "100"))
+MUTATIONS = int(os.environ.get("JLD_MUTATIONS", "40"))
 """Number of mutations of each scene. `make bench` asks for more."""
 ODD: list[Any] = [
     *(None, True, False, 0, 1, -1, 2, -7, 0.5, -0.25, 1e-9, 1e9, 1e-29, 1e29, -1e29, 1e300, -1e-300, 10**50),

@@ -129,13 +129,8 @@ def _run(program: str, folder: Path) -> None:
     assert done.returncode == 0, done.stderr[-2000:]
 
 
-OFTEN = ("plot of a search",)
-"""What each kind of object is asked first; the others wait for `make bench`."""
-
-
-@pytest.mark.parametrize(
-    "program", [pytest.param(SHORT[n], id=n, marks=[] if n in OFTEN else pytest.mark.long) for n in SHORT]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("program", SHORT.values(), ids=SHORT)
 def test_first_use(program: str, tmp_path: Path) -> None:
     _run(program, tmp_path)
 

@@ -269,8 +269,10 @@ def test_rows_are_found_by_number_whatever_they_tie_with(searched: Path) -> None
         done.layout(len(done.results) + 1)
 
 
-# test_drivers.py tests the end by a budget of every driver as well
-@pytest.mark.parametrize("kind", ["time", pytest.param("budget", marks=pytest.mark.long), "interrupt"])
+# test_drivers.py tests the ends by time and budget of every driver as well
+@pytest.mark.parametrize(
+    "kind", [*(pytest.param(one, marks=pytest.mark.long) for one in ("time", "budget")), "interrupt"]
+)
 def test_every_driver_ends_quietly(kind: str, tmp_path: Path) -> None:
     """Nothing on stderr but our own line, and the exit code it should be."""
     scene = tmp_path / "scene.json"
