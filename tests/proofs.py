@@ -32,9 +32,14 @@ from jld_core.solvers import ClarabelSolver, RawSolution, Solver
 
 
 class _Later:
-    """CVXPY, loaded when it is first asked for: an eighth of what collecting all tests takes."""
+    """CVXPY, loaded when it is first asked for: an eighth of what collecting all tests takes.
+
+    pytest asks each global of a module for names of its own, such as `__test__`.
+    """
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
         return getattr(import_module("cvxpy"), name)
 
 

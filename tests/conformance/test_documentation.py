@@ -7,7 +7,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from typer.main import get_command
@@ -135,34 +134,15 @@ def test_first_use(program: str, tmp_path: Path) -> None:
     _run(program, tmp_path)
 
 
-def _examples() -> dict[str, str]:
-    """Return the examples in docstrings of public objects and their methods, as programs by name."""
-    found = {}
-    for module, name in NAMES:
-        thing = getattr(sys.modules[module], name)
-        members: list[tuple[str, Any]] = [(name, thing)]
-        if inspect.isclass(thing):
-            members += [(f"{name}.{key}", one) for key, one in vars(thing).items() if callable(one)]
-        for key, one in members:
-            lines = re.findall(r"^\s*(?:>>>|\.\.\.) (.*)$", inspect.getdoc(one) or "", flags=re.M)
-            if lines:
-                found[f"{module}.{key}"] = f"from {module} import *\nimport {module}\n" + "\n".join(lines)
-    return found
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(("module", "name"), NAMES)
-def test_each_name_alone(module: str, name: str, tmp_path: Path) -> None:
+def test_each_name_and_each_example_of_its_docstrings_alone(module: str, name: str, tmp_path: Path) -> None:
     _run(f"import {module}\n{module}.{name}", tmp_path)
-
-
-EXAMPLES = _examples()
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("program", EXAMPLES.values(), ids=EXAMPLES)
-def test_each_example_of_a_docstring_alone(program: str, tmp_path: Path) -> None:
-    _run(program, tmp_path)
+    thing = getattr(sys.modules[module], name)
+    for one in (thing, *(filter(callable, vars(thing).values()) if inspect.isclass(thing) else ())):
+        lines = re.findall(r"^\s*(?:>>>|\.\.\.) (.*)$", inspect.getdoc(one) or "", flags=re.M)
+        if lines:
+            _run(f"from {module} import *\nimport {module}\n" + "\n".join(lines), tmp_path)
 
 
 @pytest.mark.long

@@ -6,6 +6,7 @@ import base64
 import gzip
 import json
 import re
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +27,12 @@ from jld_views import page_contract, page_data, page_of_study, quantities
 from jld_views import page_data as joined
 from jld_views import page_data as page_table
 
-SCHEMA = page_contract.page_schema()
+page_schema = cache(page_contract.page_schema)
 
 
 def check(data: dict[str, Any]) -> None:
     """Data against the schema, as JSON makes it."""
-    jsonschema.Draft202012Validator(SCHEMA).validate(json.loads(json.dumps(data, allow_nan=False)))
+    jsonschema.Draft202012Validator(page_schema()).validate(json.loads(json.dumps(data, allow_nan=False)))
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +57,8 @@ def test_contract_js_equals_the_contract() -> None:
 
 
 def test_the_schema_is_one_and_strict() -> None:
-    jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    for name, part in SCHEMA["$defs"].items():
+    jsonschema.Draft202012Validator.check_schema(page_schema())
+    for name, part in page_schema()["$defs"].items():
         if part.get("type") == "object":
             assert part["additionalProperties"] is False, name
             assert set(part["required"]) == set(part["properties"]), name
