@@ -138,7 +138,7 @@ def talk(driver: Driver, found: Case, budget: int, portion: int | None = None) -
     return asked
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(
     ("name", "scene"),
     [pytest.param(*one, marks=pytest.mark.long) if one[0] in LOCAL and one[1] in LARGE else one for one in EVERY],
@@ -153,7 +153,7 @@ def test_all_of_a_small_space_and_nothing_else_or_twice(name: str, scene: str) -
     assert len(driver.ask(5)) == 0
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_seed_decides(name: str) -> None:
     found = case("sizes")
@@ -163,7 +163,7 @@ def test_the_seed_decides(name: str) -> None:
         assert runs[0] != runs[2]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_small_portions_and_idle_asks(name: str) -> None:
     found = case("sizes")
@@ -176,7 +176,7 @@ def test_small_portions_and_idle_asks(name: str) -> None:
         assert asked == talk(driver_of(name, found.space, 0), found, 90)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_asking_ahead_of_the_answers(name: str) -> None:
     found = case("sizes")
@@ -187,7 +187,7 @@ def test_asking_ahead_of_the_answers(name: str) -> None:
     assert len(asked) == len(set(asked))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_front_of_a_space_smaller_than_the_budget(name: str, tmp_path: Path) -> None:
     # optuna draws the last of "sizes" many times over
@@ -200,7 +200,7 @@ def test_front_of_a_space_smaller_than_the_budget(name: str, tmp_path: Path) -> 
     assert len(front_of(study)) > 1
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_budget(name: str, tmp_path: Path) -> None:
     study, reason = explored(case("sizes"), name, tmp_path / "a", budget=41)
@@ -208,7 +208,7 @@ def test_budget(name: str, tmp_path: Path) -> None:
     assert len(study.records) == study.evaluated == Table.calls == 41
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_time(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is begun after the time is up, here when the clock jumps at the 30th solve."""
@@ -251,7 +251,7 @@ def test_interrupted_anywhere_and_resumed(name: str, tmp_path: Path) -> None:
         assert rows_of(study) == rows_of(whole)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_larger_budget_goes_on(name: str, tmp_path: Path) -> None:
     found = case("sizes")
@@ -264,7 +264,7 @@ def test_a_larger_budget_goes_on(name: str, tmp_path: Path) -> None:
         assert rows_of(study) == rows_of(whole)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_labellings_without_a_number_are_never_the_best(name: str, tmp_path: Path) -> None:
     study, _ = explored(case("sizes"), name, tmp_path / "a", budget=80)
