@@ -231,6 +231,7 @@ def test_exact_is_brute_force(count: str, sense: str, cases: bool, required: tup
         assert ("proven that there is none" in words.facts_of_exploration(found)["required"]) == (expected is None)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("driver", ["genetic", "hillclimb", "random", "optuna"])
 def test_other_drivers_optimise_the_count_among_layouts_that_meet_the_requirement(driver: str, tmp_path: Path) -> None:
     scene = scene_of("blocks", "min", 0.6)

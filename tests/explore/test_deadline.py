@@ -105,6 +105,7 @@ def hidden(cases: int = 10) -> Any:
     return parse_scene(document)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("driver", ["enumeration", "exact", None])
 def test_a_driver_that_names_nothing_gives_way_to_one_layout(driver: str | None, tmp_path: Path) -> None:
     """Without a driver named, counting such a space took 150 s, whatever the limit; now the genetic driver begins."""
@@ -227,6 +228,7 @@ def tight(**search: Any) -> Any:
     return parse_scene({**document, "search": {"block_cells": [2, 2], "shapes": [None, 1], **search}})
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "search",
     [{}, {"segmentation": False}, {"candidates": "all+supports"}, {"block_cells": [2, 8]}, {"void": {"most": 0.3}}],

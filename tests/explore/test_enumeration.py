@@ -134,6 +134,7 @@ LIMITS: list[dict[str, Any]] = [
 ]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("live", [None, DOWN], ids=["asymmetric", "symmetric"])
 @pytest.mark.parametrize("search", LIMITS, ids=str)
 def test_brute_force_on_a_wall(search: dict[str, Any], live: Any) -> None:
@@ -198,6 +199,7 @@ def triangles() -> dict[str, Any]:
     return document
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "search",
     [

@@ -614,6 +614,7 @@ SCENE: dict[str, Any] = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("back", [False, True])
 @pytest.mark.parametrize("driver", ["random", "enumeration"])

@@ -137,7 +137,7 @@ def test_an_unknown_rule_of_assembly_is_refused() -> None:
     assert solve(build_assembly(scene_of(ARCH, assemble="standing"))).status
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("rows", "sizes"),
     [(ARCH, [1, 2]), (["aaaa", "a..a", "#..#"], [1, 3]), (["aaa", "aaa", "#.#"], [1, 2]), (HOOKS, [1, 2])],
