@@ -9,7 +9,6 @@ import shutil
 import signal
 import sqlite3
 import sys
-from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
@@ -75,14 +74,16 @@ LONG = (
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Leave all rows of a table but one in so many to `make bench`; what takes long goes first."""
-    seen: Counter[str] = Counter()
+    tables: dict[str, list[pytest.Item]] = {}
     for item in items:
-        if table := item.get_closest_marker("sampled"):
-            name = item.nodeid.partition("[")[0]
-            first = crc32(name.encode())  # of the same list other rows in every test
-            if (first + seen[name] + seen[name] // table.args[0]) % table.args[0]:  # of two lists every value is met
+        if item.get_closest_marker("sampled") and not item.get_closest_marker("long"):
+            tables.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for name, rows in tables.items():
+        step = min(rows[0].get_closest_marker("sampled").args[0], len(rows))  # of each table one is asked at least
+        first = crc32(name.encode())  # of the same list other rows in every test
+        for number, item in enumerate(rows):
+            if (first + number + number // step) % step:  # of two lists every value is met
                 item.add_marker(pytest.mark.long)
-            seen[name] += 1
     items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
 
 

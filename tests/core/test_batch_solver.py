@@ -80,7 +80,7 @@ def test_a_tower_slides_or_rocks(kernel: str, cells: int, friction: float, expec
     assert found.high[0] * scale == pytest.approx(expected, rel=2e-8)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", [*PLANAR, *EXTRA, *SPATIAL])
 def test_bounds_are_those_of_the_core(kernel: str, name: str) -> None:
     analysis = analysis_of(name)
@@ -130,6 +130,7 @@ SETTLED = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("name", "expected"), SETTLED.items())
 def test_the_batch_solver_settles_scenes_of_its_kind(kernel: str, name: str, expected: int) -> None:
     analysis = analysis_of(name)
@@ -238,7 +239,7 @@ def test_variants_agree(kernels: dict[str, str], name: str) -> None:
         np.testing.assert_allclose(one[0], other[0], rtol=1e-6)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", PLANAR)
 def test_settings_for_large_assemblies_give_the_same_bounds(kernel: str, name: str) -> None:
     analysis = analysis_of(name)

@@ -166,7 +166,7 @@ def test_cracks_without_strength_beside_a_joint_that_crushes() -> None:
 # A bracket is a proof whatever its width: what is finite is a collapse, ranked by its lower end.
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", [28, 42, 76, 134, 147])
 def test_strong_refined_samples_have_narrow_brackets(seed: int) -> None:
     """Tensile strengths of 1e8 Pa and more, beside weights of some kilonewtons."""
@@ -278,7 +278,7 @@ def spatial(share: float, friction: float) -> Assembly:
 SHARES = [(1e-4, 1.0 - 1e-9), (1e-6, 1.0 - 1e-7), (1e-8, 1.0 - 1e-5), (1e-10, 0.999), (1e-12, 0.5), (1e-13, 0.5)]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("make", [planar, spatial])
 @pytest.mark.parametrize(("share", "friction"), SHARES)
 def test_small_share_of_the_live_load_is_not_taken_as_rounding(make: Make, share: float, friction: float) -> None:
@@ -293,6 +293,7 @@ def test_small_share_of_the_live_load_is_not_taken_as_rounding(make: Make, share
     assert not high < exact * (1.0 - 1e-9)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("make", [planar, spatial])
 @pytest.mark.parametrize(("share", "friction"), SHARES)
 def test_batch_solver_takes_no_small_share_as_rounding(make: Make, share: float, friction: float) -> None:
@@ -347,6 +348,7 @@ def test_crushing_faces_without_force(seed: int) -> None:
     assert weighed(assembly, labels, result, False) == ""
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("seed", "status"), [(31395, "locked"), (32469, "collapse"), (30156, "collapse")])
 def test_stepped_joints_at_45_degrees(seed: int, status: str) -> None:
     """Uncertified at first: locked by forces that grow as λ², and upper bounds by a poor projection of the motion."""

@@ -147,6 +147,7 @@ def test_figure(name: str) -> None:
     assert contacts(assembly(shapes)) == expected
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("degrees", [30.0, 45.0, 137.3, 270.0])
 @pytest.mark.parametrize("name", FIGURES)
 def test_turned_figure(name: str, degrees: float) -> None:

@@ -130,6 +130,7 @@ def test_rows_have_the_coefficients_of_the_batch_solver(scene_name: str) -> None
     assert np.array_equal(rows.keep, closed.keep)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(8))
 def test_rows_of_no_symmetry_have_the_dissipation_of_a_linear_program(
     seed: int, monkeypatch: pytest.MonkeyPatch

@@ -40,6 +40,7 @@ def prism(eccentric: float, axis: int = 0, moment: float = 1.0) -> Assembly:
     return build_assembly(parse_scene(document))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("eccentric", [0.0, 0.05, 0.15, 0.25])
 def test_prism_in_torsion(eccentric: float, axis: int) -> None:
@@ -158,6 +159,7 @@ def test_change_is_zero_for_equal_areas_and_bad_scenes_are_refused() -> None:
         solve(odd, effective_area=True)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", [341, 5033, 5045, 5132, 5162, 5570])
 def test_locked_is_proven_by_forces_within_their_own_areas(seed: int) -> None:
     """The ray of frozen areas need not fit the areas that it asks for; areas of proximal iteration may not settle."""

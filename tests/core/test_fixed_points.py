@@ -186,6 +186,7 @@ def solved(request: pytest.FixtureRequest) -> tuple[Assembly, NDArray[np.bool_],
     return assembly, labels, solve(assembly, labels, effective_area=True)
 
 
+@pytest.mark.sampled(2)
 def test_forces_are_an_optimum_under_their_own_areas(
     solved: tuple[Assembly, NDArray[np.bool_], LimitAnalysisResult],
 ) -> None:

@@ -45,7 +45,7 @@ def unmoved(name: str) -> tuple[Any, LimitAnalysisResult]:
     return document, solve(build_assembly(parse_scene(document)))
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("move", MOVES)
 @pytest.mark.parametrize("name", SCENES_TO_MOVE)
 def test_load_factor_is_invariant(name: str, move: str) -> None:

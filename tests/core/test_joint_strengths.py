@@ -490,6 +490,7 @@ def listed(faces: list[dict[str, Any]]) -> Scene:
     return parse_scene(found_document)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "entries", [FACES[:1], FACES[:2], [FACES[0], FACES[1]][::-1]], ids=["inner", "both", "reversed"]
 )

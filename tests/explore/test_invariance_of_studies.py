@@ -245,7 +245,7 @@ def stated(study: str) -> np.ndarray:
     return numbers(scene(Move()))
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(10)
 @pytest.mark.parametrize(("study", "move"), [(study, move) for study in STUDIES for move in STUDIES[study][2]])
 def test_results_do_not_depend_on_how_a_scene_is_written(study: str, move: str) -> None:
     scene, numbers, moves = STUDIES[study]

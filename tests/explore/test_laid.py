@@ -61,7 +61,7 @@ def test_a_lock_refutes_other_labellings_and_never_a_possible_one(rows: list[str
 DOWN = [{"element": "c1r0", "force": [0, -1]}]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("rows", "assemble", "search"),
     [

@@ -141,6 +141,7 @@ def test_a_small_space_is_left_completely_known(driver: str, options: dict[str, 
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "options"), [("anneal", {"chains": 4}), ("portfolio", {})])
 def test_evaluations_decide_what_is_next_and_no_clock(name: str, options: dict[str, int]) -> None:
     """The same seed and budget give the same rows, whatever portions answers come in and what is prepared meanwhile."""
@@ -245,6 +246,7 @@ def test_the_default_driver_proves_the_same_as_exact(tmp_path: Path) -> None:
     assert [one["best"] for one in found] == pytest.approx([found[2]["best"]] * 3, rel=1e-6)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("rows", "driver"), [(["a" * 8] * 6 + ["###..###"], "portfolio"), (ROWS, "exact")])
 def test_the_default_driver_begins_as_the_one_it_names(rows: list[str], driver: str, tmp_path: Path) -> None:
     """It is the portfolio, whatever the jobs, or a proof that begins with labellings of the genetic driver."""

@@ -363,7 +363,7 @@ def scene_of(name: str, **more: Any) -> Any:
     return parse_scene({**grid_document(rows), "loads": {"cases": cases}, "search": {**search, **more}})
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", SCENES)
 def test_exact_proves_the_same_as_enumeration(name: str, tmp_path: Path) -> None:
     scene = scene_of(name)
@@ -434,6 +434,7 @@ def test_a_mirror_maps_winds_onto_one_another() -> None:
     assert len(search_space(other, build_assembly(other)).group) == 1
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("driver", ["genetic", "random", "hillclimb", "anneal", "portfolio"])
 def test_other_drivers_rank_by_the_governing_factor(driver: str, tmp_path: Path) -> None:
     scene = scene_of("bridge")

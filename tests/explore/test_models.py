@@ -378,6 +378,7 @@ def test_the_nominal_value_is_built_and_the_low_one_kept() -> None:
     assert build_robust(angle).strengths(ROUTE).friction == pytest.approx(np.tan(np.radians(30)))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("driver", ["enumeration", "exact", "genetic"])
 def test_ranked_by_the_low_values(driver: str, tmp_path: Path) -> None:
     settings = ExploreSettings(pictures=False, driver=driver, robust=True, budget=30 if driver == "genetic" else None)

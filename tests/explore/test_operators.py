@@ -53,7 +53,7 @@ SEARCHES: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("search", SEARCHES, ids=str)
 def test_all_rows_are_in_the_space(search: dict[str, Any]) -> None:
     space = space_of(["aabb", "aabb", "aabb", "#.##"], **search)

@@ -36,6 +36,7 @@ def beam(load: float = 1.0, cases: bool = False) -> Scene:
     )
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("cases", [False, True])
 def test_a_search_of_few_layouts_ends_with_a_bound_on_all(tmp_path: Path, cases: bool) -> None:
     """Every layout is enumerated; the bound of a search of five holds for all, and is at most that of the faces."""
@@ -49,6 +50,7 @@ def test_a_search_of_few_layouts_ends_with_a_bound_on_all(tmp_path: Path, cases:
     assert beside.facts["bound_by"] in ("face by face", "block by block", "exact")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("cases", [False, True])
 def test_a_search_under_a_time_limit_takes_up_what_is_proven_beside_it(tmp_path: Path, cases: bool) -> None:
     """Normal forces that stronger layouts do not exceed bound λ; a layout handed over is in its class of symmetry."""

@@ -372,7 +372,7 @@ def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_explore.drivers.exact.cube_workers.TASK_SECONDS", 0.0)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.usefixtures("_in_threads")
 @pytest.mark.parametrize("name", SCENES)
 def test_two_processes_prove_the_same_as_one(name: str, tmp_path: Path) -> None:

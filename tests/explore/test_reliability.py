@@ -85,6 +85,7 @@ def lognormal_index(mean: float) -> float:
     return math.log(medians[0] / medians[1]) / math.sqrt(sum(squares))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("load", [6000.0, 9000.0])
 @pytest.mark.parametrize(("kind", "exact"), [("normal", normal_index), ("lognormal", lognormal_index)])
 def test_both_methods_give_the_index_of_a_sliding_block(kind: str, exact: Any, load: float) -> None:
@@ -238,6 +239,7 @@ def test_the_batch_solver_bounds_what_solve_finds(name: str) -> None:
     assert solve(one, found.labels).load_factor / asked >= bounds.low[0] * (1.0 - 1e-9)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", list(SCENES))
 def test_gradients_are_rates_of_the_load_factor(name: str) -> None:
     """Rates by mechanism and forces, (12.4), against central differences of λ."""
@@ -375,6 +377,7 @@ def beside(count: int, p: float, cov: float = 0.1) -> tuple[dict[str, Any], floa
     )
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("count", "p"), [(4, 1e-7), (10, 7.28e-7), (3, 1e-4)])
 def test_rare_failures_of_several_mechanisms_are_all_counted(count: int, p: float) -> None:
     document, exact = beside(count, p)
@@ -419,7 +422,7 @@ def test_intervals_hold_the_probability_of_series_systems(seed: int) -> None:
     assert low <= -math.expm1(float(norm.logcdf(sides).sum())) <= high
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("required", [0.5, 1.25, 3.0])
 @pytest.mark.parametrize("cov", [1e-5, 1e-3, 0.5])
 def test_values_that_hardly_matter_give_an_answer(required: float, cov: float) -> None:

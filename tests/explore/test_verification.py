@@ -556,7 +556,7 @@ def test_the_checker_is_short_and_shares_nothing() -> None:
     assert used <= set(sys.stdlib_module_names)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", SCENES | KNOWN)
 def test_certificates_hold_and_meet_enumeration(name: str, tmp_path: Path) -> None:
     """By `verify` and by the checker alike, which both refuse a bound that is a little lower."""
