@@ -503,6 +503,7 @@ def test_frames_are_right_handed_and_orthonormal() -> None:
     np.testing.assert_allclose(faces.normal[0], turn @ [0, 0, -1], atol=1e-14)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("cut", [False, True], ids=["quadrilaterals", "triangles"])
 @pytest.mark.parametrize("angles", [(0, 0, 0), (0, 0, 0.4), (0.3, 0.5, 0.7)])
 def test_running_bond(cut: bool, angles: tuple[float, float, float]) -> None:

@@ -362,6 +362,7 @@ def test_a_moving_load_is_the_least_of_its_positions() -> None:
     assert list(moving.cases)[1] == "moving at 0.5"
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("both", [False, True])
 def test_an_axle_on_a_joint_is_the_limit_from_either_side(both: bool) -> None:
     """A bar of one strong stone between loose ones: just before the joint it tips, just behind it another does."""
@@ -605,6 +606,7 @@ def block_of_weight(pair: Document, push: Document, length: float = 1.0, force: 
     return scaled(document, "", length, force)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("length", "force"), [(1.0, 1.0), (1e3, 1e-3), (0.01, 1e4)])
 @pytest.mark.parametrize("name", PAIRS)
 def test_nothing_is_left_of_what_cancels(name: str, length: float, force: float) -> None:

@@ -56,7 +56,7 @@ def test_a_large_structure_is_left_to_the_solver_for_large_ones() -> None:
     assert LimitAnalysis(bricks(20, 10, *UNITS["kN, m"])).batch is None
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", list(SCENES))
 def test_a_hard_scene_is_proven(name: str) -> None:
     hard = replace(SCENES[name], count=FEW)

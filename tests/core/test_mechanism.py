@@ -176,6 +176,7 @@ MATERIALS: dict[str, tuple[dict[str, Any], str, list[float], float]] = {
 }
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("how", ["gravity", "density"])
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("name", MATERIALS)
@@ -266,7 +267,7 @@ def corner(live: list[float], turn: str = "upright", friction: float = 1.0) -> A
     return cases.assembly_in_space(elements, materials=materials, live=[{"body": (rotation @ live).tolist()}])
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("turn", TURNS)
 @pytest.mark.parametrize(
     "live", [[0, 0, 1], [1, 0, 0], [1, 0, 1], [1, 0, -0.5], [0.5, 0, 1], [1, 0.3, 0], [0.6, -0.2, 0.7]]
@@ -367,7 +368,7 @@ def test_state_beside_self_stress_reaches_the_load_factor() -> None:
     assert max(loads) == pytest.approx(10.0, rel=5e-8)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("live", [[0, 1, 0], [1, 0, -1], [0.3, 1, -0.3]])
 @pytest.mark.parametrize("friction", [1.0 - 1e-13, 1.0 - 1e-9])
 def test_friction_below_45_degrees_is_not_locked(friction: float, live: list[float]) -> None:

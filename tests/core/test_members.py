@@ -430,6 +430,7 @@ def beam_of_pieces(member: dict[str, Any], tension: float, flip: bool) -> dict[s
     }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("tension", [2e3, 5e3])
 @pytest.mark.parametrize(
     "member",
@@ -451,6 +452,7 @@ def test_mirror_images_with_members_at_corners_of_cells_are_alike(member: dict[s
     assert one.load_factor == pytest.approx(other.load_factor, rel=1e-8)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("at", "names", "shear"),
     [

@@ -264,6 +264,7 @@ def test_figure_of_a_result_has_three_panels_on_one_scale(wall: LimitAnalysisRes
     assert "collapse" in title
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["ferris_tinloi_4", "flat_beam_arch"])
 def test_nothing_is_drawn_over_the_structure(name: str) -> None:
     result = solve(build_assembly(load_scene(SCENES / f"{name}.json")))
@@ -476,7 +477,7 @@ def test_every_drawing_has_a_row() -> None:
     assert set(CALLS) == set(drawings())
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", CALLS)
 def test_drawing(name: str, made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_views.figures.FRAMES", 2)

@@ -75,6 +75,7 @@ def test_a_refined_structure_is_the_same_structure(scene: Scene, how: dict[str, 
         assert result.load_factor == pytest.approx(expected.load_factor, rel=1e-6)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "how",
     [
@@ -222,6 +223,7 @@ def test_scenes_that_cannot_be_refined_are_refused() -> None:
 UNCERTAIN = {"cov": 0.1, "kind": "normal"}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("stone", "load", "where"),
     [
@@ -585,7 +587,7 @@ def random_segmentation(assembly: Assembly, blocks: int, rng: np.random.Generato
 STRENGTHS = (2e6, 2e5, 2e4, 4e3)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("strength", STRENGTHS)
 def test_condensed_equals_full_on_random_segmentations(strength: float) -> None:
     """20 segmentations at each of four strengths, λ to 1e-7 and brackets as narrow as asked; a force off the middle."""

@@ -43,7 +43,7 @@ def labelled_grids(draw: st.DrawFn) -> tuple[str, np.ndarray]:
     return name, np.random.default_rng(seed).random(len(ASSEMBLIES[name].interfaces)) < share
 
 
-@settings(max_examples=32, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=16, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(labelled_grids())
 @pytest.mark.filterwarnings("ignore")  # CVXPY says where its own solver was inexact; the comparison is ours
 def test_direct_equals_independent_statement(case: tuple[str, np.ndarray]) -> None:
@@ -53,7 +53,7 @@ def test_direct_equals_independent_statement(case: tuple[str, np.ndarray]) -> No
     assert close(signed(result), reference_load_factor(ASSEMBLIES[name], labels), name)
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(labelled_grids())
 def test_direct_equals_highs(case: tuple[str, np.ndarray]) -> None:
     name, labels = case
