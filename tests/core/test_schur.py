@@ -62,7 +62,7 @@ def compare(built: Assembly, count: int, seed: int, **options: Any) -> None:
             assert first.bracket[0] <= second.bracket[1] + 1e-9 * size
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", sorted(CASES))
 def test_planar_yield_sets(name: str) -> None:
     rows, options = CASES[name]
@@ -79,6 +79,7 @@ def test_a_step_far_out_of_the_cones_is_a_breakdown_and_no_error() -> None:
     assert two.load_factor == pytest.approx(one.load_factor, rel=1e-6)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", sorted(SPATIAL))
 def test_spatial_yield_sets(name: str) -> None:
     compare(SPATIAL[name](), 4, seed=12)
@@ -133,7 +134,7 @@ def test_large_assemblies_use_the_schur_solver_by_default() -> None:
     assert LimitAnalysis(SPATIAL["stools"]()).first_solver.name == "clarabel"
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", ["arch", "weak arch", "wall", "overhang", "crushable arch", "very strong"])
 def test_repairs_of_large_assemblies(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """States inside, openings, rays and λ = 0 by the Schur route as well, as where every assembly is large."""

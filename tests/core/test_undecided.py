@@ -67,7 +67,7 @@ def relaxed(name: str) -> tuple[Assembly, LimitAnalysis, Relaxation]:
     return assembly, analysis, Relaxation(analysis)
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("name", [*CASES, "in space", "crushed in space"])
 def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assembly, analysis, relaxation = relaxed(name)
@@ -89,7 +89,7 @@ def test_bound_holds_for_all_labellings_of_the_partial_one(name: str) -> None:
     assert finite or name in ("arch", "weak arch", "arch with crushable joints", "pressed")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", SOME)
 def test_bound_of_a_whole_labelling_is_its_load_factor(name: str) -> None:
     assembly, analysis, relaxation = relaxed(name)
@@ -102,7 +102,7 @@ def test_bound_of_a_whole_labelling_is_its_load_factor(name: str) -> None:
             assert relaxation.bound(labels, nothing) == pytest.approx(proof.high, rel=1e-6, abs=1e-8)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", [*SOME[:-1], pytest.param(SOME[-1], marks=pytest.mark.long)])
 def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> None:
     assembly, analysis, relaxation = relaxed(name)
@@ -164,6 +164,7 @@ def test_a_face_that_may_crush_is_taken_as_its_hull() -> None:
     assert relaxation.bound(~one, ~one) * scale == pytest.approx((weight + tension) / 3.0 / weight, rel=1e-6)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["wall", "crushable wall", "in space"])
 def test_a_batch_is_refuted_as_one_by_one(name: str) -> None:
     assembly = assemblies()[name]
@@ -370,7 +371,7 @@ def case(request: pytest.FixtureRequest) -> Case:
     return case_named(request.param)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 def test_bounds_hold_for_every_segmentation(case: Case) -> None:
     rng = np.random.default_rng(2)
     most = 1e3
@@ -389,7 +390,7 @@ def test_bounds_hold_for_every_segmentation(case: Case) -> None:
     assert finite > 10
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 def test_a_single_segmentation_is_refuted_just_above_its_load_factor(case: Case) -> None:
     rng = np.random.default_rng(3)
     # bounds have one part in 10⁶ where strengths are up to some thousand times the forces
@@ -402,7 +403,7 @@ def test_a_single_segmentation_is_refuted_just_above_its_load_factor(case: Case)
         assert not case.relaxation.choose(allowed, load * (1.0 - 1e-7) - 1e-12, 1e3).refuted
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", ["pairs", "weak", "bridge", "overhang"])
 def test_bound_is_that_of_the_program_stated_block_by_block(name: str) -> None:
     case = case_named(name)
@@ -493,7 +494,7 @@ def test_confined_assemblies_have_no_relaxation_by_blocks() -> None:
     assert applies_to(LimitAnalysis(grid_assembly(["#aa#"], live=DOWN, crush_dry=1e5, crush_inner=1e5)))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 def test_the_batch_solver_proves_the_same_as_clarabel(case: Case) -> None:
     assert case.wedges or not case.relaxation.batched
     if not case.relaxation.batched:

@@ -98,6 +98,7 @@ def head_joints(stones: np.ndarray, axis: int, middle: float) -> np.ndarray:
     return np.array(sorted(set(ends)))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("bond", bonds.BONDS)
 def test_stones_of_a_room_with_door_and_windows_add_up_and_no_joint_stands_above_another_at_jambs(bond: str) -> None:
     walls = solid(ROOM, EMPTY)
@@ -126,6 +127,7 @@ def test_stones_of_a_room_with_door_and_windows_add_up_and_no_joint_stands_above
                     assert abs(a[0] - b[0]) > 0.1 - 1e-9, (jamb, a, b)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("bond", ["running", "english", "flemish", "third"])
 def test_each_lintel_bears_on_both_jambs_and_quoins_alternate(bond: str) -> None:
     stones = boxes_of(cut(solid(ROOM, EMPTY), bond=bond))
@@ -317,6 +319,7 @@ def test_stones_of_a_course_fill_the_plan_and_no_head_joint_runs_through_a_corne
             assert shared.intersection(near).length == 0.0
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("turn", "start"), [(0.0, 0), (0.3, 2), (0.9, 1), (2.0, 5)])
 def test_a_solid_corner_in_any_position_is_cut_as_the_sample_is(turn: float, start: int) -> None:
     made = refine(

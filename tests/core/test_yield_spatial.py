@@ -117,7 +117,7 @@ def draws(name: str, bending: Any, seed: int, count: int) -> Iterator[tuple[Any,
             yield sets, labels, rng
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("name", "bending"), CASES)
 def test_rows_hold_exactly_where_slack_is_not_negative(name: str, bending: Any) -> None:
     seen = np.zeros(2, dtype=int)
@@ -130,7 +130,7 @@ def test_rows_hold_exactly_where_slack_is_not_negative(name: str, bending: Any) 
     assert seen.min() > 50
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("name", "bending"), CASES)
 def test_slack_is_concave_and_never_steeper_than_its_arguments(name: str, bending: Any) -> None:
     """What blending and the comparison with the projection error rely on."""
@@ -155,7 +155,7 @@ def test_weak_duality(name: str, bending: Any) -> None:
     assert tried > 200
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("name", "bending"), CASES)
 def test_dissipation_is_the_support_function(name: str, bending: Any) -> None:
     """D(J) = sup −F·J with the set stated a second time in CVXPY; 1e-6. Beyond the margin it is unbounded."""
@@ -337,6 +337,7 @@ def test_points_cannot_be_crushed() -> None:
         solve(built, contact="concave")
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("strength", [3e2, 1e3, 1e6])
 def test_many_layouts_whose_inner_faces_crush_equal_a_solve_of_each(strength: float) -> None:
     """At 300 Pa some fall and none is as strong as without crushing, at 1 MPa all are."""
@@ -356,6 +357,7 @@ def test_many_layouts_whose_inner_faces_crush_equal_a_solve_of_each(strength: fl
     assert bool(np.isnan(share).any()) == (strength == 3e2)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("corners", [5, 8, 12, 16, 17])
 def test_many_columns_of_drums_equal_a_solve_of_each(corners: int) -> None:
     """Faces of up to sixteen corners are solved in batches, others one at a time."""

@@ -75,6 +75,7 @@ def drawn(seed: int) -> tuple[Document, np.random.Generator]:
     return document, rng
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", [*range(10), *(pytest.param(k, marks=pytest.mark.long) for k in range(10, 200))])
 def test_the_standard_criterion_as_a_surface(seed: int) -> None:
     document, rng = drawn(seed)
@@ -113,6 +114,7 @@ def pushed(size: list[float], angle: float, **dry: Any) -> float:
     return float(solve(with_surface(document, "dry", bending={}, **dry)).load_factor)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("cone", ["elliptic", "product"])
 @pytest.mark.parametrize("locks", [0.0, 0.3])
 def test_sliding_on_grooves_in_any_direction(cone: str, locks: float) -> None:
@@ -315,6 +317,7 @@ ROCK = with_surface(SURFACES["ellipse"], "inner", hoek_brown={"compressive_stren
 ROUTES = {**SURFACES, "pairs": OF_PAIRS, "rock": with_surface(ROCK, "dry", **ROCK["materials"]["inner"]["surface"])}
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ROUTES)
 def test_many_labellings_are_as_each_alone(name: str) -> None:
     assembly = build_assembly(ROUTES[name])
