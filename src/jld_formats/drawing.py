@@ -243,7 +243,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes, *, feet
     _note_open(gaps, tolerance, scale, drawn_in, notes)
     if LOWEST in options.support:
         notes.found.append(f"supports where the lowest point is: {listed(c.name or '' for c in cells if c.support)}")
-    _say_forces(marks, options, notes)
+    _say_forces([] if drawing.facts else marks, options, notes)
     say_large(cells, notes)
     say_nested(found.nested, notes)
     _say_dropped(drawing, found, paths, snapped, read, notes)
