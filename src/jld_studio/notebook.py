@@ -270,7 +270,7 @@ def _result_page(scene: Scene | None, found: LimitAnalysisResult, height: int) -
     return NotebookPage(found.assembly.name, plain, iter([data]), solver, height)
 
 
-def _slider_data(structure: Structure, obstacle: str | None) -> dict[str, Any]:
+def _slider_data(structure: Structure, obstacle: str | None) -> page_contract.Notebook:
     """Return what the sliders of a page need; obstacle: why they never apply."""
     return {
         "materials": structure.materials,
