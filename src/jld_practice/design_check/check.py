@@ -711,8 +711,8 @@ def _with_cracks_anywhere(
 
     assess_all(len(loaded), seconds, assess, least)
     by_case: dict[int, list[CaseCheck]] = {one.number: [] for one in loaded}
-    for one, assessed in zip(loaded, checks, strict=True):
-        by_case[one.number].append(assessed)
+    for one, done in zip(loaded, checks, strict=True):
+        by_case[one.number].append(done)
     return replace(check, anywhere=tuple(_worst(tuple(group)) for group in by_case.values()))
 
 
