@@ -224,8 +224,8 @@ def cut(
     _refuse_regions(solid, wish)
     moved = _to_origin(solid, scale)
     warnings += [*_of_size(solid, options), *_of_moved(moved, options)]
-    for line in warnings if warn else ():
-        warn(line)
+    for line in warnings:
+        (warn or say)(line)
     families = search_all(solid, path.stem, wish, clock, say)
     out.mkdir(parents=True, exist_ok=True)
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
