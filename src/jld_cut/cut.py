@@ -223,9 +223,8 @@ def cut(
     _refuse_regions(solid, wish)
     moved = _to_origin(solid, scale)
     warnings += [*_of_size(solid, options), *_of_moved(moved, options)]
-    if warn:
-        for line in warnings:
-            warn(line)
+    for line in warnings:
+        (warn or say)(line)
     families = search_all(solid, path.stem, wish, clock, say)
     out.mkdir(parents=True, exist_ok=True)
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
