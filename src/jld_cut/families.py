@@ -119,7 +119,9 @@ class Body:
 def grid(body: Body) -> Cutting | None:
     """Cut by planes across the axes, at concave edges where these are near."""
     sides = body.box[3:] - body.box[:3]
-    numbers = np.maximum(1, np.ceil(sides / body.limits.fit[np.argsort(np.argsort(sides))] - 1e-9)).astype(int)
+    fit = body.limits.fit[np.argsort(np.argsort(sides))]
+    fewest = np.maximum(1, np.ceil(sides / fit - 1e-9)).astype(int)
+    numbers = fewest.copy()
     if numbers.prod() > _GRID:
         return None
     places = np.array([one[1] for one in concave_edges(body.solid) if one[0] > 0.3]).reshape(-1, 3)
@@ -137,7 +139,11 @@ def grid(body: Body) -> Cutting | None:
             best = cutting
         if len(cutting.cells) >= body.limits.aim:
             return best
-        numbers[np.argmax(sides / numbers)] += 1
+        axis = int(np.argmax(sides / numbers))
+        numbers[axis] += 1
+        # cells that only more parts than needed could be made of are none for a box
+        while fewest[axis] * int(fit[axis] * numbers[axis] / sides[axis] + 1e-9) < numbers[axis]:
+            numbers[axis] += 1
 
 
 def radial(body: Body) -> Cutting | None:
