@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import every_layout, grid_document
+from cases import box, every_layout, grid_document
 from jld_core import Status, build_assembly, parse_scene
 from jld_core.limit.options import SolveOptions
 from jld_explore import ExploreSettings, SearchSpace, explore, search_space
@@ -68,6 +68,27 @@ def test_searches_find_what_stands_where_chance_does_not() -> None:
             left -= len(rows)
             found += sum(one.status is not Status.UNSTABLE for one in told)
         assert found, name
+
+
+def overhang_in_space() -> dict[str, Any]:
+    """The cells of `DOCUMENT` as boxes."""
+    places = [(f"c{x}{z}", 0.1 * x, 0.1 * z) for z in range(3) for x in range(5)]
+    cells = [box(name, (x, 0.0, z), (x + 0.1, 0.1, z + 0.1)) for name, x, z in places]
+    base = box("base", (0.2, 0.0, -0.1), (0.3, 0.1, 0.0), support=True)
+    values = {key: DOCUMENT[key] for key in ("materials", "search")}
+    return {"name": "space", "elements": [*cells, base], "loads": {"live": [{"body": [1, 0, 0]}]}, **values}
+
+
+TIE = {"kind": "tie", "from": {"element": "c0r0", "at": [0.05, 0.35]}, "to": {"element": "c4r0", "at": [0.45, 0.35]}}
+
+
+@pytest.mark.parametrize("document", [overhang_in_space(), {**DOCUMENT, "members": [{**TIE, "tension": 50.0}]}])
+def test_what_needs_no_bond_stands_in_space_and_with_ties_too(document: dict[str, Any]) -> None:
+    space = space_of(document)
+    rows = every_layout(space)
+    stands = Standing(space.assembly, SolveOptions()).of(rows, np.full(len(rows), np.nan)) == 1.0
+    assert 0 < stands.sum() < len(rows)
+    assert ((bonds(space, rows)[0] <= 1e-5) == stands).all()
 
 
 def test_nothing_is_looked_at_where_layouts_stand() -> None:
