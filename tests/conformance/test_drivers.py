@@ -226,7 +226,7 @@ def test_time(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert len(study.records) == 30
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     "name", [*NAMES[:-2], *(pytest.param(one, marks=pytest.mark.long) for one in NAMES[-2:-1]), NAMES[-1]]
 )

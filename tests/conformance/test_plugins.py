@@ -89,7 +89,7 @@ def test_a_driver_is_found_by_its_name_with_its_options(tmp_path: Path) -> None:
         make_driver("sweeep", space, 0)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.usefixtures("plugged")
 @pytest.mark.parametrize(
     "driver", ["enumeration", "random", "genetic", "anneal", "portfolio", "hillclimb", "exact", "sweep"]

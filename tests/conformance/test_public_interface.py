@@ -87,7 +87,7 @@ def test_invalid_lists_of_labellings_are_refused(arch: jc.Assembly) -> None:
 YIELD_SETS = [(name, "planar") for name in CASES] + [(name, "spatial") for name in SPATIAL]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("name", "kind"), YIELD_SETS)
 def test_batch_solver_equals_single_solve(name: str, kind: str) -> None:
     """Same statuses and brackets that meet, over all yield sets of the tests' structures."""

@@ -104,7 +104,7 @@ SCENES_IN_UNITS = (1, 3, 7, 8, 10, 13, 14, 15, 19, 22, 24, 34, 39, 45, 48, 51, 5
 """Seeds of quick scenes: in space and in the plane, with crushing, cohesion, load cases, voids and without weight."""
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", SCENES_IN_UNITS)
 def test_load_factor_does_not_depend_on_units(seed: int) -> None:
     tally = Tally("")
@@ -112,6 +112,7 @@ def test_load_factor_does_not_depend_on_units(seed: int) -> None:
     assert sum(tally.notes.values()) == 2
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", SCENES_IN_UNITS[:10])
 def test_solvers_see_the_same_program_in_other_units(seed: int) -> None:
     """Not all seeds would pass: 1 program of 100 has a number that is rounded up in one unit and down in another."""

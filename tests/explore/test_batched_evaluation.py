@@ -25,6 +25,7 @@ SETTINGS = EvaluatorSettings()
 pytestmark = pytest.mark.skipif(chosen() is None, reason="no compiled solver")
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["wall", "beam", "overhang", "arch", "no friction", "crushable arch", "pressed"])
 def test_evaluation_in_a_batch_equals_evaluation_one_by_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     rows, options = CASES[name]

@@ -141,6 +141,7 @@ def test_brute_force_on_a_wall(search: dict[str, Any], live: Any) -> None:
     assert check(grid_space(["aab", "cab", "###"], live, **search)) > 0
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "search", [s for s in LIMITS if "keep" not in s and not isinstance(s.get("candidates"), list)], ids=str
 )

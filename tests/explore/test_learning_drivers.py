@@ -127,6 +127,7 @@ def test_the_driver_reaches_the_proven_best(tmp_path: Path) -> None:
     assert found["best"] == pytest.approx(proven["best"], rel=2e-3)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("driver", "options"), [("anneal", {"chains": 1}), ("anneal", {"chains": 8}), ("portfolio", {})]
 )
@@ -172,6 +173,7 @@ def test_two_jobs_give_the_table_of_one(tmp_path: Path) -> None:
     assert 0 < done.results["stands_at_zero"].sum() < len(done.results)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("aim", ["best", "front"])
 def test_the_portfolio_climbs_along_a_front_without_loss(aim: str) -> None:
     """A climb at a layout of the front asks for none with fewer dry faces, and raises its value."""

@@ -242,6 +242,7 @@ def cases_of_other_widths(document: Document) -> None:
 CELLS, FIELDS = {"kind": "cells", "cell": 0.5}, {"kind": "fields", "gap": 0.1}
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("cracks", "change", "count"),
     [

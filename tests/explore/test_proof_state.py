@@ -295,6 +295,7 @@ def test_a_bound_recorded_too_low_is_corrected(lowered: int, tmp_path: Path, mon
     assert done.summary.bound == pytest.approx(best, rel=2e-6)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(6))
 def test_recorded_bounds_are_recomputed_alike(seed: int) -> None:
     """Random boxes in space with inner friction: what refutes a labelling says the same when it is weighed again."""

@@ -224,6 +224,7 @@ def test_samples_are_the_scene_with_other_numbers(name: str) -> None:
         assert own.live == pytest.approx(expected.live, rel=1e-9, abs=1e-12 * scale)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", list(SCENES))
 def test_the_batch_solver_bounds_what_solve_finds(name: str) -> None:
     """Bounds of samples in the batch solver agree with `solve` on the same structure, to the width of both brackets."""

@@ -112,6 +112,7 @@ CHAINS: dict[str, tuple[list[float], list[str], Any, int]] = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CHAINS)
 def test_shapes_do_not_depend_on_order_or_place(name: str) -> None:
     """Stones whose widths differ by less than the tolerance from the next one, in random orders, moved and turned."""
@@ -256,7 +257,7 @@ def _inward(cells: list[tuple[int, int]]) -> int:
     return sum(sum((x - i, y - j) in there for i in (0, 1) for j in (0, 1)) == 3 for x, y in corners)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize("name", LIMITS)
 def test_enumeration_and_the_exact_driver_keep_the_limits(name: str, tmp_path: Path) -> None:

@@ -144,6 +144,7 @@ def test_balances_are_those_of_the_search_to_rounding(name: str) -> None:
             assert float(found.spent) == pytest.approx(expected, abs=1e-12 * max(size, 1.0))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "name", ["weak", "counts", "equal blocks", "extent", "kept", "slits", "bonded", "bonded slits"]
 )

@@ -291,6 +291,7 @@ def test_one_block_shears_off_alike_in_every_direction(angle: int) -> None:
     assert result.gap < 1e-6
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("tension", [0.0, 0.25, 0.5, 1.0])
 def test_map_of_two_cubes(tension: float) -> None:
     """3.2b: λ = min(μ, 1/2, τA/W, (1 + σtA/W)/3) over a map of (μ, τA/W), and the mechanism of each region.

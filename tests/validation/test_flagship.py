@@ -143,6 +143,7 @@ def wall(name: str, direction: float = 1.0) -> tuple[Scene, Assembly]:
     return scene, build_assembly(scene)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 @pytest.mark.parametrize("name", WALLS)
 def test_wall(name: str, direction: float) -> None:
@@ -186,7 +187,7 @@ def sample(name: str, direction: str) -> dict[str, Any]:
     return document
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("given", [True, False], ids=["given", "found"])
 @pytest.mark.parametrize("contact", ["convex", "concave"])
 @pytest.mark.parametrize("direction", DIRECTIONS)

@@ -42,7 +42,7 @@ def proven(result: LimitAnalysisResult, expected: float, rel: float = 1e-6, floo
     assert result.gap <= 1e-6
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("case", [case for case in hard_cases() if not case.kind.startswith("1 640")], ids=str)
 @pytest.mark.filterwarnings("ignore")
 def test_hard_case(case: HardCase) -> None:

@@ -16,7 +16,7 @@ ROWS = [
 ]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     "value", [pytest.param(one, id=one.what, marks=[pytest.mark.long] if one.slow else []) for one in VALUES]
 )
