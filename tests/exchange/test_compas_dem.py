@@ -154,6 +154,7 @@ def written(name: str, path: Path, cells: bool = True) -> tuple[Layout, dict[str
     return layout, json.loads(path.read_text())
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", SCENES_THERE)
 def test_there_and_back_has_the_same_load_factor(name: str, tmp_path: Path) -> None:
     layout, _ = written(name, tmp_path / "a.json")

@@ -52,6 +52,7 @@ def signed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", CASES)
 def test_every_block_is_one_closed_surface_of_its_cells_volume(name: str) -> None:
     """Each edge of the triangles is run through once either way, and the volumes are those of the elements."""
@@ -137,7 +138,7 @@ ROUND += [("compas", True, name) for name in ("dome", "shelf", "cubes")]
 ROUND += [("3dm", name not in ("wall", "arch"), name) for name in ("wall", "arch", "cross", "dome", "cubes")]
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("kind", "cells", "name"), ROUND)
 def test_there_and_back_is_the_same_assembly(kind: str, cells: bool, name: str, tmp_path: Path) -> None:
     """Interfaces, labels and λ to 1e-9, and materials and loads with them: nothing is told to the reader."""

@@ -44,7 +44,7 @@ def wall(name: str) -> Assembly:
     return build_assembly(load_scene(SCENES / f"{name}.json"))
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("start", ["associative", "gravity", "vertex"])
 @pytest.mark.parametrize("name", WALLS)
 def test_given_walls(name: str, start: str) -> None:
@@ -62,6 +62,7 @@ def test_given_walls(name: str, start: str) -> None:
     assert printed["converged"] is True
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("damping", "block"), [(1e-3, 3), (1e-1, 8)])
 @pytest.mark.parametrize("name", WALLS)
 def test_given_walls_under_other_parameters(name: str, damping: float, block: int) -> None:
@@ -71,6 +72,7 @@ def test_given_walls_under_other_parameters(name: str, damping: float, block: in
     assert WALLS[name] * (1.0 - 1e-5) <= result.load_factor <= result.facts["associative_load_factor"] * (1.0 + 1e-8)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(8))
 def test_random_walls(seed: int) -> None:
     result = solve_zero_dilation(build_assembly(random_wall(seed)))
@@ -142,6 +144,7 @@ def test_block_lifted_along_one_wall() -> None:
 # --- spatial ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("live", [[1, 0, 0], [0, 1, 0], [0.6, 0.5, 0]])
 @pytest.mark.parametrize("wythes", [1, 2])
 def test_spatial_walls(wythes: int, live: list[float]) -> None:
@@ -242,7 +245,7 @@ def test_forces_that_no_mechanism_completes_are_brought_to_a_solution() -> None:
     assert loads[1] == pytest.approx(loads[0], rel=1e-9)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("size", "lowest"), [((2, 5), 0.611295681), ((2, 6), 0.545054945), ((2, 7), 0.489795918), ((2, 8), 0.443919717)]
 )
@@ -266,6 +269,7 @@ def test_where_the_ground_course_slides_there_is_one_value(size: tuple[int, int]
     assert high == pytest.approx(0.65, rel=1e-8)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("push", [1.0, 2.0])
 def test_wedged_block_is_lifted_by_least_where_nothing_is_wedged(push: float) -> None:
     """λ = W + μ(H + 2 N_left): the least has N_left = 0, and there is no most (see test_zero_dilation)."""
@@ -281,7 +285,7 @@ def test_random_walls_go_no_higher_than_one_start_finds(seed: int) -> None:
     assert ends(assembly)[0] <= solve(assembly, friction="zero-dilation").load_factor * (1.0 + 1e-9)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", ["wall", "beam", "arch", "crushable arch"])
 def test_inner_faces_take_part(name: str) -> None:
     rows, options = CASES[name]
@@ -370,7 +374,7 @@ def test_a_search_ranks_by_the_lowest_found_or_by_the_floor(tmp_path: Path) -> N
 TINY = (["a", "a", "#"], ["aa", "##"], ["#a#", "###"], ["#aa#"], ["a.", "aa", "##"])
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", [*range(8), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(8, 15))])
 def test_all_solutions_of_tiny_scenes(seed: int) -> None:
     """Inner faces and loads at random: what is found are the ends of all solutions there are, what is proven is below
