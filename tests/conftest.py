@@ -9,7 +9,7 @@ import shutil
 import signal
 import sqlite3
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, partial
 from importlib import import_module
@@ -100,18 +100,24 @@ def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     leave_out_pictures(monkeypatch.setattr)
 
 
+def _leave_out_field_check(patch: pytest.MonkeyPatch) -> None:
+    # the package has a function of the name of this module
+    patch.setattr(import_module("jld_explore.explore"), "plan_check", lambda *_: None)
+
+
 @pytest.fixture
 def without_field_check(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the check of the best layouts by fields in this process: a third of a search of some dozen layouts."""
-    # the package has a function of the name of this module
-    monkeypatch.setattr(import_module("jld_explore.explore"), "plan_check", lambda *_: None)
+    _leave_out_field_check(monkeypatch)
 
 
-@pytest.fixture(autouse=True)
-def _unchecked(request: pytest.FixtureRequest) -> None:
-    """Tests of searches leave it out, but for those of searches by fields."""
-    if request.path.parent.name == "explore" and request.path.name != "test_field_searches.py":
-        request.getfixturevalue("without_field_check")
+@pytest.fixture(autouse=True, scope="module")
+def _unchecked(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Tests of searches and doors leave it out, their fixtures too, but for those of searches by fields."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.parent.name in ("explore", "conformance") and request.path.name != "test_field_searches.py":
+            _leave_out_field_check(patch)
+        yield
 
 
 @pytest.fixture
