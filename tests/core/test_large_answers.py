@@ -66,6 +66,7 @@ def test_what_stands_is_sought_until_a_deadline() -> None:
     assert isinstance(found.proof_at_zero(labels, Deadline()), State)
 
 
+@pytest.mark.long
 def test_a_large_wall_without_friction_is_proven() -> None:
     """Nothing holds blocks against a horizontal load: λ = 0. Over 4 000 unknowns, where no state was found before."""
     built, labels = wall(28, friction=0.0)

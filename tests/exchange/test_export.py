@@ -200,7 +200,7 @@ def test_strengths_of_one_face_come_back_from_compas(tmp_path: Path) -> None:
     np.testing.assert_array_equal(low.strengths(ROUTE).tension, build_robust(scene).strengths(ROUTE).tension[order])
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("kind", "name"), [("obj", "cross"), ("stl", "dome"), ("ply", "dome"), ("dxf", "dome")])
 def test_meshes_there_and_back_hold_the_geometry(kind: str, name: str, tmp_path: Path) -> None:
     """What a mesh has no place for is taken from another scene; the faces are found again, λ with all of them dry."""

@@ -170,6 +170,7 @@ def loads(document: dict[str, Any]) -> list[tuple[float, ...]]:
     return sorted((*corner[one["element"]], *one["force"]) for one in document["loads"]["live"])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("text", "expected"),
     [

@@ -20,7 +20,7 @@ HEAD = '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1
 BOMBS = bombs()
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", BOMBS)
 def test_what_expands_or_branches_ends_in_one_line(name: str, tmp_path: Path) -> None:
     for library in ("ezdxf", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):

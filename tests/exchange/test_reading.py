@@ -86,6 +86,7 @@ def test_small_gaps_are_closed_and_named_by_import_and_design_alike(gap: float, 
     assert any(f"1 gap closed, it is {gap:.3g} m wide, at (" in words for words in found.report.snapped)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("gap", [0.002, 0.0137, 0.09])
 def test_wide_gaps_say_how_wide_and_what_closes_them(gap: float, tmp_path: Path) -> None:
     path = drawing(tmp_path / "a.dxf", lambda space: lines(space, gap))
@@ -222,7 +223,7 @@ for library in ("ezdxf", "svgelements", "meshio", "rhino3dm", "ifcopenshell"):
 SHELF = shelf()
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(10)
 @pytest.mark.parametrize("file", SHELF, ids=[file.name for file in SHELF])
 def test_file(file: File, tmp_path: Path) -> None:
     path = tmp_path / file.name

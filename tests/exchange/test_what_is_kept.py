@@ -239,7 +239,7 @@ TURNED = ("force", "at", "moment", "body", "gravity")
 """Vectors of the plane that become vectors of space."""
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("cells", [False, True])
 @pytest.mark.parametrize("kind", READ_BACK)
 @pytest.mark.parametrize("name", SCENES)
@@ -267,7 +267,7 @@ def test_every_key_is_kept_or_named(name: str, kind: str, cells: bool, tmp_path:
         assert after.get(key) == values, f"{key} is lost and not named"
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("kind", ["dxf", "3dm"])
 @pytest.mark.parametrize("name", PLANAR)
 def test_the_same_load_factor_there_and_back(name: str, kind: str, tmp_path: Path) -> None:

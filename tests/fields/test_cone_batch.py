@@ -126,6 +126,7 @@ def test_bounds_do_not_depend_on_company(monkeypatch: pytest.MonkeyPatch) -> Non
 # One field proves bounds of many labellings: against the bounds computed for each of them.
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_field_bounds_other_labellings(kind: str) -> None:
     """Upper bounds of mechanisms lie above every lower bound, those of the own labelling are the certified ones."""
@@ -156,6 +157,7 @@ def test_one_field_bounds_other_labellings(kind: str) -> None:
     assert sum(np.isfinite(one.bounds(labellings)).sum() for one in mechanisms) > 2 * len(mechanisms)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_power_of_faces_is_that_of_the_certified_field(kind: str) -> None:
     """Each face weighed alone, against the power of the whole field computed under other labels."""

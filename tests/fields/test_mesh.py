@@ -46,6 +46,7 @@ def check(mesh: field_mesh.Mesh, assembly: Assembly) -> None:
     assert len(e) + both.sum() == 3 * len(mesh)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(12))
 def test_random_cells(seed: int) -> None:
     """Coarsest mesh, similar subdivision and random refinement."""
