@@ -62,12 +62,13 @@ for module in (sqlite3, sqlite3.dbapi2):
     module.connect = partial(module.connect, factory=_Unsynced)
 
 
-# files whose single tests take long: begun last, one would keep one core waiting for the other. Those of experiments
-# stand together, so that one process compiles the time steps
+# files that take long: begun last, one would keep one core waiting for the other. Those of experiments compile the time
+# steps, which the documentation needs as well
 LONG = (
     *("test_moving_geometry.py", "test_studies_of_the_experiment.py", "test_planar_experiment.py"),
-    *("test_interruption.py", "test_deadline.py"),
+    *("test_interruption.py", "test_deadline.py", "test_doors.py", "test_move.py", "test_zero_dilation.py"),
     *("test_documentation.py", "test_studio.py", "test_hard_cases.py", "test_studies.py", "test_door.py"),
+    *("test_cut.py", "test_design.py"),
 )
 
 

@@ -357,7 +357,7 @@ BESIDE = {
 }
 
 
-@pytest.mark.sampled(5)
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 2])
 @pytest.mark.parametrize("name", BESIDE)
 def test_shapes_beside_wider_elements_make_valid_scenes(name: str, turn: float) -> None:

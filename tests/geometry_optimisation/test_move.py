@@ -575,6 +575,7 @@ def test_a_glued_block_that_shears() -> None:
     assert rate_at(found, (0.0, h), (b, h))[:, 1].sum() == pytest.approx(-load_factor / h, rel=1e-9)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long), 7, 19])
 def test_derivatives_agree_with_differences(seed: int) -> None:
     """Four of the scenes of the claim `vertex_rates`: all yield terms, crushing (7), and space (19)."""
