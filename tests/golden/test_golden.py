@@ -71,6 +71,7 @@ def differences(found: Any, kept: Any, place: str = "") -> list[str]:
     return [] if found == kept else [f"{place}: {found!r}, kept {kept!r}"]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", [*SMALL, *FILES])
 def test_results_are_those_that_were_kept(name: str) -> None:
     kept = json.loads((HERE / "values.json").read_text(encoding="utf-8"))
