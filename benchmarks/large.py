@@ -197,10 +197,7 @@ KINDS: Final[dict[str, tuple[str, Content]]] = {  # what changes in the scene, a
         "Supported on both sides alone, without weight, lifted",
         held(ROWS, False) | {"loads": {"dead": [{"body": [0, 1]}], "live": [{"body": [0, 1]}]}},
     ),
-    "surrounded": (
-        "Supported all around, lifted: no collapse at any λ",
-        held([ROWS[-1], *ROWS], True) | live(0, 1),
-    ),
+    "surrounded": ("Supported all around, lifted: no collapse at any λ", held([ROWS[-1], *ROWS], True) | live(0, 1)),
     "weighed": (
         "Supported on the left side alone, lifted by its own weight: λ = 1",
         {"grid": {"rows": ["#" + row for row in ROWS[:-1]]}} | live(0, 1),

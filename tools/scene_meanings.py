@@ -53,8 +53,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
             "0 closes none. Grids and stated interfaces are left as they are.",
         ),
         "interfaces": Meaning(
-            "",
-            "Given, they are used as they are, on faces of both elements; else they are found where elements touch.",
+            "", "Given, they are used as they are, on faces of both elements; else they are found where elements touch."
         ),
         "materials": Meaning("", "Weight and strengths of all elements and faces."),
         "loads": Meaning("", "Dead loads beside self-weight, and the live load that λ multiplies."),
@@ -193,10 +192,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "on_fill": Meaning("", "Strip of the surface of the fill that carries the load."),
         "weight": Meaning("force", "The load, along gravity; what falls beside free elements is left out."),
     },
-    fill.Strip: {
-        "at": Meaning("length", "Horizontal place of its middle."),
-        "width": Meaning("length", "Its width."),
-    },
+    fill.Strip: {"at": Meaning("length", "Horizontal place of its middle."), "width": Meaning("length", "Its width.")},
     loads.Loads: {
         "dead": Meaning("", "Loads that λ does not multiply, beside self-weight."),
         "live": Meaning("", "Loads that λ multiplies; together they must not be zero. Not beside `cases`."),
@@ -262,13 +258,9 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "moment": Meaning("force·length", "A moment: a number in the plane (counter-clockwise), a vector in space."),
         "width": Meaning("length", "Patch that the force is spread on by `cracks` as fields; else its free face."),
     },
-    loads.BodyLoad: {
-        "body": Meaning("", "On every free element its weight, as a positive number, times this vector."),
-    },
+    loads.BodyLoad: {"body": Meaning("", "On every free element its weight, as a positive number, times this vector.")},
     loads.TiltLoad: {
-        "tilt": Meaning(
-            "", "A table on which the structure is tilted: weights turn, and λ is the tangent of an angle."
-        ),
+        "tilt": Meaning("", "A table on which the structure is tilted: weights turn, and λ is the tangent of an angle.")
     },
     loads.Tilt: {
         "towards": Meaning("", "Horizontal direction in which it leans more and more."),
@@ -340,9 +332,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "dry": Meaning("", "Pairs of ids whose faces stay dry."),
         "inner": Meaning("", "Pairs of ids whose faces stay inner."),
     },
-    search.Require: {
-        "load_factor": Meaning("", "λ that layouts must reach, with load cases the governing factor."),
-    },
+    search.Require: {"load_factor": Meaning("", "λ that layouts must reach, with load cases the governing factor.")},
     search.Moulds: {
         "rotate": Meaning("", "Blocks that a turn lays onto one another are one shape."),
         "flip": Meaning("", "Blocks that turning over lays onto one another are one shape."),

@@ -410,11 +410,7 @@ class Assembly(NotebookRepr):
             return (self,)
         return tuple(
             replace(
-                self,
-                name=f"{self.name}: {case.name}",
-                cases=(),
-                dead_loads=case.dead_loads,
-                live_loads=case.live_loads,
+                self, name=f"{self.name}: {case.name}", cases=(), dead_loads=case.dead_loads, live_loads=case.live_loads
             )
             for case in self.cases
         )

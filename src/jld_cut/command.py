@@ -27,8 +27,7 @@ def cut_(
     alike: Annotated[int | None, typer.Option(min=1, help="Most different shapes of parts.")] = None,
     require: Annotated[float, typer.Option(help="Load factor that the parts must carry.")] = 1.0,
     support: Annotated[
-        list[str] | None,
-        typer.Option(help="x0,y0,z0,x1,y1,z1: faces in it are held; default: those on the ground."),
+        list[str] | None, typer.Option(help="x0,y0,z0,x1,y1,z1: faces in it are held; default: those on the ground.")
     ] = None,
     unit: Annotated[
         str | None, typer.Option(help="Unit of all lengths: mm, cm, m, in or ft; default that of a 3MF file, else m.")

@@ -604,9 +604,7 @@ def _write(chosen: Chosen, summary: dict[str, Any], out: Path, options: Options,
         gap = scale * options.clearance
         fit = scale * np.sort(np.array(options.fit))
         summary["tenons"] = clock.run(
-            "tenons",
-            KEYED,
-            lambda: tenons(chosen.parts, chosen.block, chosen.family.joints, gap, fit, scale),
+            "tenons", KEYED, lambda: tenons(chosen.parts, chosen.block, chosen.family.joints, gap, fit, scale)
         )
     if options.marks:
         for part in chosen.parts:

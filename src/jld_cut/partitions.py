@@ -315,12 +315,7 @@ def labels_of(assembly: Assembly, blocks: Ints) -> Bits:
 
 @one_thread()
 def search(
-    document: dict[str, Any],
-    boxes: Boxes,
-    around: list[int],
-    limits: Limits,
-    together: list[int],
-    asked: Asked,
+    document: dict[str, Any], boxes: Boxes, around: list[int], limits: Limits, together: list[int], asked: Asked
 ) -> Found:
     """Solve all layouts of the fewest parts that fit and carry, and of some more while time lasts."""
     found = Found(require=asked.require * (1 - 1e-6))

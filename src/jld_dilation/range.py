@@ -27,13 +27,7 @@ from jld_core.models import effective_area
 from jld_dilation.certificate import Certifier, pair_proof
 from jld_dilation.fixed_point_search import FixedPointSearch, ProximalOptions, frozen_friction_bound
 from jld_dilation.modes import BoundedModes, Modes, Region, has_opening
-from jld_dilation.rlt_relaxation import (
-    LowerBound,
-    LowerBoundProblem,
-    RltOptions,
-    RltSolution,
-    solve_rlt,
-)
+from jld_dilation.rlt_relaxation import LowerBound, LowerBoundProblem, RltOptions, RltSolution, solve_rlt
 from jld_dilation.sweep import BlockSweep, MultiStartSearch, initial_forces
 
 # Number of faces up to which products are formed; larger scenes have only cheap bounds, unless given more time.

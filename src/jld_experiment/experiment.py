@@ -415,11 +415,7 @@ class Curve:
 
 @parameters.typed
 def run_experiment(
-    assembly: Assembly,
-    labels: Bits | None = None,
-    *,
-    joints: Joints | None = None,
-    settings: Settings | None = None,
+    assembly: Assembly, labels: Bits | None = None, *, joints: Joints | None = None, settings: Settings | None = None
 ) -> Curve:
     """Load one labelling of an assembly until collapse, twice, at two rates.
 

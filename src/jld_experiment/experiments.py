@@ -317,11 +317,7 @@ def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
 
 
 def draw_curve(
-    ax: Axes,
-    curve: Curve,
-    load_factor: float,
-    band: tuple[float, float] | None = None,
-    proven: float | None = None,
+    ax: Axes, curve: Curve, load_factor: float, band: tuple[float, float] | None = None, proven: float | None = None
 ) -> None:
     """Plot λ over displacement of an experiment, with λ of limit analysis as a line."""
     # The displacement is relative to the elastic one at collapse.
@@ -360,10 +356,7 @@ def draw_curve(
 
 
 def figure_of(
-    curve: Curve,
-    result: LimitAnalysisResult,
-    band: tuple[float, float] | None = None,
-    proven: float | None = None,
+    curve: Curve, result: LimitAnalysisResult, band: tuple[float, float] | None = None, proven: float | None = None
 ) -> Figure:
     # The figure is not saved.
     from matplotlib.backends.backend_agg import FigureCanvasAgg

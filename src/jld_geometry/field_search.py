@@ -353,12 +353,7 @@ _FINER: Final = 50.0
 
 
 @one_thread()
-def move_by_fields(
-    scene: Scene,
-    assembly: Assembly,
-    labels: Bits,
-    **options: Unpack[MoveOptions],
-) -> MovedJoints:
+def move_by_fields(scene: Scene, assembly: Assembly, labels: Bits, **options: Unpack[MoveOptions]) -> MovedJoints:
     """Move joints to raise λ of blocks that may crack anywhere, docs/method.md (11.9); unproven."""
     # Steps raise the bound by fields from above on a mesh that moves with the blocks. Values and brackets of the points
     # returned are those of these meshes; `before` and `after`, `start` and `value` are λ by faces.

@@ -399,14 +399,7 @@ def move(
 
 
 def _finish(
-    done: MovedJoints,
-    assembly: Assembly,
-    labels: Bits,
-    until: Deadline,
-    out: Path,
-    as_json: bool,
-    *,
-    by_fields: bool,
+    done: MovedJoints, assembly: Assembly, labels: Bits, until: Deadline, out: Path, as_json: bool, *, by_fields: bool
 ) -> None:
     """Check a move by fields, write table and picture, and print the result."""
     facts = _facts(done)

@@ -366,12 +366,7 @@ class MovedJoints:
 
 
 @one_thread()
-def move_joints(
-    scene: Scene,
-    assembly: Assembly,
-    labels: Bits,
-    **options: Unpack[MoveOptions],
-) -> MovedJoints:
+def move_joints(scene: Scene, assembly: Assembly, labels: Bits, **options: Unpack[MoveOptions]) -> MovedJoints:
     """Move joints to optimise the objective of the key "move", docs/method.md (11.6).
 
     An interrupt after the first accepted point ends the search with the best so far.

@@ -17,12 +17,6 @@ if TYPE_CHECKING:
     from jld_masonry import bonds, patterns, voussoirs, walls
     from jld_masonry.walls import prism_of
 
-__all__ = [
-    "bonds",
-    "patterns",
-    "prism_of",
-    "voussoirs",
-    "walls",
-]
+__all__ = ["bonds", "patterns", "prism_of", "voussoirs", "walls"]
 
 export_lazily(__name__, {"walls": ["prism_of"]}, submodules=["bonds", "patterns", "voussoirs", "walls"])

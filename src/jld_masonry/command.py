@@ -35,15 +35,13 @@ def refine_command(
     rings: Annotated[int, typer.Option(min=1, help="Rings of voussoirs over the depth.")] = 1,
     courses: Annotated[int, typer.Option(min=1, help="Voussoirs along the axis of a vault (spatial).")] = 1,
     skew: Annotated[
-        float | None,
-        typer.Option(help="Angle of the outer joints of a flat arch to its soffit's normal, degrees."),
+        float | None, typer.Option(help="Angle of the outer joints of a flat arch to its soffit's normal, degrees.")
     ] = None,
     snap: Annotated[
         float, typer.Option(help="Share of a cell by which its corners move to those of the outline (planar).")
     ] = 0.0,
     lintel: Annotated[
-        int,
-        typer.Option(min=1, help="Stones over an opening of a wall drawn as a solid: 1, or wedges of a flat arch."),
+        int, typer.Option(min=1, help="Stones over an opening of a wall drawn as a solid: 1, or wedges of a flat arch.")
     ] = 1,
     bearing: Annotated[
         float | None, typer.Option(help="Least length by which these lintels reach beyond the jambs.")

@@ -57,14 +57,7 @@ def bed_joints(shapes: Sequence[Floats], faces: Sequence[Faces], down: Floats, h
 
 
 def split_walls(
-    name: str,
-    vertices: Floats,
-    faces: Faces,
-    down: Floats,
-    beds: Floats,
-    stretcher: float,
-    bond: str,
-    lintel: Lintel,
+    name: str, vertices: Floats, faces: Faces, down: Floats, beds: Floats, stretcher: float, bond: str, lintel: Lintel
 ) -> list[tuple[Floats, Faces]]:
     """Cut walls with upright and level faces into a bond with bonded corners; InputError for others."""
     # Windows and doors are rectangles through the wall; a lintel spans each.

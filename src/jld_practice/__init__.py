@@ -18,15 +18,7 @@ from jld_core import export_lazily
 if TYPE_CHECKING:
     from jld_practice.printed import Printed, Stone, making_of, pages_of, smallest_rectangle, stones_of, stones_table
 
-__all__ = [
-    "Printed",
-    "Stone",
-    "making_of",
-    "pages_of",
-    "smallest_rectangle",
-    "stones_of",
-    "stones_table",
-]
+__all__ = ["Printed", "Stone", "making_of", "pages_of", "smallest_rectangle", "stones_of", "stones_table"]
 
 export_lazily(
     __name__,

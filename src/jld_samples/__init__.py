@@ -35,16 +35,4 @@ KINDS: Final[dict[str, Callable[..., Scene]]] = {
 }
 """Functions that make samples, by the name used in `jld new`."""
 
-__all__ = [
-    "KINDS",
-    "Stone",
-    "arch",
-    "box",
-    "buttress",
-    "corner",
-    "dome",
-    "flat_arch",
-    "grid",
-    "vault",
-    "wall",
-]
+__all__ = ["KINDS", "Stone", "arch", "box", "buttress", "corner", "dome", "flat_arch", "grid", "vault", "wall"]

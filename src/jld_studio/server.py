@@ -44,11 +44,7 @@ _SENT: Final = 11_500_000  # largest drawing that the page can send back, bytes
 
 
 def open_studio(
-    source: Path | None,
-    port: int,
-    announce: Callable[[str], None],
-    browser: bool,
-    options: ImportOptions | None = None,
+    source: Path | None, port: int, announce: Callable[[str], None], browser: bool, options: ImportOptions | None = None
 ) -> None:
     """Serve the studio on 127.0.0.1 until it is interrupted.
 

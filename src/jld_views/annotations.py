@@ -98,14 +98,7 @@ def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
 
 
 def arrows(
-    ax: Axes,
-    feet: Floats,
-    vectors: Floats,
-    name: str,
-    colour: str,
-    pivot: Any,
-    width: float,
-    hollow: bool = False,
+    ax: Axes, feet: Floats, vectors: Floats, name: str, colour: str, pivot: Any, width: float, hollow: bool = False
 ) -> Quiver:
     """Draw vectors (k, 2) at feet (k, 2), in data units, as arrows."""
     look: dict[str, Any] = {"facecolor": "white" if hollow else colour, "edgecolor": colour}

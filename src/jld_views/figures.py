@@ -186,14 +186,7 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, forces: Floats, dra
     if turning.any():
         size_pt = float(np.clip(0.16 * element_points(ax, assembly), 4.0, 9.0))
         drawn["couples on faces"] = [
-            *ax.plot(
-                *feet[turning].T,
-                **notes.TURN,
-                color=PRESS,
-                markersize=size_pt,
-                zorder=4.2,
-                label="couples",
-            )
+            *ax.plot(*feet[turning].T, **notes.TURN, color=PRESS, markersize=size_pt, zorder=4.2, label="couples")
         ]
     return [feet - 0.5 * arrows, feet + 0.5 * arrows]
 

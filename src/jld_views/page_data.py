@@ -96,10 +96,7 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
     planar, bars = assembly.dimension == 2, assembly.members
     weight = rounded(np.linalg.norm(elements.weight, axis=1), DIGITS)
     shapes, centroids = rounded_each(elements.shape), rounded(elements.centroid)
-    polygons, areas = (
-        rounded_each(faces.polygon),
-        rounded(faces.area, DIGITS),
-    )
+    polygons, areas = (rounded_each(faces.polygon), rounded(faces.area, DIGITS))
     origins, normals = rounded(faces.origin), rounded(faces.normal)
     return {
         "dimension": 2 if planar else 3,
@@ -132,12 +129,7 @@ def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
         "resultants": list(assembly.resultants),
         "touching": [list(pair) for pair in assembly.touching],
         "members": [
-            {
-                "name": name,
-                "kind": cast(Any, kind),
-                "elements": held.tolist(),
-                "points": rounded(points),
-            }
+            {"name": name, "kind": cast(Any, kind), "elements": held.tolist(), "points": rounded(points)}
             for name, kind, held, points in zip(bars.names, bars.kinds, bars.elements, bars.points, strict=True)
         ],
         "fill": [rounded(outline) for outline in assembly.fill],
@@ -204,13 +196,7 @@ def loads_of(assembly: Assembly) -> list[Load]:
 
 
 def _load(case: str, kind: Literal["live", "body", "couple"], element: str, at: Any, vector: Any) -> Load:
-    return {
-        "case": case,
-        "kind": kind,
-        "element": element,
-        "at": rounded(at),
-        "vector": rounded(vector, DIGITS),
-    }
+    return {"case": case, "kind": kind, "element": element, "at": rounded(at), "vector": rounded(vector, DIGITS)}
 
 
 def solution_of(result: LimitAnalysisResult) -> Solution:
@@ -292,8 +278,7 @@ def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSoluti
             "pressure": rounded(pressure, DIGITS),
             "on_face": [bool(on) for on in on_face],
             "vectors": rounded(
-                quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces)),
-                DIGITS,
+                quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces)), DIGITS
             ),
             "members": rounded(effects(whole.assembly, whole.forces), DIGITS) if whole.forces is not None else None,
             "thrust": [rounded(piece, DIGITS) for piece in quantities.thrust_segments(assembly, forces)],

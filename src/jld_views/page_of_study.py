@@ -134,10 +134,7 @@ def path_pictures(assembly: Assembly, solution: Solution) -> list[Picture]:
     """Return the picture of λ along the paths of moving loads, none without any."""
     if all(case.place is None for case in assembly.cases):
         return []
-    from jld_views.moved_joints import (  # importing matplotlib takes longer than many pages
-        PathValue,
-        figure_of_path,
-    )
+    from jld_views.moved_joints import PathValue, figure_of_path  # importing matplotlib takes longer than many pages
 
     values = []
     for case, found in zip(assembly.cases, solution["cases"], strict=True):

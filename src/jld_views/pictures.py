@@ -349,12 +349,7 @@ def front_picture(done: Exploration) -> Figure:
 
 
 def plot_three(
-    results: pd.DataFrame,
-    front: pd.DataFrame,
-    assembly: Assembly,
-    *,
-    axes: Sequence[tuple[str, str]],
-    layouts: int = 8,
+    results: pd.DataFrame, front: pd.DataFrame, assembly: Assembly, *, axes: Sequence[tuple[str, str]], layouts: int = 8
 ) -> Figure:
     """Plot the best λ for every pair of two counts, and layouts along the front."""
     # The front is emphasised. Numbers in circles link layouts and points.

@@ -80,12 +80,7 @@ def default_ink(ax: Axes, assembly: Assembly, labels: Bits) -> LineStyle:
 
 
 def paint(
-    ax: Axes,
-    assembly: Assembly,
-    labels: Bits,
-    fills: list[str],
-    ink: LineStyle | None = None,
-    move: Move | None = None,
+    ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle | None = None, move: Move | None = None
 ) -> Drawn:
     """Draw the elements and interfaces of a structure, without those of members, at rest or displaced."""
     assembly, labels = core_assembly.faces_of(assembly), labels[: assembly.faces]
@@ -134,13 +129,7 @@ def _paint_planar(
 
 
 def _lines(
-    ax: Axes,
-    segments: list[Floats],
-    name: str,
-    colours: list[Any],
-    widths: float | Floats,
-    dash: Any,
-    zorder: float,
+    ax: Axes, segments: list[Floats], name: str, colours: list[Any], widths: float | Floats, dash: Any, zorder: float
 ) -> LineCollection:
     style: dict[str, Any] = {"colors": colours, "linewidths": widths, "linestyles": [dash]}
     lines = LineCollection(segments, label=name, zorder=zorder, capstyle="butt", **style)

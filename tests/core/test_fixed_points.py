@@ -27,13 +27,7 @@ from jld_core.geometry import outlines
 from jld_core.limit.options import reason_of
 from jld_core.mechanics import scaling_of
 from jld_core.models import areas_under, effective_area
-from jld_core.models.central_path import (
-    CentralPath,
-    MovingRows,
-    area_derivatives,
-    barrier_weights,
-    load_axes,
-)
+from jld_core.models.central_path import CentralPath, MovingRows, area_derivatives, barrier_weights, load_axes
 from proofs import cp
 
 Array = NDArray[np.float64]

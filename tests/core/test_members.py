@@ -10,15 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 from cases import dry_and_inner, solved
-from jld_core import (
-    Assembly,
-    InputError,
-    LimitAnalysis,
-    LimitAnalysisResult,
-    build_assembly,
-    parse_scene,
-    solve,
-)
+from jld_core import Assembly, InputError, LimitAnalysis, LimitAnalysisResult, build_assembly, parse_scene, solve
 from jld_core import assembly as assembly_of_core
 from jld_core.mechanics import equilibrium_matrix, load_vectors, scaling_of, yield_set
 from jld_core.refinement import refine

@@ -170,8 +170,7 @@ def test_uncertain_values_are_taken_at_their_means_with_a_note(jld: Command, tmp
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    ["thrust --section 0,90,1,90", "settlement", "solve --history h.csv", "export --format x"],
+    "wrong", ["thrust --section 0,90,1,90", "settlement", "solve --history h.csv", "export --format x"]
 )
 def test_an_error_stands_without_the_note_on_means(wrong: str, jld: Command, tmp_path: Path) -> None:
     path = tmp_path / "block.json"

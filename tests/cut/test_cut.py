@@ -23,17 +23,7 @@ from scipy.spatial import ConvexHull
 from command import Command
 from jld_core import InputError, ParameterError, build_assembly, checkpoint, parse_scene
 from jld_cut import Options, cut
-from jld_cut.cells import (
-    BENT,
-    Cutting,
-    Joint,
-    Limits,
-    concave_edges,
-    convex_parts,
-    joints_of,
-    union,
-    without_splinters,
-)
+from jld_cut.cells import BENT, Cutting, Joint, Limits, concave_edges, convex_parts, joints_of, union, without_splinters
 from jld_cut.clock import Clock
 from jld_cut.cut import carries, verdict
 from jld_cut.families import axis_of, compressed
@@ -760,11 +750,7 @@ TOLD |= {"too_large": [], "can_be_laid": True, "coarse_truth": "", "faulty_files
             "part 5",
         ),
         ({"coarse_truth": "no face"}, ["λ of the cells of the search"], "fit the box"),
-        (
-            {"by_fields": [1.7, 1.9]},
-            ["at least 1.7 and at most 1.9 times your load"],
-            "at least 2",
-        ),
+        ({"by_fields": [1.7, 1.9]}, ["at least 1.7 and at most 1.9 times your load"], "at least 2"),
         ({"by_fields": [None, 1.9]}, ["carry at most 1.9 times", "(2 with cracks between cells, "], "at least"),
         ({"by_fields": [None, 1.9]}, ["uncut 1.5"], "opens over"),
         ({"by_fields": [None, 2.5]}, ["uncut 1.5 (a dry joint opens over its whole depth"], "few faces"),

@@ -400,10 +400,7 @@ def test_a_registered_driver_is_used_by_its_name(named: None, tmp_path: Path) ->
     for options, words in (
         ({"step": 0}, "step: 0 is wrong; expected a whole number greater than or equal to 1"),
         ({"step": "many"}, "step: 'many' is wrong; expected a whole number"),
-        (
-            {"aim": "best"},
-            'aim: the driver backwards has no such option; expected `driver="genetic"` or `driver=',
-        ),
+        ({"aim": "best"}, 'aim: the driver backwards has no such option; expected `driver="genetic"` or `driver='),
         ({"stride": 2}, "stride: the driver backwards has no such option"),
     ):
         with pytest.raises(InputError) as error:

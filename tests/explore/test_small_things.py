@@ -187,10 +187,7 @@ def test_progress_shows_incumbent_bound_and_gap(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [
-        b"axes.facecolor: red\nfigure.dpi: none\nbogus line\n",
-        pytest.param(b"\xff\xfe no text", marks=pytest.mark.long),
-    ],
+    [b"axes.facecolor: red\nfigure.dpi: none\nbogus line\n", pytest.param(b"\xff\xfe no text", marks=pytest.mark.long)],
 )
 def test_a_matplotlibrc_in_the_current_folder_does_not_matter(content: bytes, tmp_path: Path, jld: Command) -> None:
     """Pictures are the same bytes, whatever the file says."""

@@ -10,9 +10,6 @@ from jld_core.lazy_exports import export_lazily
 if TYPE_CHECKING:
     from jld_core.batch import batch_solver
 
-__all__ = [
-    "batch_solver",
-    "chosen",
-]
+__all__ = ["batch_solver", "chosen"]
 
 export_lazily(__name__, {}, submodules=["batch_solver"])

@@ -108,11 +108,7 @@ _PATTERN: Final = (
 _PROBLEM: Final = (
     ("elements", "int32_t", "n, free elements"),
     ("faces", "int32_t", "m"),
-    (
-        "pairs",
-        "int32_t",
-        "planar: pairs of rows of a face; spatial: 2 pairs of bending rows, or edges of a hull",
-    ),
+    ("pairs", "int32_t", "planar: pairs of rows of a face; spatial: 2 pairs of bending rows, or edges of a hull"),
     ("labels", "int32_t", "L"),
     ("freedoms", "int32_t", "q"),
     ("drops_shear", "int32_t", "1 if a face drops V (spatial: V and MT) under some label, after (2.8)"),

@@ -12,14 +12,7 @@ if TYPE_CHECKING:
     from jld_core.build.assemble import build_geometry, cases_of_scene
     from jld_core.build.plausibility import weight_facts
 
-__all__ = [
-    "build_geometry",
-    "build_robust",
-    "cases_of_scene",
-    "loads",
-    "materials",
-    "weight_facts",
-]
+__all__ = ["build_geometry", "build_robust", "cases_of_scene", "loads", "materials", "weight_facts"]
 
 export_lazily(
     __name__,

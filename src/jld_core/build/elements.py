@@ -144,9 +144,7 @@ def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Inter
         first, last = np.searchsorted(keys, a * count + b, "left"), np.searchsorted(keys, a * count + b, "right")
         if first == last:
             raise InputError(
-                f"{where}[{position}]",
-                f"{pair[0]!r} and {pair[1]!r} share no interface",
-                "two elements that touch",
+                f"{where}[{position}]", f"{pair[0]!r} and {pair[1]!r} share no interface", "two elements that touch"
             )
         chosen[order[first:last]] = True
     return chosen

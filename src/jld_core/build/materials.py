@@ -42,9 +42,7 @@ def gravity_vector(materials: Materials, dimension: int) -> Floats:
         return vector
     if len(materials.gravity) != dimension:
         raise InputError(
-            "materials.gravity",
-            f"it has {len(materials.gravity)} numbers",
-            f"a number or a vector of {dimension}",
+            "materials.gravity", f"it has {len(materials.gravity)} numbers", f"a number or a vector of {dimension}"
         )
     return np.array(materials.gravity, dtype=float)
 

@@ -106,10 +106,7 @@ _STRAIGHT = 1e-6  # sine of the angle below which an outline runs straight throu
 
 # Local corners of the sides of a triangle and of a tetrahedron, counter-clockwise seen from outside; side k lacks
 # corner k
-_SIDES = {
-    2: np.array([[1, 2], [2, 0], [0, 1]]),
-    3: np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]),
-}
+_SIDES = {2: np.array([[1, 2], [2, 0], [0, 1]]), 3: np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])}
 
 _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])  # local corners of the six edges of a tetrahedron
 

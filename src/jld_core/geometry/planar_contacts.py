@@ -62,9 +62,7 @@ def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) 
             raise InputError(f"element {ids[bad]!r}", "its polygon has no area", "a polygon with an area")
         reason = shapely.is_valid_reason(shapes[bad]).split("[")[0].strip().lower() or "not simple"
         raise InputError(
-            f"element {ids[bad]!r}",
-            f"its polygon is wrong ({reason})",
-            "an outline that does not meet itself",
+            f"element {ids[bad]!r}", f"its polygon is wrong ({reason})", "an outline that does not meet itself"
         )
     return _refuse_overlaps(ids, shapes, size, within)
 

@@ -170,11 +170,7 @@ class SharedHull:
         face = column // template.assembly.freedoms
         entries.add(row, column + first_column, face + first_owner, dry, inner)
         entries.add(
-            places[pattern.row],
-            pattern.column + first_column,
-            pattern.face + first_owner,
-            pattern.dry,
-            pattern.inner,
+            places[pattern.row], pattern.column + first_column, pattern.face + first_owner, pattern.dry, pattern.inner
         )
         # right-hand sides are shared: h (1 − w) of copy 0, with its constant in the vector, h w of copy 1
         sign = -1.0 if copy else 1.0

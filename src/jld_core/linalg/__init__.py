@@ -4,7 +4,4 @@ from __future__ import annotations
 
 from jld_core.linalg.factors import components, merged_points
 
-__all__ = [
-    "components",
-    "merged_points",
-]
+__all__ = ["components", "merged_points"]

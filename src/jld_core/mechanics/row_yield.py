@@ -287,10 +287,7 @@ class LabelRows:
     def scaled(self, unit: Floats) -> LabelRows:
         """Return the sets of resultants from those of stresses; unit: (m,) area over the force scale."""
         return replace(
-            self,
-            d=self.d * unit[:, None],
-            c=self.c * unit[:, None],
-            vertices=self.vertices * unit[:, None, None],
+            self, d=self.d * unit[:, None], c=self.c * unit[:, None], vertices=self.vertices * unit[:, None, None]
         )
 
     @cached_property

@@ -498,12 +498,7 @@ def require_solver_accepts(analysis: LimitAnalysis, options: Model) -> None:
 
 
 def solve_labelling(
-    analysis: LimitAnalysis,
-    labels: Bits,
-    options: Model,
-    *,
-    stands: bool = False,
-    pruning_threshold: float = -math.inf,
+    analysis: LimitAnalysis, labels: Bits, options: Model, *, stands: bool = False, pruning_threshold: float = -math.inf
 ) -> Proof:
     """Prove the load factor of one labelling under the given options.
 

@@ -10,15 +10,6 @@ from jld_core.program.template import ConicProgram, Template, beginnings, pack
 if TYPE_CHECKING:
     from jld_core.program.template import Beside
 
-__all__ = [
-    "Beside",
-    "ConicProgram",
-    "Template",
-    "beginnings",
-    "pack",
-]
+__all__ = ["Beside", "ConicProgram", "Template", "beginnings", "pack"]
 
-export_lazily(
-    __name__,
-    {"template": ["Beside"]},
-)
+export_lazily(__name__, {"template": ["Beside"]})

@@ -12,12 +12,7 @@ if TYPE_CHECKING:
     from jld_core.refinement import arrangement
     from jld_core.refinement.refine import KINDS, crack_cells
 
-__all__ = [
-    "KINDS",
-    "arrangement",
-    "crack_cells",
-    "refine",
-]
+__all__ = ["KINDS", "arrangement", "crack_cells", "refine"]
 
 __getattr__ = door("masonry")  # bonds, voussoirs, walls
 

@@ -98,9 +98,7 @@ class Element(Part):
             for face in self.faces:
                 if bad := [i for i in face if not 0 <= i < len(self.vertices)]:
                     raise InputError(
-                        ".faces",
-                        f"a face names vertex {bad[0]}",
-                        f"numbers from 0 to {len(self.vertices) - 1}",
+                        ".faces", f"a face names vertex {bad[0]}", f"numbers from 0 to {len(self.vertices) - 1}"
                     )
         dimension = 2 if self.polygon is not None else 3
         if self.centroid is not None and len(self.centroid) != dimension:

@@ -70,10 +70,7 @@ QUANTITIES: Final[dict[str, _Powers]] = {
     "moment": _MOMENT,
     "line": _LINE,
     "density": _DENSITY,
-    **dict.fromkeys(
-        ("pressure", "traction", "surcharge", "reference_strength", *STRESS_KEYS),
-        STRESS,
-    ),
+    **dict.fromkeys(("pressure", "traction", "surcharge", "reference_strength", *STRESS_KEYS), STRESS),
 }
 
 _SPREAD: Final = ("nominal", "low", "mean")  # keys of an object that stands for one number

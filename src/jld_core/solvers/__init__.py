@@ -163,7 +163,4 @@ __all__ = [
     "solve_auxiliary",
 ]
 
-export_lazily(
-    __name__,
-    {"highs": ["highs_of", "highs_ends"]},
-)
+export_lazily(__name__, {"highs": ["highs_of", "highs_ends"]})

@@ -6,10 +6,6 @@ from jld_core.plugins import door
 from jld_core.views import facts
 from jld_core.views.facts import facts_of_assembly, facts_of_result
 
-__all__ = [
-    "facts",
-    "facts_of_assembly",
-    "facts_of_result",
-]
+__all__ = ["facts", "facts_of_assembly", "facts_of_result"]
 
 __getattr__ = door("views")

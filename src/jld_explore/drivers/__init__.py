@@ -14,17 +14,6 @@ from jld_explore.drivers.searcher import Register
 if TYPE_CHECKING:
     from jld_explore.drivers.genetic import Genetic
 
-__all__ = [
-    "DRIVERS",
-    "BufferedRandom",
-    "DriverOptions",
-    "Genetic",
-    "Register",
-    "make_driver",
-    "operators",
-]
+__all__ = ["DRIVERS", "BufferedRandom", "DriverOptions", "Genetic", "Register", "make_driver", "operators"]
 
-export_lazily(
-    __name__,
-    {"genetic": ["Genetic"]},
-)
+export_lazily(__name__, {"genetic": ["Genetic"]})

@@ -14,18 +14,6 @@ if TYPE_CHECKING:
     from jld_explore.evaluation import field_evaluator
     from jld_explore.evaluation.protocol import Evaluator
 
-__all__ = [
-    "Evaluator",
-    "EvaluatorSettings",
-    "Pool",
-    "Records",
-    "evaluator_of",
-    "field_evaluator",
-    "raise_deferred",
-]
+__all__ = ["Evaluator", "EvaluatorSettings", "Pool", "Records", "evaluator_of", "field_evaluator", "raise_deferred"]
 
-export_lazily(
-    __name__,
-    {"protocol": ["Evaluator"]},
-    submodules=["field_evaluator"],
-)
+export_lazily(__name__, {"protocol": ["Evaluator"]}, submodules=["field_evaluator"])

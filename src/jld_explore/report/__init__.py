@@ -11,13 +11,7 @@ from jld_explore.report.columns import csv_of
 if TYPE_CHECKING:
     from jld_explore.report import columns, folder, reading, words
 
-__all__ = [
-    "columns",
-    "csv_of",
-    "folder",
-    "reading",
-    "words",
-]
+__all__ = ["columns", "csv_of", "folder", "reading", "words"]
 
 __getattr__ = door("views")  # `show_page`, `write_report` and others
 

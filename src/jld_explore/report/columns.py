@@ -27,10 +27,7 @@ _FACES: Final = {
     "candidate": ("", "whether the search may change its label"),
 }
 _RESULTS: Final = {
-    "rank": (
-        "",
-        "1 is the strongest; only of layouts with a proven load factor, what falls without live load last",
-    ),
+    "rank": ("", "1 is the strongest; only of layouts with a proven load factor, what falls without live load last"),
     "labelling": ("", "a letter for each face in the order of faces.csv: d dry, i inner"),
     "multiplicity": ("", "labellings that are equal to this one under the scene's symmetries, itself among them"),
     "load_factor": ("", "load factor of the objective"),

@@ -330,11 +330,7 @@ def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
 
     faces, ids = faces_of(assembly).interfaces, assembly.elements.ids
     table = pd.DataFrame(
-        {
-            "index": np.arange(len(faces)),
-            "element_a": [ids[a] for a in faces.a],
-            "element_b": [ids[b] for b in faces.b],
-        }
+        {"index": np.arange(len(faces)), "element_a": [ids[a] for a in faces.a], "element_b": [ids[b] for b in faces.b]}
     )
     axes = "xy" if assembly.dimension == 2 else "xyz"
     for end in (0, 1):

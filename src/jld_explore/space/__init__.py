@@ -34,7 +34,5 @@ __all__ = [
 ]
 
 export_lazily(
-    __name__,
-    {"labelling": ["cut"], "search_space": ["feasible", "reasons_against"]},
-    submodules=["labelling"],
+    __name__, {"labelling": ["cut"], "search_space": ["feasible", "reasons_against"]}, submodules=["labelling"]
 )

@@ -683,12 +683,7 @@ def counts(
 
 
 def values_until(
-    count: Count,
-    assembly: Assembly,
-    labellings: Bits,
-    graph: Connectivity,
-    shapes: BlockShapes,
-    deadline: Deadline,
+    count: Count, assembly: Assembly, labellings: Bits, graph: Connectivity, shapes: BlockShapes, deadline: Deadline
 ) -> Ints | Floats:
     """Compute a count (k,) in time: NaN from the first labelling on that is late, never the very first."""
     if not deadline.limited:

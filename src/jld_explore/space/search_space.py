@@ -320,12 +320,7 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
 
 @typed
 def search_space(
-    scene: Scene,
-    assembly: Assembly,
-    *,
-    allow_empty: bool = False,
-    need_materials: bool = True,
-    tells_apart: str = "",
+    scene: Scene, assembly: Assembly, *, allow_empty: bool = False, need_materials: bool = True, tells_apart: str = ""
 ) -> SearchSpace:
     """Build the search space of a scene from its "search" section.
 

@@ -10,9 +10,6 @@ from jld_explore.verification.verify import verify
 if TYPE_CHECKING:
     from jld_explore.verification import certificate
 
-__all__ = [
-    "certificate",
-    "verify",
-]
+__all__ = ["certificate", "verify"]
 
 export_lazily(__name__, {}, submodules=["certificate"])

@@ -167,11 +167,7 @@ def combinations_of(assembly: Assembly, factors: scene_design.PartialFactors) ->
     cases = assembly.cases or (LoadCase("", assembly.dead_loads, assembly.live_loads),)
     weights = bool(np.any(assembly.elements.weight[assembly.elements.free]))
     stated = any(_stated_dead_load(assembly, case.dead_loads) for case in cases)
-    present = {
-        "self_weight": weights,
-        "dead": stated,
-        "prestressing": bool(np.any(assembly.members.prestress)),
-    }
+    present = {"self_weight": weights, "dead": stated, "prestressing": bool(np.any(assembly.members.prestress))}
     if factors.by_parts:
         effects = _BOTH if present["prestressing"] and len(set(factors.prestressing)) > 1 else _BOTH[:1]
         return [Combination("parts", "parts", effect) for effect in effects]
@@ -612,10 +608,7 @@ def design_check(
 
 
 def _structures(
-    scene: Scene,
-    labels: Bits,
-    factors: scene_design.PartialFactors,
-    combinations: list[Combination],
+    scene: Scene, labels: Bits, factors: scene_design.PartialFactors, combinations: list[Combination]
 ) -> list[tuple[Assembly, Bits]]:
     """Return structure and labels under each combination, at design values; loads of parts are characteristic."""
     found: dict[float, tuple[Assembly, Bits]] = {}

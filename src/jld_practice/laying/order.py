@@ -222,11 +222,7 @@ def assembly_order(
 
 
 def locked_blocks(
-    assembly: Assembly,
-    labels: Bits,
-    *,
-    group: int = GROUP,
-    bodies: Bodies | None = None,
+    assembly: Assembly, labels: Bits, *, group: int = GROUP, bodies: Bodies | None = None
 ) -> tuple[int, ...]:
     """Return the elements of blocks that prevent any order by translations, ascending."""
     # The blocks found lock one another in every labelling that has them.

@@ -35,10 +35,7 @@ class BlockSpace:
     blocks: PossibleBlocks
 
     def relaxation(
-        self,
-        analyses: Sequence[LimitAnalysis] = (),
-        seconds: float = math.inf,
-        caps: Sequence[Floats | None] = (),
+        self, analyses: Sequence[LimitAnalysis] = (), seconds: float = math.inf, caps: Sequence[Floats | None] = ()
     ) -> AnyBlockRelaxation:
         """Make the block relaxation of the space, which bounds λ over choices of blocks; caps (m,) of each case."""
         members, inside = self.blocks.members, self.blocks.inside

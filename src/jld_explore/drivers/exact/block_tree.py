@@ -93,12 +93,7 @@ class BlockTree:
     """Branch-and-bound tree over the choice of blocks, best bound first."""
 
     def __init__(
-        self,
-        relaxation: BlockBoundPool,
-        space: SearchSpace,
-        blocks: PossibleBlocks,
-        threshold: float,
-        most: float,
+        self, relaxation: BlockBoundPool, space: SearchSpace, blocks: PossibleBlocks, threshold: float, most: float
     ) -> None:
         # A face decided dry excludes the blocks that contain it; the bound falls by about the dissipation inside them
         # times their shares. Those faces are tried with both labels, and the search branches on the one that lowers
