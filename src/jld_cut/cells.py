@@ -27,7 +27,7 @@ CORNERS: Final = 8  # most corners of a joint
 SLIVER: Final = 0.02  # of the mean volume: smaller cells are joined to a neighbour
 _SPLINTER: Final = 1e-4  # of the mean volume: such convex pieces join another one
 _SHEET: Final = 1e-7  # thickness below which a piece is a sheet, by size
-_ALIKE: Final = 1e-3  # sine of the angle between planes of one joint
+_NEAR: Final = 1e-6  # distance of a joint from a plane in which it is met again, by size
 _FLAT: Final = 1e-8  # distance of corners from a plane that they lie in, by size
 _LEAST: Final = 1e-9  # area of a section by the square of the size
 JOINT: Final = 1e-5  # the same of a joint that carries
@@ -284,25 +284,25 @@ def joints_of(
 ) -> list[Joint]:
     """Return the joints between cells in planes, as pieces of so many corners, convex but for a share `bent`."""
     found = []
-    met: dict[tuple[int, int], list[tuple[Floats, Floats]]] = {}
+    met: dict[tuple[int, int], list[Floats]] = {}
     for plane in unique_planes(planes, size):
         checkpoint()
         here = []
         for a, b, region in sections(cells, plane, size):
             # cells that meet in a plane also meet in one that differs by rounding: that is the same joint
-            if not any(_covers(one, region, plane) for one in met.get((min(a, b), max(a, b)), ())):
+            rings = met.get((min(a, b), max(a, b)), ())
+            if not any(_covers(ring, region, plane, size) for ring in rings):
                 here.append((a, b, region))
         for a, b, region in here:
             for piece in convex_pieces(region, 1e-7 * size, bent, corners):
                 found.append(Joint(a, b, lifted(piece, plane), plane[:3], piece.area))
-            met.setdefault((min(a, b), max(a, b)), []).append((plane, lifted(region, plane)))
+            met.setdefault((min(a, b), max(a, b)), []).append(lifted(region, plane))
     return found
 
 
-def _covers(met: tuple[Floats, Floats], region: Any, plane: Floats) -> bool:
-    """Return whether a joint, a plane and corners, holds most of a region of a plane that differs by rounding."""
-    before, ring = met
-    if np.linalg.norm(np.cross(before[:3], plane[:3])) > _ALIKE:
+def _covers(ring: Floats, region: Any, plane: Floats, size: float) -> bool:
+    """Return whether a joint of corners (k, 3) lies in a plane, and holds most of a region of it."""
+    if np.abs(ring @ plane[:3] - plane[3]).max() > _NEAR * size:
         return False
     common = shapely.intersection(shapely.Polygon(ring @ basis(plane[:3]).T).buffer(0.0), region)
     return bool(common.area > 0.5 * region.area)
