@@ -32,20 +32,36 @@ class Solids:
         self.planes = [np.unique(np.round(hull.equations, 12), axis=0) for hull in hulls]
         self._met: dict[tuple[int, int, bytes], bool] = {}
         self._paths: dict[tuple[int, float, bytes], Floats] = {}
+        self._spans_of: dict[bytes, tuple[Floats, Floats]] = {}
         self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + SHARED) * _volumes(elements)
 
-    def swept(self, mine: Ints, others: Ints, direction: Floats) -> Ints:
-        """Return those of `others` (k,) that an element of `mine` meets along a unit vector (3,)."""
+    def swept(self, mine: Ints, others: Ints, direction: Floats, owner: Ints) -> Ints:
+        """Return owners (n,) of `others` (k,) that an element of `mine` meets along a unit vector (3,), each once."""
         low, high = self.elements.lower, self.elements.upper
-        met = np.zeros(len(others), dtype=bool)
+        least, most = self._spans(direction)
+        met: dict[int, None] = {}
         for e in mine.tolist():
             reach = 1e-9 * self.size[e]
-            # exclude boxes that can never be met: cheap, and nearly all of them
+            # exclude what can never be met: cheap, and nearly all
             ahead = (high[others] > low[e] + reach) | (direction < -1e-12)
             behind = (low[others] < high[e] - reach) | (direction > 1e-12)
-            for place in np.flatnonzero(np.all(ahead & behind, axis=1) & ~met).tolist():
-                met[place] = self.meets(e, int(others[place]), direction)
-        return others[met]
+            beside = (least[others, 1:] >= most[e, 1:]) | (most[others, 1:] <= least[e, 1:])
+            passed = beside.any(axis=1) | (most[others, 0] <= least[e, 0])
+            for other in others[np.all(ahead & behind, axis=1) & ~passed].tolist():
+                if owner[other] not in met and self.meets(e, other, direction):
+                    met[int(owner[other])] = None
+        return np.array([*met], dtype=np.int64)
+
+    def _spans(self, direction: Floats) -> tuple[Floats, Floats]:
+        """Return the least and the largest coordinate (n, 5) of each element along a unit vector and four across."""
+        key = direction.tobytes()
+        if key not in self._spans_of:
+            first, second = tangents(direction)[:2]
+            axes = np.array([direction, first, second, first + second, first - second])
+            places = np.concatenate(self.elements.shape) @ axes.T
+            starts = np.cumsum([0, *(len(corners) for corners in self.elements.shape[:-1])])
+            self._spans_of[key] = np.minimum.reduceat(places, starts), np.maximum.reduceat(places, starts)
+        return self._spans_of[key]
 
     def meets(self, moving: int, still: int, direction: Floats) -> bool:
         """Return whether an element moved along a unit vector (3,) would overlap another; results are stored."""
@@ -520,7 +536,8 @@ class Freedom:
         ways = self.bodies.ways_of(mine)
         ways = ways[(ways @ touching.T).max(axis=1, initial=-np.inf) <= _TURN]
         elements, still = np.flatnonzero(mine), np.flatnonzero(rest)
-        free = (way for way in ways if not len(self.bodies.solids.swept(elements, still, way)))
+        anyone = np.zeros(len(self.bodies.solids.size), dtype=np.int64)
+        free = (way for way in ways if not len(self.bodies.solids.swept(elements, still, way, anyone)))
         return next(free, None)
 
     def group_out(self, there: Bools, most: int) -> tuple[Ints, Floats] | None:
@@ -634,8 +651,8 @@ class Freedom:
         swept[number, block] = True
         mine = self.blocks.of == block
         others = np.flatnonzero(~mine & ~table[number, block][self.blocks.of])
-        met = self.bodies.solids.swept(np.flatnonzero(mine), others, ways[number])
-        table[number, block, self.blocks.of[met]] = True
+        met = self.bodies.solids.swept(np.flatnonzero(mine), others, ways[number], self.blocks.of)
+        table[number, block, met] = True
 
 
 def _transitive_closure(arrows: Bools) -> Bools:
