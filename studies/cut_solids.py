@@ -244,8 +244,9 @@ def parts_of(folder: Path, names: list[str]) -> Figure:
 
 def written(out: Path, folder: Path, table: pd.DataFrame, seconds: float, load: str) -> pd.DataFrame:
     """Write the page of a table, with the pictures in the folders of the solids."""
-    whole = table[table["parts"].notna()]
-    finite = whole[whole["bracket_lo"].notna() & (whole["bracket_hi"].notna() | whole["grid"].notna())]
+    whole = table[table["parts"].notna()].copy()
+    whole["grid"] = whole["grid"].astype(float)
+    finite = whole[whole["bracket_lo"].notna() & (whole["bracket_hi"].notna() | np.isfinite(whole["grid"]))]
     yes = ("watertight", "in_box", "meets", "can_be_laid", "proven")
     counts = {key: sum(value == 1 for value in whole[key]) for key in yes}
     above = whole["solid"][whole["bracket_lo"].astype(float) > 1.001 * whole["uncut_lo"].astype(float)]

@@ -12,8 +12,8 @@ T = TypeVar("T")
 
 SEARCHED: Final = 0.45  # share of the time at which the search ends
 CHOSEN: Final = 0.65  # at which the best are judged
-KEYED: Final = 0.82  # at which keys are in their joints
-FILED: Final = 0.92  # at which its files are written
+KEYED: Final = 0.87  # at which keys are in their joints
+FILED: Final = 0.93  # at which its files are written
 DRAWN: Final = 0.97  # at which all is drawn
 
 

@@ -229,10 +229,9 @@ def cut(
     out.mkdir(parents=True, exist_ok=True)
     chosen = _choose(families, wish, scale * options.clearance, clock, say)
     with ExitStack() as beside:
+        # what slides may carry many times as much with keys, so bounds of others begin at once, and of these after them
+        chosen = _with_keys(chosen, wish, scale, options.clearance, clock) if options.keys else chosen
         bracket = _begun(chosen, wish, out, clock, beside)
-        if options.keys and (with_keys := _with_keys(chosen, wish, scale, options.clearance, clock)) is not chosen:
-            beside.close()
-            chosen, bracket = with_keys, _begun(with_keys, wish, out, clock, beside)
         if chosen.laying is None:  # the search for others had the time of this one
             laying = chosen.fine.order(chosen.block, max(_LAYING, clock.left(KEYED)))
             locking = chosen.fine.locking(chosen.block, _LAYING) if laying is False else []
