@@ -349,10 +349,10 @@ def _pieces(region: Any, tolerance: float, bent: float, corners: int | None) -> 
             reverse=True,
         )
         for length, a, b in shared:
-            union = shapely.union(pieces[a], pieces[b])
-            if length > 0.0 and union.geom_type == "Polygon" and _is_convex(union, bent):
+            both = shapely.union(pieces[a], pieces[b])
+            if length > 0.0 and both.geom_type == "Polygon" and _is_convex(both, bent):
                 others = [piece for k, piece in enumerate(pieces) if k not in (a, b)]
-                pieces = [*others, shapely.simplify(union, tolerance)]
+                pieces = [*others, shapely.simplify(both, tolerance)]
                 merging = True
                 break
     least = 1e-4 * region.area

@@ -263,7 +263,6 @@ def _begun(
     chosen: Chosen, wish: Wish, out: Path, clock: Clock, beside: ExitStack
 ) -> Callable[[float], tuple[Ends | None, str]] | None:
     # bounds by fields beside all that follows
-    clock.left_out = [name for name in clock.left_out if name != "bounds by fields"]
     seconds, name = clock.left(DRAWN) - _DRAWING, chosen.fine.document["name"]
     if seconds < _FIELDS:
         clock.left_out.append("bounds by fields")
