@@ -52,7 +52,7 @@ class Driver(ABC):
     remembers: ClassVar[bool] = False
     """True if `restore` has an effect."""
 
-    ahead: ClassVar[int] = 0
+    ahead: int = 0
     """Calls of `ask` before the evaluations of an earlier one arrive."""
 
     checks: ClassVar[bool] = False

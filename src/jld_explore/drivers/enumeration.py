@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +94,7 @@ class Enumeration(Driver):
     """Driver that enumerates all classes of a space, in an order of the space alone."""
 
     name = "enumeration"
-    ahead: ClassVar[int] = 1
+    ahead: int = 1
 
     def __init__(self, space: SearchSpace, seed: int = 0, *, rows: int | None = None) -> None:
         # Faces are decided so that one element after the other is complete. In a segmentation a face within a block is

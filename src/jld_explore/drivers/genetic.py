@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from pydantic import Field
@@ -138,7 +138,7 @@ class Genetic(Searcher):
 
     name = "genetic"
     Options = GeneticOptions
-    ahead: ClassVar[int] = 1
+    ahead: int = 1
 
     def __init__(self, space: SearchSpace, seed: int, population: int | None = None, aim: Aim = "front") -> None:
         super().__init__(space, seed, GENERATION)

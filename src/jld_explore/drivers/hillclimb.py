@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -37,7 +37,7 @@ class HillClimb(Searcher):
 
     name = "hillclimb"
     Options = HillClimbOptions
-    ahead: ClassVar[int] = 1
+    ahead: int = 1
 
     def __init__(
         self,

@@ -91,6 +91,9 @@ class Portfolio(Anneal):
         # population.
         super().__init__(space, seed, _CHAINS[int(space.candidates.sum()) >= _FACES], aim)
         self._cheap = cheap = int(space.candidates.sum()) < _CHEAP
+        # Where a layout takes long, climbs have few steps, each of which should know the one before: changes are only
+        # prepared meanwhile. Elsewhere one batch is made while another is evaluated.
+        self.ahead = int(space.candidates.sum() < _FACES)
         self.aim, self._together, self._screened = aim, _CHANGES[cheap], _SCREENED[cheap]
         self._others_per_climb = _RATIOS[cheap]
         self._patience = _PATIENCE * self.operators.keys
@@ -120,6 +123,8 @@ class Portfolio(Anneal):
         return {"aim": self.aim, **super().settings}
 
     def prepare(self) -> None:
+        if self.ahead:
+            return
         if self._climb is None and self._left > 0.0:
             super().prepare()
         for climb in (self._climb, self._ascent):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -334,7 +334,7 @@ class Random(Searcher):
     """Driver that draws labellings at random, each class once."""
 
     name = "random"
-    ahead: ClassVar[int] = 4  # evaluations have no influence, so asking ahead is free
+    ahead: int = 4  # evaluations have no influence, so asking ahead is free
 
     def __init__(self, space: SearchSpace, seed: int, size: int = 256) -> None:
         super().__init__(space, seed, min(size, max(1, _MOST_LABELS // max(1, len(space.candidates)))))
