@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -138,9 +138,8 @@ class Strengths:
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
     def joined(self, further: Strengths) -> Strengths:
-        return Strengths(**{
-            parameter_field.name: np.concatenate([getattr(self, parameter_field.name), getattr(further, parameter_field.name)]) for parameter_field in fields(Strengths)
-        })  # fmt: skip
+        mine, theirs = vars(self), vars(further)
+        return Strengths(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
 
     def facts(self) -> dict[str, Bools]:
         """Return for each fact a mask (m,) of the interfaces that state it."""
