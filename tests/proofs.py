@@ -189,7 +189,7 @@ def assert_proven(
     for k, labels in enumerate(asked):
         proof = analysis.prove(labels)
         if np.isfinite(found.low[k]):
-            state = analysis.prover.state(np.append(found.forces[k].ravel(), found.low[k]), labels, held=True)
+            state = analysis.prover.state(np.append(found.forces[k].ravel(), found.low[k]), labels, fixed_load=True)
             near = abs(state.load - found.low[k]) <= 1e-9 * max(1.0, abs(found.low[k]))
             assert (state.admissible and near) or exact(analysis, found.forces[k], found.low[k], labels)
         if np.isfinite(found.high[k]):

@@ -36,7 +36,7 @@ from jld_core import (
 from jld_core.arrays import Bits, Floats
 from jld_core.fields import bounds_by_fields
 from jld_core.limit import load_scale
-from jld_core.limit.bounds import apart
+from jld_core.limit.bounds import are_disjoint
 from jld_core.loads import Loads
 from jld_core.refinement import crack_cells, refine
 from jld_core.scene.cracks import CellCracks, FieldCracks
@@ -771,7 +771,7 @@ def _differs(scene: Scene, assembly: Assembly, images: Bits, kind: str) -> str:
         if status != found[0][0]:
             return f"{kind}: status {found[0][0]} and {status}"
         first = found[0][1]
-        if apart(bracket, first) or (kind != "fields" and abs(bracket[0] - first[0]) > DIGITS * abs(first[0])):
+        if are_disjoint(bracket, first) or (kind != "fields" and abs(bracket[0] - first[0]) > DIGITS * abs(first[0])):
             return f"{kind}: {first} and {bracket}"
     return ""
 

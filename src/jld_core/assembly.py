@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from jld_core.scene.cracks import CrackModel
 
 
-def _none() -> Ints:
+def _no_faces() -> Ints:
     return np.zeros(0, dtype=np.int64)
 
 
@@ -41,7 +41,7 @@ class Members:
     names: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
     # (k,) interface of each member; −1 for a constant force, which only loads the assembly
-    face: Ints = field(default_factory=_none)
+    face: Ints = field(default_factory=_no_faces)
     elements: tuple[Ints, ...] = ()  # elements to which each member is fixed, in order
     points: tuple[Floats, ...] = ()  # points of these elements
     # (k, d) unit vector of each member from its first point to the next
@@ -72,13 +72,13 @@ class Members:
         """Return elements (r,), points (r, d) and forces (r, d), in balance, of a unit compression in a member."""
         elements, points = self.elements[member], self.points[member]
         if self.kinds[member] == "pin":
-            middle = np.broadcast_to(points.mean(axis=0), points.shape)
-            return elements, middle, np.array([-self.axis[member], self.axis[member]])
-        step = np.diff(points, axis=0)
-        along = step / np.linalg.norm(step, axis=1)[:, None]
+            centre = np.broadcast_to(points.mean(axis=0), points.shape)
+            return elements, centre, np.array([-self.axis[member], self.axis[member]])
+        segments = np.diff(points, axis=0)
+        directions = segments / np.linalg.norm(segments, axis=1)[:, None]
         forces = np.zeros_like(points)
-        forces[:-1] -= along
-        forces[1:] += along
+        forces[:-1] -= directions
+        forces[1:] += directions
         return elements, points, forces
 
     @cached_property
@@ -87,23 +87,23 @@ class Members:
         for elements in self.elements:
             if len(np.unique(elements)) > 2:
                 return None
-        found = [(elements[0], elements[np.flatnonzero(elements != elements[0])[0]]) for elements in self.elements]
-        return np.array(found, dtype=np.int64).reshape(-1, 2)
+        pairs = [(elements[0], elements[np.flatnonzero(elements != elements[0])[0]]) for elements in self.elements]
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
-    def joined(self, group: Ints, kept: Ints) -> Members:
-        """Return the members after elements joined to groups (n,), with the remaining interfaces `kept` (k,)."""
-        place = {int(face): number for number, face in enumerate(kept)}
-        rows = [k for k, face in enumerate(self.face.tolist()) if face in place]
+    def joined(self, group: Ints, faces_kept: Ints) -> Members:
+        """Return the members after elements joined to groups (n,), with the remaining interfaces `faces_kept` (k,)."""
+        new_face = {int(face): number for number, face in enumerate(faces_kept)}
+        rows = [k for k, face in enumerate(self.face.tolist()) if face in new_face]
         return replace(
             self.take(rows),
-            face=np.array([place[int(self.face[k])] for k in rows], dtype=np.int64),
+            face=np.array([new_face[int(self.face[k])] for k in rows], dtype=np.int64),
             elements=tuple(group[self.elements[k]] for k in rows),
         )
 
     def __add__(self, other: Members) -> Members:
         """Return the members of both, without interfaces, bond and self-stress."""
 
-        def both(name: str) -> Floats:
+        def joined(name: str) -> Floats:
             return np.concatenate([getattr(self, name), getattr(other, name)])
 
         return Members(
@@ -112,11 +112,11 @@ class Members:
             face=np.full(len(self) + len(other), -1, dtype=np.int64),
             elements=self.elements + other.elements,
             points=self.points + other.points,
-            axis=np.concatenate([one.axis for one in (self, other) if len(one)] or [self.axis]),
-            tension=both("tension"),
-            compression=both("compression"),
-            shear=both("shear"),
-            prestress=both("prestress"),
+            axis=np.concatenate([members.axis for members in (self, other) if len(members)] or [self.axis]),
+            tension=joined("tension"),
+            compression=joined("compression"),
+            shear=joined("shear"),
+            prestress=joined("prestress"),
         )
 
     def take(self, rows: list[int]) -> Members:
@@ -210,10 +210,12 @@ class Elements:
     def named(self, name: str, where: str, expected: str, support: bool | None = None) -> int:
         # an InputError gives the three ids most like an unknown one, of supports or of free elements alone
         if name not in self.index:
-            held = self.support.tolist()
-            ids = [one for one, fixed in zip(self.ids, held, strict=True) if support in (None, fixed)]
-            like = get_close_matches(name, ids, 3, 0.5) or ids[:3]
-            raise InputError(where, f"no element is named {name!r}", f"{expected}, such as {', '.join(like)}")
+            fixed = self.support.tolist()
+            ids = [
+                element for element, is_support in zip(self.ids, fixed, strict=True) if support in (None, is_support)
+            ]
+            similar = get_close_matches(name, ids, 3, 0.5) or ids[:3]
+            raise InputError(where, f"no element is named {name!r}", f"{expected}, such as {', '.join(similar)}")
         return self.index[name]
 
     @cached_property
@@ -224,12 +226,12 @@ class Elements:
     @cached_property
     def fixed_weight(self) -> Bools:
         """Return a mask (n,) of elements whose body forces do not grow with their outline."""
-        return np.array([bool(one & {"weight", "volume"}) for one in self.stated or (frozenset(),) * len(self)])
+        return np.array([bool(values & {"weight", "volume"}) for values in self.stated or (frozenset(),) * len(self)])
 
     @cached_property
     def fixed_centroid(self) -> Bools:
         """Return a mask (n,) of elements whose centroid does not follow their outline."""
-        return np.array(["centroid" in one for one in self.stated or (frozenset(),) * len(self)])
+        return np.array(["centroid" in values for values in self.stated or (frozenset(),) * len(self)])
 
     @cached_property
     def mass(self) -> Floats:
@@ -385,8 +387,8 @@ class Assembly(NotebookRepr):
     @cached_property
     def dead(self) -> Floats:
         """Return the dead loads about centroids (n, 3) or (n, 6), with prestress and bond, scene units."""
-        total, stress = resultants(self.dead_loads, self.elements), self.members.self_stress
-        return total if stress is None else summed(total, stress)
+        total, self_stress = resultants(self.dead_loads, self.elements), self.members.self_stress
+        return total if self_stress is None else summed(total, self_stress)
 
     @cached_property
     def live(self) -> Floats:
@@ -396,8 +398,8 @@ class Assembly(NotebookRepr):
     @property
     def kilograms(self) -> float | None:
         """Return the kilograms of a mass of 1 in its units; None where these have no known names."""
-        own = UnitSystem.named(self.units[1], self.units[0], self.elements.gravity)
-        return own.density * own.si((0, 3)) if own.known else None
+        system = UnitSystem.named(self.units[1], self.units[0], self.elements.gravity)
+        return system.density * system.si((0, 3)) if system.known else None
 
     @property
     def pressed(self) -> bool:
@@ -408,11 +410,10 @@ class Assembly(NotebookRepr):
     def by_case(self) -> tuple[Assembly, ...]:
         if not self.cases:
             return (self,)
+        alone = replace(self, cases=())
         return tuple(
-            replace(
-                self, name=f"{self.name}: {case.name}", cases=(), dead_loads=case.dead_loads, live_loads=case.live_loads
-            )
-            for case in self.cases
+            replace(alone, name=f"{self.name}: {c.name}", dead_loads=c.dead_loads, live_loads=c.live_loads)
+            for c in self.cases
         )
 
     def strengths(self, route: Route, labels: Bits | None = None) -> Strengths:
@@ -506,40 +507,40 @@ def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None
         require_kind("assembly", assembly, Assembly)
         raise ParameterError("labels", "their number is wrong", f"{len(assembly.labels)} labels, one per interface")
     inner, touching = ~np.asarray(labels, dtype=bool), np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
-    one = np.concatenate([assembly.interfaces.a[inner], touching[:, 0]])
-    other = np.concatenate([assembly.interfaces.b[inner], touching[:, 1]])
+    first = np.concatenate([assembly.interfaces.a[inner], touching[:, 0]])
+    second = np.concatenate([assembly.interfaces.b[inner], touching[:, 1]])
     if joined is not None:
-        one, other = np.concatenate([one, joined[0]]), np.concatenate([other, joined[1]])
-    return components(len(assembly.elements), one, other)
+        first, second = np.concatenate([first, joined[0]]), np.concatenate([second, joined[1]])
+    return components(len(assembly.elements), first, second)
 
 
-def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
-    """Remove elements (n,) with all their interfaces and loads.
+def without(assembly: Assembly, removed: Bools) -> tuple[Assembly, Ints]:
+    """Remove elements (n,) with their interfaces and loads; return the rest (`sink` = −1) and the interfaces kept (k,).
 
-    Return the rest (with `sink` = −1) and the remaining interfaces (k,). Supports that touch a support must stay.
+    Supports that touch a support must stay.
     """
-    rows = np.flatnonzero(~gone)
-    place = np.cumsum(~gone) - 1
+    rows = np.flatnonzero(~removed)
+    new_index = np.cumsum(~removed) - 1
     faces = assembly.interfaces
-    kept = np.flatnonzero(~(gone[faces.a] | gone[faces.b]))
-    rest = faces.take(kept)
+    faces_kept = np.flatnonzero(~(removed[faces.a] | removed[faces.b]))
+    interfaces = faces.take(faces_kept)
     cases = tuple(
         replace(case, dead_loads=case.dead_loads.take(rows), live_loads=case.live_loads.take(rows))
         for case in assembly.cases
     )
-    left = replace(
+    remaining = replace(
         assembly,
         elements=assembly.elements.take(rows),
-        interfaces=replace(rest, a=place[rest.a], b=place[rest.b]),
-        face_strengths=assembly.face_strengths.take(kept),
+        interfaces=replace(interfaces, a=new_index[interfaces.a], b=new_index[interfaces.b]),
+        face_strengths=assembly.face_strengths.take(faces_kept),
         dead_loads=assembly.dead_loads.take(rows),
         live_loads=assembly.live_loads.take(rows),
-        labels=assembly.labels[kept],
+        labels=assembly.labels[faces_kept],
         cases=cases,
-        touching=tuple((int(place[a]), int(place[b])) for a, b in assembly.touching),
+        touching=tuple((int(new_index[a]), int(new_index[b])) for a, b in assembly.touching),
         sink=-1,
     )
-    return left, kept
+    return remaining, faces_kept
 
 
 def faces_of(assembly: Assembly) -> Assembly:
@@ -561,9 +562,9 @@ def with_members(assembly: Assembly, labels: Bits) -> Bits:
     """Return labels of faces, followed by inner for the interfaces of members."""
     if assembly.faces == len(assembly.interfaces):
         return labels
-    whole = np.full((*labels.shape[:-1], len(assembly.interfaces)), INNER)
-    whole[..., : assembly.faces] = labels[..., : assembly.faces]
-    return whole
+    extended = np.full((*labels.shape[:-1], len(assembly.interfaces)), INNER)
+    extended[..., : assembly.faces] = labels[..., : assembly.faces]
+    return extended
 
 
 # One labelling: m letters d and i, or m values True or 1 (dry) and False or 0 (inner).
@@ -595,12 +596,14 @@ def checked_labels(labels: Labels, assembly: Assembly, parameter: str) -> Bits:
     expected = f"{faces} labels, one per interface: True, 1 or d = dry; False, 0 or i = inner"
     # labels of an evaluation also cover the interfaces of members
     if values.ndim != 1 or len(values) not in (faces, len(assembly.interfaces)):
-        found = f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"
-        raise ParameterError(parameter, found, expected)
+        problem = (
+            f"{len(values)} labels are given" if values.ndim == 1 else f"an array of shape {values.shape} is given"
+        )
+        raise ParameterError(parameter, problem, expected)
     if values.dtype == np.bool_:
         return np.asarray(values, dtype=bool)
     items: Sequence[object] = values.tolist()
-    for place, item in enumerate(items):
+    for position, item in enumerate(items):
         if item not in ((*_LETTERS,) if isinstance(item, str) else (0, 1)):
-            raise ParameterError(parameter, f"label {place} is {item!r}", expected)
+            raise ParameterError(parameter, f"label {position} is {item!r}", expected)
     return np.array([_LETTERS[item] if isinstance(item, str) else bool(item) for item in items], dtype=bool)

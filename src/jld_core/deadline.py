@@ -37,8 +37,8 @@ class Deadline:
         return f"Deadline({self.remaining():.3g} s left)"
 
     def __reduce__(self) -> tuple[Callable[[float, float], Deadline], tuple[float, float]]:
-        ahead = time.time() - time.perf_counter()
-        return _at, (self.end + ahead, self.started + ahead)
+        clock_offset = time.time() - time.perf_counter()
+        return _at, (self.end + clock_offset, self.started + clock_offset)
 
     @property
     def limited(self) -> bool:
@@ -67,9 +67,9 @@ class Deadline:
         return self._ending(min(self.end, time.perf_counter() + seconds))
 
     def _ending(self, end: float) -> Deadline:
-        made = Deadline(None, self.started)
-        made.end = end
-        return made
+        deadline = Deadline(None, self.started)
+        deadline.end = end
+        return deadline
 
     @contextmanager
     def enforced(self) -> Iterator[None]:
@@ -109,7 +109,7 @@ def time_left() -> float:
 
 def _at(end: float, started: float) -> Deadline:
     """Make a deadline from times since the epoch, s."""
-    ahead = time.time() - time.perf_counter()
-    made = Deadline(None, started - ahead)
-    made.end = end - ahead
-    return made
+    clock_offset = time.time() - time.perf_counter()
+    deadline = Deadline(None, started - clock_offset)
+    deadline.end = end - clock_offset
+    return deadline

@@ -42,11 +42,11 @@ class Traction:
         """Return the force (d,) and the moment (1,) or (3,) about the origin."""
         size, second = _moments(self.rings, self.origin)
         # x × (slope x), summed over the part, from the second moments of x
-        turned = second @ self.slope.T
+        moments = second @ self.slope.T
         if len(self.origin) == 2:
-            return size * self.mean, np.array([turned[0, 1] - turned[1, 0]])
+            return size * self.mean, np.array([moments[0, 1] - moments[1, 0]])
         axes = ((1, 2), (2, 0), (0, 1))
-        return size * self.mean, np.array([turned[i, j] - turned[j, i] for i, j in axes])
+        return size * self.mean, np.array([moments[i, j] - moments[j, i] for i, j in axes])
 
 
 @dataclass(frozen=True)
@@ -92,11 +92,11 @@ class Loads:
         return cls(resultants[:, :d], resultants[:, d:], points_of([], d))
 
     def __add__(self, other: Loads) -> Loads:
-        both = [
-            np.concatenate([one, two])
-            for one, two in zip(vars(self.points).values(), vars(other.points).values(), strict=True)
+        joined = [
+            np.concatenate([first, second])
+            for first, second in zip(vars(self.points).values(), vars(other.points).values(), strict=True)
         ]
-        points = PointForces(*both)
+        points = PointForces(*joined)
         tractions = self.tractions + other.tractions
         return Loads(self.body + other.body, self.couples + other.couples, points, tractions)
 
@@ -104,11 +104,11 @@ class Loads:
         return self.weighted(np.full(len(self.body), factor))
 
     def weighted(self, factors: Floats) -> Loads:
-        share, of_points = factors[:, None], factors[self.points.element][:, None]
+        by_element, by_point = factors[:, None], factors[self.points.element][:, None]
         return Loads(
-            share * self.body,
-            share * self.couples,
-            replace(self.points, force=of_points * self.points.force),
+            by_element * self.body,
+            by_element * self.couples,
+            replace(self.points, force=by_point * self.points.force),
             tuple(
                 replace(
                     traction,
@@ -128,25 +128,25 @@ class Loads:
         )
 
     def take(self, rows: Ints) -> Loads:
-        place = np.full(len(self.body), -1, dtype=np.int64)
-        place[rows] = np.arange(len(rows))
-        own = np.flatnonzero(place[self.points.element] >= 0)
-        points = PointForces(*(values[own] for values in vars(self.points).values()))
+        new_index = np.full(len(self.body), -1, dtype=np.int64)
+        new_index[rows] = np.arange(len(rows))
+        points_kept = np.flatnonzero(new_index[self.points.element] >= 0)
+        points = PointForces(*(values[points_kept] for values in vars(self.points).values()))
         return Loads(
             self.body[rows],
             self.couples[rows],
-            replace(points, element=place[points.element]),
+            replace(points, element=new_index[points.element]),
             tuple(
-                replace(traction, element=int(place[traction.element]))
+                replace(traction, element=int(new_index[traction.element]))
                 for traction in self.tractions
-                if place[traction.element] >= 0
+                if new_index[traction.element] >= 0
             ),
         )
 
     def padded(self) -> Loads:
         """Return the same loads with one more element, which has none."""
-        more = [np.vstack([values, np.zeros(values.shape[1])]) for values in (self.body, self.couples)]
-        return replace(self, body=more[0], couples=more[1])
+        padded = [np.vstack([values, np.zeros(values.shape[1])]) for values in (self.body, self.couples)]
+        return replace(self, body=padded[0], couples=padded[1])
 
     def stretched(self, factor: float) -> Loads:
         """Return the same forces with all lengths multiplied by a factor."""
@@ -167,18 +167,18 @@ class Loads:
     @property
     def at_centroids(self) -> Floats:
         """Return the forces (n, d) that act at centroids and move with them, with body forces."""
-        total, own = self.body.copy(), self.points.centred
-        np.add.at(total, self.points.element[own], self.points.force[own])
+        total, at_centroid = self.body.copy(), self.points.centred
+        np.add.at(total, self.points.element[at_centroid], self.points.force[at_centroid])
         return total
 
     def arrows(self) -> list[tuple[int, Floats, Floats]]:
         """Return element, place (d,) and force (d,) of each force at a point or of a traction, without zeros."""
-        found = [
+        arrows = [
             (int(k), at, force)
             for k, at, force in zip(self.points.element, self.points.at, self.points.force, strict=True)
         ]
-        found += [(traction.element, traction.origin, traction.resultant()[0]) for traction in self.tractions]
-        return [one for one in found if one[2].any()]
+        arrows += [(traction.element, traction.origin, traction.resultant()[0]) for traction in self.tractions]
+        return [arrow for arrow in arrows if arrow[2].any()]
 
 
 def points_of(entries: Sequence[tuple[int, Floats, Floats, float | None, bool]], dimension: int) -> PointForces:
@@ -194,8 +194,8 @@ def points_of(entries: Sequence[tuple[int, Floats, Floats, float | None, bool]],
 
 def edge_traction(element: int, ends: Floats, values: Floats) -> Traction:
     """Return the traction that is linear between two ends (2, 2), from its values (2, 2) there, force per length."""
-    along = ends[1] - ends[0]
-    slope = np.outer(values[1] - values[0], along) / (along @ along)
+    edge = ends[1] - ends[0]
+    slope = np.outer(values[1] - values[0], edge) / (edge @ edge)
     return Traction(element, (ends,), ends.mean(axis=0), values.mean(axis=0), slope)
 
 
@@ -217,24 +217,26 @@ def resultants(loads: Loads, elements: Bodies) -> Floats:
     # The moment of a force at p is (p − c) × f about centroid c. Supports have none. Sums within rounding of zero
     # become exactly zero.
     d = loads.body.shape[1]
-    points, parts = loads.points, [traction.resultant() for traction in loads.tractions]
+    points, of_tractions = loads.points, [traction.resultant() for traction in loads.tractions]
     element = np.concatenate(
         [points.element, np.array([traction.element for traction in loads.tractions], dtype=np.int64)]
     )
     at = np.concatenate([points.at, np.array([traction.origin for traction in loads.tractions]).reshape(-1, d)])
-    force = np.concatenate([points.force, np.array([one for one, _ in parts]).reshape(-1, d)])
-    turn = np.zeros((len(element), loads.couples.shape[1]))
-    for k, (_, moment) in enumerate(parts, len(points)):
-        turn[k] = moment
+    force = np.concatenate(
+        [points.force, np.array([force_of_traction for force_of_traction, _ in of_tractions]).reshape(-1, d)]
+    )
+    couples = np.zeros((len(element), loads.couples.shape[1]))
+    for k, (_, moment) in enumerate(of_tractions, len(points)):
+        couples[k] = moment
     arm = at - elements.centroid[element]
     cross = np.cross(arm, force) if d == 3 else (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])[:, None]
     total = np.concatenate([loads.body, loads.couples], axis=1)
     size = np.linalg.norm(force, axis=1)[:, None]
     # components of forces may cancel within a moment, whose rounding is that of arm times force
-    gross, more = np.abs(total), np.linalg.norm(arm, axis=1)[:, None] * size + np.abs(turn)
-    np.add.at(total, element, np.concatenate([force, cross + turn], axis=1))
-    np.add.at(gross, element, np.concatenate([np.repeat(size, d, axis=1), more], axis=1))
-    total = without_rounding(total, gross)
+    magnitudes, moment_magnitudes = np.abs(total), np.linalg.norm(arm, axis=1)[:, None] * size + np.abs(couples)
+    np.add.at(total, element, np.concatenate([force, cross + couples], axis=1))
+    np.add.at(magnitudes, element, np.concatenate([np.repeat(size, d, axis=1), moment_magnitudes], axis=1))
+    total = without_rounding(total, magnitudes)
     total[elements.support] = 0.0
     return total
 
@@ -242,20 +244,20 @@ def resultants(loads: Loads, elements: Bodies) -> Floats:
 def _moments(rings: tuple[Floats, ...], origin: Floats) -> tuple[float, Floats]:
     """Return the size of a plane part, and ∫ x xᵀ (d, d) of places x from a point of its plane."""
     if len(origin) == 2:
-        along = rings[0][1] - rings[0][0]
-        length = float(np.hypot(*along))
-        return length, np.outer(along, along) * (length / 12.0)
+        edge = rings[0][1] - rings[0][0]
+        length = float(np.hypot(*edge))
+        return length, np.outer(edge, edge) * (length / 12.0)
     size, second, normal = 0.0, np.zeros((3, 3)), np.zeros(3)
     for k, ring in enumerate(rings):
-        one = ring - origin
-        two = np.roll(one, -1, axis=0)
-        cross = np.cross(one, two)
+        corner = ring - origin
+        following = np.roll(corner, -1, axis=0)
+        cross = np.cross(corner, following)
         vector = cross.sum(axis=0)
         if k == 0:
             normal = vector / np.linalg.norm(vector)
         # triangles from the point to each side, with the sign of their turn; holes count against the outer ring
         area = (0.5 if k == 0 else -0.5 * np.sign(vector @ normal)) * (cross @ normal)
         size += float(area.sum())
-        for part in (one, two, one + two):
-            second += np.einsum("k,ki,kj->ij", area, part, part) / 12.0
+        for point in (corner, following, corner + following):
+            second += np.einsum("k,ki,kj->ij", area, point, point) / 12.0
     return size, second

@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -103,8 +103,10 @@ class Strengths:
 
     def side(self, *, dry: bool) -> Side:
         label = "dry" if dry else "inner"
-        found = {parameter.side: getattr(self, parameter.field) for parameter in PARAMETERS if parameter.label == label}
-        return Side(**{"tension": np.zeros(len(self.friction)), **found})
+        numbers = {
+            parameter.side: getattr(self, parameter.field) for parameter in PARAMETERS if parameter.label == label
+        }
+        return Side(**{"tension": np.zeros(len(self.friction)), **numbers})
 
     def under(self, labels: Bits) -> Side:
         dry, inner = self.side(dry=True), self.side(dry=False)
@@ -135,15 +137,17 @@ class Strengths:
     def take(self, rows: Ints) -> Strengths:
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
-    def joined(self, more: Strengths) -> Strengths:
-        return Strengths(**{
-            one.name: np.concatenate([getattr(self, one.name), getattr(more, one.name)]) for one in fields(Strengths)
-        })  # fmt: skip
+    def joined(self, further: Strengths) -> Strengths:
+        mine, theirs = vars(self), vars(further)
+        return Strengths(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
 
     def facts(self) -> dict[str, Bools]:
         """Return for each fact a mask (m,) of the interfaces that state it."""
         values = [(parameter, getattr(self, parameter.field)) for parameter in PARAMETERS]
-        return {one.fact: np.isfinite(value) if one.field in ENDS else value > 0.0 for one, value in values}
+        return {
+            parameter.fact: np.isfinite(value) if parameter.field in ENDS else value > 0.0
+            for parameter, value in values
+        }
 
 
 @dataclass(frozen=True)
@@ -180,11 +184,11 @@ class FaceStrengths:
 
     def facts(self) -> dict[str, Bools]:
         """Return for each fact a mask (m,) of the interfaces that state it."""
-        found = self._stated_numbers.facts()
-        for one in self.criteria:
-            fact = f"{one.label} criterion"
-            found[fact] = found[fact] | one.faces if fact in found else one.faces
-        return found
+        masks = self._stated_numbers.facts()
+        for criterion in self.criteria:
+            fact = f"{criterion.label} criterion"
+            masks[fact] = masks[fact] | criterion.faces if fact in masks else criterion.faces
+        return masks
 
     def numbers(
         self, route: Route, among: Bools, labels: Bits | None = None, name: Callable[[int], str] = str
@@ -196,24 +200,26 @@ class FaceStrengths:
         for fact, stated in self.facts().items():
             if fact in route.KNOWS:
                 continue
-            of_dry = FACTS[fact][0].startswith("materials.dry")
-            taken = stated & among
+            is_of_dry = FACTS[fact][0].startswith("materials.dry")
+            concerned = stated & among
             if labels is not None:
-                taken = taken & (labels if of_dry else ~labels)
-            if taken.any():
-                raise self._unknown(fact, taken, route, name(int(np.flatnonzero(taken)[0])))
+                concerned = concerned & (labels if is_of_dry else ~labels)
+            if concerned.any():
+                raise self._unknown(fact, concerned, route, name(int(np.flatnonzero(concerned)[0])))
         return self._stated_numbers
 
-    def _unknown(self, fact: str, taken: Bools, route: Route, face: str) -> InputError:
-        """Return the error of an unknown fact of the interfaces `taken` (m,)."""
+    def _unknown(self, fact: str, concerned: Bools, route: Route, face: str) -> InputError:
+        """Return the error of an unknown fact of the interfaces `concerned` (m,)."""
         key, words = FACTS[fact]
         if fact in CRITERIA:
-            own = next(
-                criterion
-                for criterion in self.criteria
-                if fact.startswith(criterion.label) and (criterion.faces & taken).any()
+            criterion = next(
+                candidate
+                for candidate in self.criteria
+                if fact.startswith(candidate.label) and (candidate.faces & concerned).any()
             )
-            return InputError(own.key, f'"{own.name}" is unknown to {route.name}', "standard strengths in place of it")
+            return InputError(
+                criterion.key, f'"{criterion.name}" is unknown to {route.name}', "standard strengths in place of it"
+            )
         return InputError(key, f"the {words} (face {face}) is unknown to {route.name}", "faces without it")
 
     def with_numbers(self, numbers: Strengths) -> FaceStrengths:
@@ -236,27 +242,29 @@ class FaceStrengths:
             self._stated_numbers.take(rows), nominal, tuple(criterion.take(rows) for criterion in self.criteria)
         )
 
-    def joined(self, more: Strengths) -> FaceStrengths:
+    def joined(self, further: Strengths) -> FaceStrengths:
         """Return these strengths, followed by those of further interfaces of the standard criterion."""
-        nominal = None if self._nominal_numbers is None else self._nominal_numbers.joined(more)
-        none = np.zeros(len(more.friction), dtype=bool)
-        criteria = tuple(replace(criterion, faces=np.append(criterion.faces, none)) for criterion in self.criteria)
-        return FaceStrengths(self._stated_numbers.joined(more), nominal, criteria)
+        nominal = None if self._nominal_numbers is None else self._nominal_numbers.joined(further)
+        no_faces = np.zeros(len(further.friction), dtype=bool)
+        criteria = tuple(replace(criterion, faces=np.append(criterion.faces, no_faces)) for criterion in self.criteria)
+        return FaceStrengths(self._stated_numbers.joined(further), nominal, criteria)
 
     def scaled(self, factors: Mapping[str, float], faces: Bools) -> FaceStrengths:
         """Return the strengths with those of `faces` (m,) bool times factors, by names of fields."""
 
         def times(numbers: Strengths) -> Strengths:
-            every = vars(numbers).items()
-            return Strengths(**{name: np.where(faces, factors.get(name, 1.0) * old, old) for name, old in every})
+            items = vars(numbers).items()
+            return Strengths(
+                **{name: np.where(faces, factors.get(name, 1.0) * values, values) for name, values in items}
+            )
 
         nominal = None if self._nominal_numbers is None else times(self._nominal_numbers)
         return replace(self, _stated_numbers=times(self._stated_numbers), _nominal_numbers=nominal)
 
     def table(self) -> Floats:
         """Return one row (m, k) for each interface, equal for equal strengths and criteria; NaN: no material."""
-        parts = [self._stated_numbers, *([] if self._nominal_numbers is None else [self._nominal_numbers])]
-        columns = [column for part in parts for column in vars(part).values()]
+        strengths = [self._stated_numbers, *([] if self._nominal_numbers is None else [self._nominal_numbers])]
+        columns = [column for numbers in strengths for column in vars(numbers).values()]
         columns += [criterion.faces.astype(float) for criterion in self.criteria]
         return np.column_stack(columns).reshape(len(self._stated_numbers.friction), -1)
 
@@ -296,41 +304,41 @@ def stated(label: str, name: str, parameters: Mapping[str, Any], key: str) -> An
         try:
             return model.model_validate(parameters)
         except ValidationError as error:
-            found = first_complaint(error, model)
-        raise InputError(f"{where}.{found.where}".rstrip("."), found.problem, found.expected)
-    known = {parameter.name: parameter for parameter in criterion.parameters}
-    for given in parameters:
-        if given not in known:
-            near = difflib.get_close_matches(given, known, n=1) or known
-            names = ", ".join(f'"{one}"' for one in near) or "no parameters"
-            raise InputError(f"{key}.parameters.{given}", f'"{name}" has no such parameter', names)
+            complaint = first_complaint(error, model)
+        raise InputError(f"{where}.{complaint.where}".rstrip("."), complaint.problem, complaint.expected)
+    by_name = {parameter.name: parameter for parameter in criterion.parameters}
+    for key_given in parameters:
+        if key_given not in by_name:
+            likely = difflib.get_close_matches(key_given, by_name, n=1) or by_name
+            names = ", ".join(f'"{parameter}"' for parameter in likely) or "no parameters"
+            raise InputError(f"{key}.parameters.{key_given}", f'"{name}" has no such parameter', names)
     values = {}
-    for one in criterion.parameters:
-        value = parameters.get(one.name, one.default)
-        unit = f", {one.unit}" if one.unit else ""
-        bounds = f"a number from {one.least:g} to {one.most:g}{unit}"
+    for parameter in criterion.parameters:
+        value = parameters.get(parameter.name, parameter.default)
+        unit = f", {parameter.unit}" if parameter.unit else ""
+        bounds = f"a number from {parameter.least:g} to {parameter.most:g}{unit}"
         if value is None:
-            raise InputError(f"{key}.parameters.{one.name}", f'missing, and "{name}" needs it', bounds)
-        number = type(value) in (int, float)
-        if not number or not one.least <= value <= one.most:
-            shape = f"{value:g}" if number else shown(value)
-            raise InputError(f"{key}.parameters.{one.name}", f"it is {shape}", bounds)
-        values[one.name] = float(value)
+            raise InputError(f"{key}.parameters.{parameter.name}", f'missing, and "{name}" needs it', bounds)
+        is_number = type(value) in (int, float)
+        if not is_number or not parameter.least <= value <= parameter.most:
+            shape = f"{value:g}" if is_number else shown(value)
+            raise InputError(f"{key}.parameters.{parameter.name}", f"it is {shape}", bounds)
+        values[parameter.name] = float(value)
     return values
 
 
 def criterion_of(name: str, key: str) -> Any:
     """Return the criterion of an entry point, an instance or a class without arguments."""
-    known = list(plugins.entry_points(GROUP))
-    if name not in known:
-        expected = near(name, known) if known else f"an installed package with an entry point in {GROUP}"
+    installed = list(plugins.entry_points(GROUP))
+    if name not in installed:
+        expected = near(name, installed) if installed else f"an installed package with an entry point in {GROUP}"
         raise InputError(key, f'no installed package adds "{name}"', expected)
-    found = plugins.load(GROUP, name)
+    criterion = plugins.load(GROUP, name)
     with plugins.guarded(GROUP, name):
-        found = found() if isinstance(found, type) else found
-    lacking = [one for one in ("label", "parameters", "rows") if not hasattr(found, one)]
-    if lacking:
-        raise plugins.refuse_type(GROUP, name, f'an object with label, parameters and rows; it has no "{lacking[0]}"')
-    if found.label not in ("dry", "inner", "either"):
-        raise plugins.refuse_type(GROUP, name, f'"dry", "inner" or "either" as label in place of {found.label!r}')
-    return found
+        criterion = criterion() if isinstance(criterion, type) else criterion
+    missing = [attribute for attribute in ("label", "parameters", "rows") if not hasattr(criterion, attribute)]
+    if missing:
+        raise plugins.refuse_type(GROUP, name, f'an object with label, parameters and rows; it has no "{missing[0]}"')
+    if criterion.label not in ("dry", "inner", "either"):
+        raise plugins.refuse_type(GROUP, name, f'"dry", "inner" or "either" as label in place of {criterion.label!r}')
+    return criterion

@@ -12,9 +12,9 @@ from typing import Final
 
 from threadpoolctl import ThreadpoolController
 
-_LOCK = Lock()  # protects `_limited` and `_inside`
+_LOCK = Lock()  # protects `_limited` and `_open_contexts`
 _limited = ExitStack()  # holds the present limit on threads
-_inside = 0  # number of contexts that are open in all threads
+_open_contexts = 0  # number of contexts that are open in all threads
 
 
 @cache
@@ -35,18 +35,18 @@ def one_thread() -> Iterator[None]:
     """
     # Nested contexts and contexts in several threads cost little. The first one to enter sets the limit, and the last
     # one to leave restores the previous number of threads.
-    global _inside
+    global _open_contexts
     with _LOCK:
         # Reading the limit takes a tenth of the time of setting it.
-        if _inside == 0 and any(found.num_threads > 1 for found in _controller().lib_controllers):
+        if _open_contexts == 0 and any(library.num_threads > 1 for library in _controller().lib_controllers):
             _limited.enter_context(_controller().limit(limits=1))
-        _inside += 1
+        _open_contexts += 1
     try:
         yield
     finally:
         with _LOCK:
-            _inside -= 1
-            if _inside == 0:
+            _open_contexts -= 1
+            if _open_contexts == 0:
                 _limited.close()
 
 
@@ -57,16 +57,16 @@ _GROUPS: Final = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory
 def memory_limit() -> float:
     """Return the number of bytes that this process may use; inf where it is unknown."""
     # The smallest of three limits: physical memory, container, and address space of the process.
-    known = []
+    limits = []
     with suppress(AttributeError, ValueError, OSError):
-        known.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+        limits.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     for file in _GROUPS:
         with suppress(OSError, ValueError):  # the file holds "max" if there is no limit
-            known.append(int(file.read_text(encoding="ascii")))
+            limits.append(int(file.read_text(encoding="ascii")))
     with suppress(ImportError):
         import resource  # Windows has no such module
 
-        own = resource.getrlimit(resource.RLIMIT_AS)[0]
-        if own != resource.RLIM_INFINITY:
-            known.append(own)
-    return min((float(size) for size in known if size > 0), default=float("inf"))
+        address_space = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if address_space != resource.RLIM_INFINITY:
+            limits.append(address_space)
+    return min((float(size) for size in limits if size > 0), default=float("inf"))

@@ -194,7 +194,7 @@ def test_a_labelling_that_carries_enough_is_left_early(kernel: str, name: str) -
     assert (found.low <= whole + 1e-6 * abs(whole)).all()
     assert found.iterations.sum() < known.iterations[known.verdict == batch_solver.PROVEN].sum()
     for labels, forces, low in zip(asked, found.forces, found.low, strict=True):
-        state = analysis.prover.state(np.append(forces.ravel(), low), labels, held=True)
+        state = analysis.prover.state(np.append(forces.ravel(), low), labels, fixed_load=True)
         assert state.admissible
         assert state.load == pytest.approx(low, abs=1e-9)
 

@@ -97,11 +97,11 @@ def test_a_library_of_other_sources_is_refused_unloaded(tmp_path: Path, monkeypa
 def test_a_built_library_is_used_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library, "built", dict)
     monkeypatch.setattr(library, "_compile_fastest", lambda: pytest.fail("a compiler was run"))
-    library._found.cache_clear()
+    library._find_library.cache_clear()
     try:
-        assert library._found("built") is None
+        assert library._find_library("built") is None
     finally:
-        library._found.cache_clear()
+        library._find_library.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -114,13 +114,13 @@ def test_a_missing_batch_solver_is_explained_once(
     monkeypatch.setattr(library, "built", dict)
     monkeypatch.setattr(build, "compilers", lambda: compilers)
     monkeypatch.setattr(build, "cache", lambda: tmp_path)
-    library._found.cache_clear()
+    library._find_library.cache_clear()
     try:
         with pytest.warns(UserWarning, match=rf"{re.escape(reason)}.*30 times as long; pip install 'jld\[compiler\]'"):
-            assert library._found("") is None
-        assert library._found("") is None  # cached: any other warning is an error
+            assert library._find_library("") is None
+        assert library._find_library("") is None  # cached: any other warning is an error
     finally:
-        library._found.cache_clear()
+        library._find_library.cache_clear()
 
 
 def test_a_compiler_may_stand_in_a_folder_with_blanks(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -228,8 +228,8 @@ def test_corrected_directions_of_linear_programs_remove_all_residuals() -> None:
     # Equations (8.4) with steps of their own for forces and motion: correctors change complementarity alone.
     program, newton = begun()
     edge = program.structure.equalities
-    way = newton.corrected()
-    assert newton.apart
+    way = newton.corrected_direction()
+    assert newton.separate_steps
     matrix = program.matrix
     equations, yields = matrix[:edge] @ way.x, matrix[edge:] @ way.x + newton.scaling.times(way.ws)
     gradient = matrix.T @ np.concatenate([way.u, newton.scaling.divide(way.wv)])
@@ -264,7 +264,7 @@ def test_a_centring_direction_takes_all_complementarity_products_near_their_mean
     # Equation (8.4) with nine tenths of μ as target, no corrector, and a tenth of the residuals removed.
     program, newton = begun(far=5)
     edge = program.structure.equalities
-    way, lam = newton.corrected(), newton.scaling.point
+    way, lam = newton.corrected_direction(), newton.scaling.point
     assert np.allclose(lam * (lam + way.ws + way.wv), 0.9 * newton.mu)
     assert np.allclose(program.matrix[:edge] @ way.x, -0.1 * newton.res_u, atol=1e-8)
 

@@ -105,14 +105,16 @@ class BatchResults:
         return self.velocity
 
     def take(self, rows: slice) -> BatchResults:
-        own: dict[str, Any] = {name: None if one is None else one[rows] for name, one in vars(self).items()}
-        return BatchResults(**own)
+        fields: dict[str, Any] = {name: None if values is None else values[rows] for name, values in vars(self).items()}
+        return BatchResults(**fields)
 
     @classmethod
-    def joined(cls, parts: Sequence[BatchResults]) -> BatchResults:
-        each = {name: [getattr(part, name) for part in parts] for name in vars(parts[0])}
-        own: dict[str, Any] = {k: None if one[0] is None else np.concatenate(one) for k, one in each.items()}
-        return cls(**own)
+    def joined(cls, results: Sequence[BatchResults]) -> BatchResults:
+        lists = {name: [getattr(result, name) for result in results] for name in vars(results[0])}
+        fields: dict[str, Any] = {}
+        for name, values in lists.items():
+            fields[name] = None if values[0] is None else np.concatenate(values)
+        return cls(**fields)
 
 
 _UNDECIDED: Final = interface.codes("JldLabel")["UNDECIDED"]  # label of a face that may be dry or inner
@@ -121,10 +123,10 @@ SAMPLES_OF_A_CALL: Final = 256
 
 # Weight of the mean solution of random labellings at the start; the least-norm forces in equilibrium have the rest
 _SHARE: Final = 0.7
-_ROOM_BLIND: Final = 3.0  # least slack at the starting point without such a mean, scaled
-_ROOM: Final = 1.0  # least slack at the starting point with such a mean, scaled
-_PUSH: Final = 1.0  # least multiplier at the starting point, planar, scaled
-_PUSH_SPATIAL: Final = 0.3  # least multiplier at the starting point, spatial, scaled
+_SLACK_UNSAMPLED: Final = 3.0  # least slack at the starting point without such a mean, scaled
+_SLACK: Final = 1.0  # least slack at the starting point with such a mean, scaled
+_LEAST_MULTIPLIER: Final = 1.0  # least multiplier at the starting point, planar, scaled
+_LEAST_MULTIPLIER_SPATIAL: Final = 0.3  # least multiplier at the starting point, spatial, scaled
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ class _Start:
     # forces, jumps: (m, q) resultants, and jumps of the velocities
     forces: Floats
     jumps: Floats
-    speed: Floats  # (q·free,) velocities, in the batch solver's order of elimination
+    velocity: Floats  # (q·free,) velocities, in the batch solver's order of elimination
     load: float  # load factor λ
     least_slack: float
 
@@ -165,18 +167,19 @@ class BatchSolver:
         self.variant, self._library = name, library.library(name)
         self.faces, self.size = len(template.assembly.interfaces), template.structure.equalities
         self._q = q = template.assembly.freedoms
-        self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.parabolas
+        self._rows, self._pairs, self._keep, self._parabolas = rows.rows, rows.pairs, rows.keep, rows.parabolas
         self._interacts = rows.interacts
         # Relaxations skip the correction of equilibrium that the settings for large assemblies need.
         self._relaxation_try = tries[0] if tries else tries_of(template.assembly.dimension, 0, parabolas=False)[0]
         self._tries = tuple(tries) or tries_of(template.assembly.dimension, self.faces, rows.parabolas is not None)
         self.pattern, a, b = pattern_of(template.assembly)
         self._lay_out(template, a, b)
-        ends = np.concatenate([q * e + np.arange(q) for e in self.pattern.order]).astype(np.int64)
-        self._ends = ends
-        self._dead, self._live = template.dead[ends].copy(), template.live[ends].copy()
-        self._own_loads = False
-        self._opening = None if opening is None else opening[ends].copy()
+        # rows of equilibrium in the order of elimination, by their numbers in the order of elements
+        eliminated = np.concatenate([q * e + np.arange(q) for e in self.pattern.order]).astype(np.int64)
+        self._element_rows = eliminated
+        self._dead, self._live = template.dead[eliminated].copy(), template.live[eliminated].copy()
+        self._loads_by_label = False
+        self._opening = None if opening is None else opening[eliminated].copy()
         self._floor = template.floor
         self.settled_fraction, self._load_scale = 0.0, load_scale
         sampled = samples(2 if q == 3 else 3, self.faces) if sampled_start else 0
@@ -184,54 +187,54 @@ class BatchSolver:
 
     def _random_labellings(self, count: int) -> Bits:
         """Return labellings (count, faces) with shares of dry faces in `dry_shares`."""
-        dice = np.random.default_rng(0)
+        rng = np.random.default_rng(0)
         low, high = dry_shares(2 if self._q == 3 else 3, self.faces)
-        return np.asarray(dice.random((count, self.faces)) < low + (high - low) * dice.random((count, 1)))
+        return np.asarray(rng.random((count, self.faces)) < low + (high - low) * rng.random((count, 1)))
 
-    def _starting(self, template: Template, sampled: int) -> _Start:
+    def _starting(self, template: Template, samples_wanted: int) -> _Start:
         """Return the starting point of the iterations; store `_start` and `settled_fraction`."""
-        # The point lies between the least-norm forces in equilibrium and the mean solution of `sampled` random
+        # The point lies between the least-norm forces in equilibrium and the mean solution of `samples_wanted` random
         # labellings.
         matrix = self._matrix = template.matrix
-        least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
-        finite = bool(np.isfinite(least).all())
-        self._sampled = sampled if finite else 0
-        self._least = np.ascontiguousarray(least) if finite else np.zeros((self.faces, self._q))
-        nothing = np.zeros(self.size)
-        self._start = _Start(self._least, np.zeros((self.faces, self._q)), nothing, 0.0, _ROOM_BLIND)
+        least_norm = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
+        finite = bool(np.isfinite(least_norm).all())
+        self._sampled = samples_wanted if finite else 0
+        self._least = np.ascontiguousarray(least_norm) if finite else np.zeros((self.faces, self._q))
+        zeros = np.zeros(self.size)
+        self._start = _Start(self._least, np.zeros((self.faces, self._q)), zeros, 0.0, _SLACK_UNSAMPLED)
         return self._between_samples() if self._sampled else self._start
 
     def _between_samples(self) -> _Start:
         """Return the start near the mean solution of samples, the present one without any."""
         answers = self.solve(self._random_labellings(self._sampled), vectors=True)
-        good = answers.verdict == PROVEN
+        proven = answers.verdict == PROVEN
         self.settled_fraction = float((answers.verdict != OPEN).mean())
-        if not good.any() or answers.forces is None or answers.velocity is None:
+        if not proven.any() or answers.forces is None or answers.velocity is None:
             return self._start
-        forces = (1.0 - _SHARE) * self._least + _SHARE * answers.forces[good].mean(axis=0)
-        speed = answers.velocity[good].mean(axis=0)
-        jumps = np.ascontiguousarray((self._matrix.T @ speed).reshape(self.faces, self._q))
-        return _Start(forces, jumps, speed[self._ends], _SHARE * float(answers.low[good].mean()), _ROOM)
+        forces = (1.0 - _SHARE) * self._least + _SHARE * answers.forces[proven].mean(axis=0)
+        velocity = answers.velocity[proven].mean(axis=0)
+        jumps = np.ascontiguousarray((self._matrix.T @ velocity).reshape(self.faces, self._q))
+        return _Start(forces, jumps, velocity[self._element_rows], _SHARE * float(answers.low[proven].mean()), _SLACK)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
         """Store ends, matrix block and equilibrium entries of each face, in elimination order."""
-        place = np.full(len(self.pattern.order) + 1, -1, dtype=np.int64)
-        place[self.pattern.order] = np.arange(len(self.pattern.order))
-        a, b = place[a], place[b]  # −1 stays −1
+        rank = np.full(len(self.pattern.order) + 1, -1, dtype=np.int64)
+        rank[self.pattern.order] = np.arange(len(self.pattern.order))
+        a, b = rank[a], rank[b]  # −1 stays −1
         # supports have index −1, so the free element of such an interface comes first
         swap = (a < 0) | ((b >= 0) & (b < a))
         low, high = np.where(swap, b, a), np.where(swap, a, b)
         self._low, self._high = low.astype(np.int32), high.astype(np.int32)
         starts, rows = self.pattern.column_start, self.pattern.row
-        block = np.full(self.faces, -1, dtype=np.int32)
+        blocks = np.full(self.faces, -1, dtype=np.int32)
         for face in np.flatnonzero((low >= 0) & (high >= 0)).tolist():
-            begin, end = starts[low[face]], starts[low[face] + 1]
-            block[face] = begin + np.searchsorted(rows[begin:end], high[face])
-        self._block = block
+            first, end = starts[low[face]], starts[low[face] + 1]
+            blocks[face] = first + np.searchsorted(rows[first:end], high[face])
+        self._block = blocks
         q, d = self._q, template.assembly.dimension
         matrix = template.matrix.tocoo()
         column = matrix.col // q
-        side = (place[matrix.row // q] == high[column]).astype(int)
+        side = (rank[matrix.row // q] == high[column]).astype(int)
         dense = np.zeros((self.faces, 2, q, q))
         dense[column, side, matrix.row % q, matrix.col % q] = matrix.data
         sides = dense[..., :d].reshape(self.faces, 2, -1), dense[..., d:, d:].reshape(self.faces, 2, -1)
@@ -252,7 +255,7 @@ class BatchSolver:
         labels = np.ascontiguousarray(labellings, dtype=np.uint8)
         if undecided is not None:
             labels = np.where(undecided, np.uint8(_UNDECIDED), labels)
-        least = None if thresholds is None else np.ascontiguousarray(thresholds, dtype=float)
+        limits = None if thresholds is None else np.ascontiguousarray(thresholds, dtype=float)
         count = len(labels)
         low, high = np.empty(count), np.empty(count)
         verdict, iterations, tries = (np.zeros(count, dtype=np.int32) for _ in range(3))
@@ -262,7 +265,7 @@ class BatchSolver:
         rays = np.zeros((count, self.faces, self._q)) if vectors else None
         problem = self._problem()
         settings = (library.Try * len(self._tries))(*self._tries)
-        inputs = library.pointers(labels=labels, thresholds=least)
+        inputs = library.pointers(labels=labels, thresholds=limits)
         outputs = library.pointers(low=low, high=high, verdict=verdict, iterations=iterations, tries=tries)
         vectors_out = library.pointers(forces=forces, velocity=velocity, diagnosis=diagnosis, rays=rays)
         outcome = self._library.jld_solve(
@@ -283,58 +286,56 @@ class BatchSolver:
         self, rows: BatchRows, dead: Floats, live: Floats, thresholds: Floats | None, *, vectors: bool = False
     ) -> BatchResults:
         """Compute bounds on λ of one labelling for scaled samples of strengths and loads (k, q·free)."""
-        other = copy(self)
-        other._rows, other._keep, other._bows = rows.rows, rows.keep, rows.parabolas
-        other._dead, other._live = (np.ascontiguousarray(loads[:, self._ends]) for loads in (dead, live))
-        other._own_loads = True
-        number = np.arange(len(dead), dtype=np.uint8)  # the compiled solver looks rows and loads up by label
-        return other.solve(np.repeat(number[:, None], self.faces, axis=1), thresholds=thresholds, vectors=vectors)
+        copied = copy(self)
+        copied._rows, copied._keep, copied._parabolas = rows.rows, rows.keep, rows.parabolas
+        copied._dead, copied._live = (np.ascontiguousarray(loads[:, self._element_rows]) for loads in (dead, live))
+        copied._loads_by_label = True
+        label = np.arange(len(dead), dtype=np.uint8)  # the compiled solver looks rows and loads up by label
+        return copied.solve(np.repeat(label[:, None], self.faces, axis=1), thresholds=thresholds, vectors=vectors)
 
     def reversed(self, *, sampled: bool = False) -> BatchSolver:
         """Return a solver under the opposite live load; sampled: begun at samples, else slower."""
-        other = copy(self)
-        other._live = -self._live
-        nothing = np.zeros((self.faces, self._q))
-        other._start = replace(self._start, jumps=nothing, speed=np.zeros(self.size), load=0.0)
+        copied = copy(self)
+        copied._live = -self._live
+        zeros = np.zeros((self.faces, self._q))
+        copied._start = replace(self._start, jumps=zeros, velocity=np.zeros(self.size), load=0.0)
         if sampled and self._sampled:
-            other._start = other._between_samples()
-        return other
+            copied._start = copied._between_samples()
+        return copied
 
-    def minimize_conflicts(self, asked: ConflictRequest) -> MinimizationResults:
+    def minimize_conflicts(self, request: ConflictRequest) -> MinimizationResults:
         # A conflict keeps as few faces decided as still prove λ below the threshold. The fate `REFUTED` is a hint: the
         # caller must verify the work balance of the mechanism, docs/method.md (6.4).
-        count, how = len(asked.labellings), asked.how
-        wide = 1 + how.neighbours
-        begun = asked.labellings
-        if asked.undecided is not None:
-            begun = np.where(asked.undecided & asked.free, np.uint8(_UNDECIDED), begun)
-        labels, matters = (np.ascontiguousarray(array, dtype=np.uint8) for array in (begun, asked.free))
-        least = np.ascontiguousarray(asked.thresholds, dtype=float)
-        fate, relaxations = np.zeros(count * wide, dtype=np.uint8), np.zeros(count * wide, dtype=np.int32)
-        conflict = np.zeros((count * wide, self.faces), dtype=np.uint8)
-        velocity = np.zeros((count * wide, self.size))
-        given = library.pointers(labels=labels, free=matters, thresholds=least)
-        places = library.pointers(fate=fate, conflict=conflict, velocity=velocity, relaxations=relaxations)
+        count, options = len(request.labellings), request.how
+        start = request.labellings
+        if request.undecided is not None:
+            start = np.where(request.undecided & request.free, np.uint8(_UNDECIDED), start)
+        labels, free = (np.ascontiguousarray(array, dtype=np.uint8) for array in (start, request.free))
+        thresholds = np.ascontiguousarray(request.thresholds, dtype=float)
+        rows = count * (1 + options.neighbours)
+        fate, relaxations = np.zeros(rows, dtype=np.uint8), np.zeros(rows, dtype=np.int32)
+        conflict, velocity = np.zeros((rows, self.faces), dtype=np.uint8), np.zeros((rows, self.size))
+        inputs = library.pointers(labels=labels, free=free, thresholds=thresholds)
+        outputs = library.pointers(fate=fate, conflict=conflict, velocity=velocity, relaxations=relaxations)
         task = library.MinimizationOptions(
             count=count,
-            neighbours=how.neighbours,
-            tries=how.tries,
-            inner=int(how.inner),
-            balance=how.balance,
-            seed=asked.seed,
-            **given,
-            **places,
+            neighbours=options.neighbours,
+            tries=options.tries,
+            inner=int(options.inner),
+            balance=options.balance,
+            seed=request.seed,
+            **inputs,
+            **outputs,
         )
         library.require_success(self._library.jld_minimize(self._problem(), self._relaxation_try, task))
-        return MinimizationResults(
-            np.arange(count).repeat(wide), fate, conflict.astype(bool), self._as_elements(velocity), relaxations
-        )
+        labelling = np.arange(count).repeat(1 + options.neighbours)
+        return MinimizationResults(labelling, fate, conflict.astype(bool), self._as_elements(velocity), relaxations)
 
     def _as_elements(self, velocity: Floats) -> Floats:
         """Reorder velocities (k, q·free) from the order of elimination to that of elements."""
-        back = np.empty_like(velocity)
-        back[:, self._ends] = velocity
-        return back
+        by_element = np.empty_like(velocity)
+        by_element[:, self._element_rows] = velocity
+        return by_element
 
     def _problem(self) -> library.Problem:
         # The structure points to arrays of this solver, and is valid while the solver exists.
@@ -351,8 +352,8 @@ class BatchSolver:
             opening=self._opening,
             forces=start.forces,
             jumps=start.jumps,
-            velocity=start.speed,
-            parabolas=self._bows,
+            velocity=start.velocity,
+            parabolas=self._parabolas,
         )
         return library.Problem(
             elements=len(self.pattern.order),
@@ -366,12 +367,12 @@ class BatchSolver:
             noise=tolerances.ROUNDING,
             load=start.load,
             least_slack=start.least_slack,
-            least_multiplier=_PUSH if self._q == 3 else _PUSH_SPATIAL,
+            least_multiplier=_LEAST_MULTIPLIER if self._q == 3 else _LEAST_MULTIPLIER_SPATIAL,
             zero=self._load_scale,
             gap=tolerances.GAP,
             coupled=int(self._interacts),
             narrow=int(narrow(2 if self._q == 3 else 3, self.faces)),
-            own_loads=int(self._own_loads),
+            own_loads=int(self._loads_by_label),
             **arrays,
         )
 
@@ -383,7 +384,7 @@ _Q: Final = 3  # shared rows of one node
 _GAP: Final = 1e-5  # relative gap at which iterations end; the bounds are only compared with one another
 _NEAR: Final = 1e-4  # relative distance of λ from its threshold below which `_FINE` replaces `_GAP`
 _FINE: Final = 1e-8  # relative gap at which iterations end close to the threshold
-_BLOCK_ROOM: Final = 1e-6  # error of the multipliers at which iterations end; the caller repairs the remaining error
+_MULTIPLIER_ERROR: Final = 1e-6  # error of multipliers at which iterations end; the caller repairs what remains
 
 # Largest number of iterations of one choice from the common starting point: 15 to 30 were measured for walls. After 50
 # the bound of 16 000 sides is 2e-3 above λ, that of 74 000 sides 7e-2, which takes 100 to close.
@@ -431,14 +432,14 @@ class BatchBlockSolver:
         pairs = {pair for block in blocks for pair in combinations(np.unique(block.shared // _Q).tolist(), 2)}
         a, b = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2).T
         self.pattern = pattern = factor_pattern(a, b, places)
-        place = np.empty(nodes, dtype=np.int64)
-        place[pattern.order] = np.arange(nodes)
-        self._back = (_Q * place[:, None] + np.arange(_Q)).ravel()
+        rank = np.empty(nodes, dtype=np.int64)
+        rank[pattern.order] = np.arange(nodes)
+        self._sorted_rows = (_Q * rank[:, None] + np.arange(_Q)).ravel()  # of each shared row in order of elimination
         entries = [column for block in blocks for column in block.columns]
         self._arrays: dict[str, Any] = {
             "own_start": _starts([block.own for block in blocks]),
             "shared_start": _starts([len(block.shared) for block in blocks]),
-            "shared": _flat([self._back[block.shared] for block in blocks]),
+            "shared": _flat([self._sorted_rows[block.shared] for block in blocks]),
             "column_start": _starts([len(block.columns) for block in blocks]),
             "entry_start": _starts([len(rows) for rows, _ in entries]),
             "entry_row": _flat([rows for rows, _ in entries]),
@@ -446,23 +447,23 @@ class BatchBlockSolver:
             "of_x": np.concatenate([block.of_x for block in blocks]),
             "of_load": np.concatenate([block.of_load for block in blocks]),
         }
-        put = [self._places(self._back[block.shared]) for block in blocks]
-        self._arrays |= {"place_start": _starts([len(one) for one in put]), "place": _flat(put)}
-        right = np.zeros(_Q * nodes)
-        right[self._back] = rhs
-        self._rhs, self._load = right, self._back[load].astype(np.int32)
-        self._own, self._shared = int(self._arrays["own_start"][-1]), _Q * nodes
+        positions = [self._product_positions(self._sorted_rows[block.shared]) for block in blocks]
+        self._arrays |= {"place_start": _starts([len(part) for part in positions]), "place": _flat(positions)}
+        sorted_rhs = np.zeros(_Q * nodes)
+        sorted_rhs[self._sorted_rows] = rhs
+        self._rhs, self._load = sorted_rhs, self._sorted_rows[load].astype(np.int32)
+        self._own_rows, self._shared_rows = int(self._arrays["own_start"][-1]), _Q * nodes
 
     @staticmethod
     def supports(blocks: Sequence[BlockColumns]) -> bool:
         """Return True if no block has more rows than the compiled solver can hold."""
         return max((block.own + len(block.shared) for block in blocks), default=0) <= interface.BLOCK_ROWS
 
-    def _places(self, rows: Ints) -> Ints:
+    def _product_positions(self, rows: Ints) -> Ints:
         """Return the factor positions of products of shared rows (r,); −1 − position off the diagonal blocks."""
         starts, nodes = self.pattern.column_start, len(self.pattern.order)
-        k, other = np.tril_indices(len(rows))
-        (high, r), (low, c) = (divmod(of(rows[k], rows[other]), _Q) for of in (np.maximum, np.minimum))
+        first, second = np.tril_indices(len(rows))
+        (high, r), (low, c) = (divmod(choose(rows[first], rows[second]), _Q) for choose in (np.maximum, np.minimum))
         keys = np.repeat(np.arange(nodes), np.diff(starts)) * nodes + self.pattern.row
         block = np.searchsorted(keys, low * nodes + high)
         return np.asarray(np.where(high == low, 6 * high + r * (r + 1) // 2 + c, -1 - (9 * block + 3 * r + c)))
@@ -470,13 +471,10 @@ class BatchBlockSolver:
     def solve(self, allowed: Bools, thresholds: Floats, least: Floats, most: Floats) -> BlockAnswers:
         """Solve the programs of choices (k, p), least ≤ λ ≤ most (k,), until λ stays below thresholds (k,)."""
         count = len(allowed)
-        chosen = np.ascontiguousarray(allowed, dtype=np.uint8)
-        dual, share, load = (
-            np.zeros((count, self._own + self._shared)),
-            np.zeros((count, self._blocks)),
-            np.zeros(count),
-        )
-        spent, state = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.uint8)
+        allowed_bytes = np.ascontiguousarray(allowed, dtype=np.uint8)
+        dual = np.zeros((count, self._own_rows + self._shared_rows))
+        share, load = np.zeros((count, self._blocks)), np.zeros(count)
+        iterations, state = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.uint8)
         problem = library.Blocks(
             blocks=self._blocks,
             nodes=len(self.pattern.order),
@@ -485,20 +483,20 @@ class BatchBlockSolver:
             **library.pointers(**self._arrays, rhs=self._rhs, load=self._load),
         )
         bounds = {"thresholds": thresholds, "least_load": least, "most_load": most}
-        known = {name: np.ascontiguousarray(one, dtype=float) for name, one in bounds.items()}
+        inputs = {name: np.ascontiguousarray(values, dtype=float) for name, values in bounds.items()}
         task = library.BlockTask(
             count=count,
             gap=_GAP,
             near=_NEAR,
             fine_gap=_FINE,
-            error=_BLOCK_ROOM,
+            error=_MULTIPLIER_ERROR,
             iterations=_MOST,
-            **library.pointers(allowed=chosen, **known),
-            **library.pointers(dual=dual, share=share, load=load, iterations_used=spent, state=state),
+            **library.pointers(allowed=allowed_bytes, **inputs),
+            **library.pointers(dual=dual, share=share, load=load, iterations_used=iterations, state=state),
         )
         library.require_success(self._library.jld_solve_blocks(problem, task))
-        shared = dual[:, self._own :][:, self._back]
-        return BlockAnswers(dual[:, : self._own], shared, share, load, spent, state)
+        shared = dual[:, self._own_rows :][:, self._sorted_rows]
+        return BlockAnswers(dual[:, : self._own_rows], shared, share, load, iterations, state)
 
 
 def _starts(counts: Sequence[int]) -> NDArray[np.int32]:

@@ -144,10 +144,10 @@ def zig() -> list[str] | None:
 def compilers() -> list[list[str]]:
     """Return the compiler commands to try: $CXX, the system's, ziglang's."""
     named = os.environ.get("CXX")
-    found = [shlex.split(named)] if named else []
-    found += [[path] for path in map(shutil.which, ("c++", "g++", "clang++")) if path]
-    own = zig()
-    return [*found, own] if own else found
+    commands = [shlex.split(named)] if named else []
+    commands += [[path] for path in map(shutil.which, ("c++", "g++", "clang++")) if path]
+    bundled = zig()
+    return [*commands, bundled] if bundled else commands
 
 
 def write_header(folder: Path) -> None:
@@ -172,20 +172,19 @@ def compile_variant(
             subprocess.run([*flags, *arguments], check=True, capture_output=True, text=True, timeout=patience)
 
     # Write to another name first, because another process may be loading the library.
-    with tempfile.TemporaryDirectory(dir=folder) as place:
-        write_header(Path(place))
-        made = Path(place) / target.name
-        objects = [str(Path(place) / f"{unit}.o") for unit in UNITS]
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        write_header(Path(scratch))
+        library = Path(scratch) / target.name
+        objects = [str(Path(scratch) / f"{unit}.o") for unit in UNITS]
         with ThreadPoolExecutor(len(UNITS)) as pool:
-            tasks = zip(UNITS, objects, strict=True)
             pending = [
-                pool.submit(run, *UNIT_FLAGS.get(unit, ()), f"-I{place}", "-c", str(SOURCE / unit), "-o", one)
-                for unit, one in tasks
+                pool.submit(run, *UNIT_FLAGS.get(unit, ()), f"-I{scratch}", "-c", str(SOURCE / unit), "-o", compiled)
+                for unit, compiled in zip(UNITS, objects, strict=True)
             ]
         for task in pending:
             task.result()
-        run("-shared", *objects, "-o", str(made))
-        made.replace(target)
+        run("-shared", *objects, "-o", str(library))
+        library.replace(target)
     return target
 
 
@@ -224,25 +223,25 @@ def main() -> None:
     # of the family); or --sanitized FOLDER (addresses and undefined behaviour); or --thread-sanitized FOLDER (data
     # races). The last two use the compiler's sanitizers.
     extra: tuple[str, ...] = ()
-    folder, wanted = cache(), sys.argv[1:] or list(variants())
-    in_place = wanted[0] == "--in-place"
+    folder, names = cache(), sys.argv[1:] or list(variants())
+    in_place = names[0] == "--in-place"
     if in_place:
         options = {"--best": [best()], "--ends": list(dict.fromkeys((best(), variants()[-1])))}
-        folder, wanted = Path(__file__).parent, options.get("".join(wanted[1:]), list(variants()))
-        built = {name: folder / f"_{name}.so" for name in wanted}
-        wanted = [name for name, path in built.items() if not (path.exists() and is_current(path))]
-    elif wanted[0] in SANITIZED:
-        folder, extra, wanted = Path(wanted[1]), SANITIZED[wanted[0]], [variants()[-1]]
+        folder, names = Path(__file__).parent, options.get("".join(names[1:]), list(variants()))
+        built = {name: folder / f"_{name}.so" for name in names}
+        names = [name for name, path in built.items() if not (path.exists() and is_current(path))]
+    elif names[0] in SANITIZED:
+        folder, extra, names = Path(names[1]), SANITIZED[names[0]], [variants()[-1]]
     # Each compiler is a process of its own, so threads keep all cores busy.
-    with ThreadPoolExecutor(max(len(wanted), 1)) as pool:
-        compiled = list(pool.map(lambda variant: compile_by_any(variant, folder, extra), wanted))
-    for variant, (made, problems) in zip(wanted, compiled, strict=True):
+    with ThreadPoolExecutor(max(len(names), 1)) as pool:
+        compiled = list(pool.map(lambda variant: compile_by_any(variant, folder, extra), names))
+    for variant, (library, problems) in zip(names, compiled, strict=True):
         sys.stderr.writelines(f"{line}\n" for line in problems)
-        if made is not None:
+        if library is not None:
             if in_place:
-                remove_others(made)
-            sys.stdout.write(f"{variant}: {made}\n")
-    missing = ", ".join(variant for variant, (made, _) in zip(wanted, compiled, strict=True) if made is None)
+                remove_others(library)
+            sys.stdout.write(f"{variant}: {library}\n")
+    missing = ", ".join(variant for variant, (library, _) in zip(names, compiled, strict=True) if library is None)
     if missing:
         sys.exit(f"{missing}: no compiler that works; pip install jld[compiler] brings one")
 

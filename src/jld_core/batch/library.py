@@ -60,20 +60,20 @@ _POINTERS: Final[dict[str, Any]] = {
 
 def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
     """Return ctypes pointers to arrays by name; leave out arrays that are None."""
-    known = {name: array for name, array in arrays.items() if array is not None}
-    return {name: array.ctypes.data_as(_POINTERS[array.dtype.str]) for name, array in known.items()}
+    stated = {name: array for name, array in arrays.items() if array is not None}
+    return {name: array.ctypes.data_as(_POINTERS[array.dtype.str]) for name, array in stated.items()}
 
 
 def built() -> dict[str, Path]:
     """Return the compiled libraries by variant, fastest first: the package's if current, else the cache's."""
-    own = _within(Path(__file__).parent)
-    return {name: path for name, path in own.items() if build.is_current(path)} or _within(build.cache())
+    in_package = _libraries_in(Path(__file__).parent)
+    return {name: path for name, path in in_package.items() if build.is_current(path)} or _libraries_in(build.cache())
 
 
-def _within(folder: Path) -> dict[str, Path]:
+def _libraries_in(folder: Path) -> dict[str, Path]:
     """Return the first shared library of each variant in a folder, by variant."""
-    found = {name: sorted(folder.glob(f"_{name}.*")) for name in VARIANTS}
-    usable = {name: [path for path in paths if path.suffix in _LIBRARIES] for name, paths in found.items()}
+    candidates = {name: sorted(folder.glob(f"_{name}.*")) for name in VARIANTS}
+    usable = {name: [path for path in paths if path.suffix in _LIBRARIES] for name, paths in candidates.items()}
     return {name: paths[0] for name, paths in usable.items() if paths}
 
 
@@ -96,21 +96,21 @@ def _compile_fastest() -> dict[str, Path]:
 
 
 @cache
-def _found(wish: str) -> tuple[str, Path] | None:
-    """Return name and path of the library that `wish` names; InputError if it does not run or match here."""
-    if wish == "off":
+def _find_library(name: str) -> tuple[str, Path] | None:
+    """Return name and path of the library that `name` names; InputError if it does not run or match here."""
+    if name == "off":
         return None
-    if os.sep in wish:
-        path = Path(wish)
+    if os.sep in name:
+        path = Path(name)
         if not (path.is_file() and build.is_current(path)):
             # Loading a library runs its code, so it must carry the hash of these sources.
-            raise InputError(SWITCH, f"{wish} was not built from these sources", "python -m jld_core.batch.build")
-        return wish, path
-    found = built() or ({} if wish == _BUILT else _compile_fastest())
-    usable = {name: path for name, path in found.items() if build.runs_here(name)}
-    if wish not in ("", _BUILT, *usable):
-        raise InputError(SWITCH, f"no kernel {wish!r} is built that runs here", " or ".join([*usable, _BUILT, "off"]))
-    return next(((name, path) for name, path in usable.items() if wish in ("", _BUILT, name)), None)
+            raise InputError(SWITCH, f"{name} was not built from these sources", "python -m jld_core.batch.build")
+        return name, path
+    libraries = built() or ({} if name == _BUILT else _compile_fastest())
+    usable = {variant: path for variant, path in libraries.items() if build.runs_here(variant)}
+    if name not in ("", _BUILT, *usable):
+        raise InputError(SWITCH, f"no kernel {name!r} is built that runs here", " or ".join([*usable, _BUILT, "off"]))
+    return next(((variant, path) for variant, path in usable.items() if name in ("", _BUILT, variant)), None)
 
 
 def chosen() -> str | None:
@@ -128,17 +128,17 @@ def chosen() -> str | None:
     InputError
         The environment variable `JLD_KERNEL` ("off" for none) names a variant that is not built or does not run here.
     """
-    found = _found(os.environ.get(SWITCH, ""))
-    return None if found is None else found[0]
+    choice = _find_library(os.environ.get(SWITCH, ""))
+    return None if choice is None else choice[0]
 
 
 @cache
 def library(variant: str) -> ctypes.CDLL:
     """Load a batch solver by the name of its variant or the path of a library."""
-    found = _found(variant)
-    if found is None:
+    choice = _find_library(variant)
+    if choice is None:
         raise InputError(SWITCH, f"no kernel {variant!r} is built", "a variant that is built, or a library")
-    loaded = ctypes.CDLL(str(found[1]))
+    loaded = ctypes.CDLL(str(choice[1]))
     for name, (result, _, parameters) in FUNCTIONS.items():
         function = getattr(loaded, name)
         function.restype = ctypes_type(result)
@@ -161,9 +161,9 @@ def described() -> str:
     name = chosen()
     if name is None:
         return "no kernel"
-    found = library(name)
-    held = f"; built: {', '.join(built())}" if built() else ""
-    return f"kernel {found.jld_variant().decode()}, {found.jld_width()} labellings at a time{held}"
+    compiled = library(name)
+    variants = f"; built: {', '.join(built())}" if built() else ""
+    return f"kernel {compiled.jld_variant().decode()}, {compiled.jld_width()} labellings at a time{variants}"
 
 
 # Of 512 layouts of 278 faces, 128 of 946, 64 of 2 016, `LARGE_TRIES` proves 493, 124 and 53 in its first pass and all
@@ -190,7 +190,7 @@ SAMPLES: Final = 32  # random labellings whose mean solution gives the starting 
 FEW_SAMPLES: Final = 8
 
 # Defaults of `library.Try`; `JldTry` in interface.py defines each field
-_FIRST: Final[dict[str, Any]] = {
+_DEFAULTS: Final[dict[str, Any]] = {
     "proximal": 1e-5,
     "margin": 1e-10,
     "target": 1e-8,
@@ -207,25 +207,25 @@ _FIRST: Final[dict[str, Any]] = {
 # Settings of the passes over open labellings, planar.
 # 2 and 3 look for a ray of unbounded load and for a state on the boundary. Source: benchmarks/batch_solver.py.
 TRIES: Final = (
-    Try(**_FIRST | {"endless": 1e4}, most=28),
-    Try(**_FIRST | {"aim": -1.0, "press": 1e-2}, most=28),
-    Try(**_FIRST | {"aim": 0.0, "target": 1e-6, "margin": 0.0}, most=28),
-    Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
-    Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
+    Try(**_DEFAULTS | {"endless": 1e4}, most=28),
+    Try(**_DEFAULTS | {"aim": -1.0, "press": 1e-2}, most=28),
+    Try(**_DEFAULTS | {"aim": 0.0, "target": 1e-6, "margin": 0.0}, most=28),
+    Try(**_DEFAULTS | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
+    Try(**_DEFAULTS | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
 )
 # Settings of a pass that begins where the last one has ended, with equilibrium restored to the last digit
-_RESUMED: Final = _FIRST | {"resumes": 1, "apart": 1, "most": 16}
+_RESUMED: Final = _DEFAULTS | {"resumes": 1, "apart": 1, "most": 16}
 # Settings of the passes over large planar assemblies.
 # Each begins where the last one ended. A small proximal term follows forces that drift long, and rounding of many
 # elements needs a larger margin; upper bounds need exact jumps, hence small terms in later passes. Pass 5 begins anew
 # with shorter steps and a larger margin. Source: benchmarks/batch_solver.py.
 LARGE_TRIES: Final = (
-    Try(**_FIRST | {"endless": 1e4, "proximal": 1e-8, "margin": 1e-9, "most": 40}),
+    Try(**_DEFAULTS | {"endless": 1e4, "proximal": 1e-8, "margin": 1e-9, "most": 40}),
     TRIES[1],
     Try(**_RESUMED | {"proximal": 1e-11}),
     Try(**_RESUMED | {"proximal": 1e-10}),
     Try(**_RESUMED | {"proximal": 1e-11, "margin": 3e-11}),
-    Try(**_FIRST | {"proximal": 1e-7, "margin": 1e-8, "first": 0.9, "last": 0.95, "apart": 1, "most": 60}),
+    Try(**_DEFAULTS | {"proximal": 1e-7, "margin": 1e-8, "first": 0.9, "last": 0.95, "apart": 1, "most": 60}),
     Try(**_RESUMED | {"proximal": 1e-10}),
     Try(**_RESUMED | {"proximal": 1e-11}),
     TRIES[2],
@@ -234,7 +234,7 @@ LARGE_TRIES: Final = (
 # Settings of the passes over open labellings, spatial.
 # None looks for states on the boundary of a cone. Source: benchmarks/batch_solver.py.
 SPATIAL_TRIES: Final = tuple(
-    Try(**_FIRST | {"target": 3e-8, "jumps": 1e-7, "near": 1e-2} | more)
+    Try(**_DEFAULTS | {"target": 3e-8, "jumps": 1e-7, "near": 1e-2} | more)
     for more in (
         {"endless": 1e4, "most": 28},
         {"aim": -1.0, "press": 1e-2, "most": 28},
@@ -271,7 +271,7 @@ def dry_shares(dimension: int, faces: int) -> tuple[float, float]:
 def tries_of(dimension: int, faces: int, parabolas: bool) -> tuple[Try, ...]:
     """Return the settings of passes over open labellings; parabolas exclude those for rays and boundary states."""
     if dimension == 3:
-        usual = SPATIAL_TRIES
+        settings = SPATIAL_TRIES
     else:
-        usual = LARGE_TRIES if faces >= LARGE else TRIES
-    return tuple(one for one in usual if one.aim > 0.0) if parabolas else usual
+        settings = LARGE_TRIES if faces >= LARGE else TRIES
+    return tuple(pass_settings for pass_settings in settings if pass_settings.aim > 0.0) if parabolas else settings

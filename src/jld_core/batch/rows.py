@@ -37,12 +37,12 @@ class Graph:
             return None
         labels = np.ascontiguousarray(labellings, dtype=np.uint8)
         names = np.empty((len(labels), self._elements), dtype=np.int64)
-        joins, first, second = library.pointers(joins=self._always, first=self._a, second=self._b).values()
-        places = library.pointers(labels=labels, names=names)
+        pairs, a, b = library.pointers(joins=self._always, first=self._a, second=self._b).values()
+        outputs = library.pointers(labels=labels, names=names)
         counts = self._elements, len(self._always), len(self._a)
         library.require_success(
             kernel.jld_find_blocks(
-                counts[0], counts[1], joins, counts[2], first, second, len(labels), places["labels"], places["names"]
+                counts[0], counts[1], pairs, counts[2], a, b, len(labels), outputs["labels"], outputs["names"]
             )
         )
         return names
@@ -61,25 +61,22 @@ class Joining:
         self._rounds = rounds
         self._variant = variant
 
-    def parts(self, order: Ints, wanted: Ints) -> tuple[Names, Bools] | None:
-        """Join atoms by orders (k, pairs), of which the first `wanted` (k,).
-
-        Part of each atom, and whether none is too small.
-        """
+    def parts(self, order: Ints, counts: Ints) -> tuple[Names, Bools] | None:
+        """Join atoms by the first `counts` (k,) of orders (k, pairs): part of each, and whether none is too small."""
         # A pair is joined unless the part would have more than `most` cells.
         kernel = _library(self._variant)
         if kernel is None:
             return None
-        rows, most = (np.ascontiguousarray(part, dtype=np.int64) for part in (order, wanted))
+        rows, count_array = (np.ascontiguousarray(part, dtype=np.int64) for part in (order, counts))
         names = np.empty((len(rows), len(self._cells)), dtype=np.int32)
-        good = np.empty(len(rows), dtype=np.uint8)
-        given = library.pointers(first=self._first, second=self._second, cells=self._cells)
-        places = library.pointers(order=rows, wanted=most, names=names, complete=good)
+        complete = np.empty(len(rows), dtype=np.uint8)
+        inputs = library.pointers(first=self._first, second=self._second, cells=self._cells)
+        outputs = library.pointers(order=rows, wanted=count_array, names=names, complete=complete)
         sizes = self._least, self._most, self._rounds, len(rows)
         library.require_success(
-            kernel.jld_join_parts(len(self._cells), len(self._first), *given.values(), *sizes, *places.values())
+            kernel.jld_join_parts(len(self._cells), len(self._first), *inputs.values(), *sizes, *outputs.values())
         )
-        return names, good.astype(bool)
+        return names, complete.astype(bool)
 
 
 def _library(variant: str | None) -> Any:
@@ -144,7 +141,7 @@ def _ends(first: bytes, second: bytes) -> tuple[Ints, Ints]:
 
 @lru_cache(maxsize=4)
 def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, ...]) -> FactorPattern:
-    return _laid_out(*_ends(first, second), *_elimination(first, second, where, shape))
+    return _lay_out_factor(*_ends(first, second), *_elimination(first, second, where, shape))
 
 
 @lru_cache(maxsize=4)
@@ -155,8 +152,8 @@ def _elimination(first: bytes, second: bytes, where: bytes, shape: tuple[int, ..
     count = len(places)
     orders = [_minimum_degree(a, b, count)]
     orders += [nested_dissection(a, b, count, leaf, places).order for leaf in _LEAVES if len(a) and count > leaf]
-    places_in_order = [np.argsort(order) for order in orders]
-    columns = [columns_of_factor(place[a], place[b], count) for place in places_in_order]
+    ranks = [np.argsort(order) for order in orders]
+    columns = [columns_of_factor(rank[a], rank[b], count) for rank in ranks]
     # The first order wins ties.
     best = int(np.argmin([_pattern_products(pattern) for pattern in columns]))
     return orders[best], columns[best]
@@ -168,52 +165,52 @@ def _pattern_products(columns: list[list[int]]) -> int:
 
 
 def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
-    found: list[dict[int, None]] = [{} for _ in range(count)]
-    for one, other in sorted(zip(a.tolist(), b.tolist(), strict=True)):
-        found[one][other] = None
-        found[other][one] = None
-    return found
+    neighbours: list[dict[int, None]] = [{} for _ in range(count)]
+    for a_node, b_node in sorted(zip(a.tolist(), b.tolist(), strict=True)):
+        neighbours[a_node][b_node] = None
+        neighbours[b_node][a_node] = None
+    return neighbours
 
 
 def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
     """Return the minimum-degree elimination order of a graph with edges (e,)."""
-    near = _neighbours(a, b, count)
+    neighbours = _neighbours(a, b, count)
     # entries whose degree has changed since are stale
-    waiting = [(len(around), node) for node, around in enumerate(near)]
-    heapify(waiting)
-    done, order = [False] * count, []
-    while waiting:
-        degree, node = heappop(waiting)
-        if done[node] or degree != len(near[node]):
+    queue = [(len(clique), node) for node, clique in enumerate(neighbours)]
+    heapify(queue)
+    eliminated, order = [False] * count, []
+    while queue:
+        degree, node = heappop(queue)
+        if eliminated[node] or degree != len(neighbours[node]):
             continue
-        done[node] = True
+        eliminated[node] = True
         order.append(node)
-        around = near[node]
-        for one in around:
-            mine = near[one]
-            mine |= around
-            del mine[node], mine[one]
-            heappush(waiting, (len(mine), one))
+        clique = neighbours[node]
+        for neighbour in clique:
+            of_neighbour = neighbours[neighbour]
+            of_neighbour |= clique
+            del of_neighbour[node], of_neighbour[neighbour]
+            heappush(queue, (len(of_neighbour), neighbour))
     return np.array(order, dtype=np.int64)
 
 
-def _laid_out(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> FactorPattern:
+def _lay_out_factor(a: Ints, b: Ints, order: Ints, columns: list[list[int]]) -> FactorPattern:
     """List the blocks of a Cholesky factor and the products that form them."""
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
     number = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
     entered = np.zeros(len(number), dtype=np.uint8)  # blocks of the matrix itself; others are fill
     step = np.argsort(order)
-    for one, other in zip(step[a].tolist(), step[b].tolist(), strict=True):
-        entered[number[max(one, other), min(one, other)]] = 1
+    for first, second in zip(step[a].tolist(), step[b].tolist(), strict=True):
+        entered[number[max(first, second), min(first, second)]] = 1
     lefts: list[list[tuple[int, int]]] = [[] for _ in columns]  # of each row: block and its column
     products: list[list[tuple[int, int]]] = [[] for _ in range(int(start[-1]))]
     for j, rows in enumerate(columns):
         for k, row in enumerate(rows):
             block = int(start[j]) + k
             lefts[row].append((block, j))
-            # L[other, j] L[row, j]ᵀ enters block (other, row)
-            for other in rows[k + 1 :]:
-                products[number[other, row]].append((number[other, j], block))
+            # L[second, j] L[row, j]ᵀ enters block (second, row)
+            for second in rows[k + 1 :]:
+                products[number[second, row]].append((number[second, j], block))
     return FactorPattern(
         order=order,
         column_start=start.astype(np.int32),
@@ -280,12 +277,12 @@ def _graph(assembly: Assembly) -> tuple[tuple[Ints, Ints, Floats], Ints, Ints]:
     node[elements.free] = np.arange(len(elements.free))
     first, second = faces.a.copy(), faces.b.copy()
     members = assembly.members
-    own = members.face >= 0
+    in_program = members.face >= 0
     if members.ends is not None:
-        first[members.face[own]], second[members.face[own]] = members.ends[own].T
+        first[members.face[in_program]], second[members.face[in_program]] = members.ends[in_program].T
     a, b = node[first], node[second]
-    both = (a >= 0) & (b >= 0)
-    return (a[both], b[both], elements.centroid[elements.free]), a, b
+    between_free = (a >= 0) & (b >= 0)
+    return (a[between_free], b[between_free], elements.centroid[elements.free]), a, b
 
 
 @dataclass(frozen=True)
@@ -312,18 +309,19 @@ def rows_of(template: Template, undecided: Rows | None = None) -> BatchRows | No
     return _rows_of_labels(template) if undecided is None else _rows_of(template, undecided)
 
 
-def rows_of_samples(own: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
+def rows_of_samples(sets: YieldSet, labels: Bits, dimension: int) -> BatchRows | None:
     """Compute the rows of many samples of strengths under labels (k, m); None if unsupported."""
-    both = rows_of_sets(own, labels.size, dimension)
-    if both is None:
+    of_labels = rows_of_sets(sets, labels.size, dimension)
+    if of_labels is None:
         return None
     label, face = labels.astype(np.int64).ravel(), np.arange(labels.size)
-    bent = both.parabolas
-    rows, keep, parabolas = (
-        np.ascontiguousarray(one[label, face].reshape(*labels.shape, *one.shape[2:]))
-        for one in (both.rows, both.keep, np.zeros((*both.keep.shape, 0)) if bent is None else bent)
-    )
-    return BatchRows(rows, both.pairs, keep, None if bent is None else parabolas, both.interacts)
+
+    def of_samples(array: Floats) -> Floats:
+        return np.ascontiguousarray(array[label, face].reshape(*labels.shape, *array.shape[2:]))
+
+    parabolas = None if of_labels.parabolas is None else of_samples(of_labels.parabolas)
+    rows, keep = of_samples(of_labels.rows), of_samples(of_labels.keep)
+    return BatchRows(rows, of_labels.pairs, keep, parabolas, of_labels.interacts)
 
 
 @lru_cache(maxsize=2)
@@ -336,22 +334,22 @@ def _rows_of(template: Template, undecided: Rows | None) -> BatchRows | None:
     return rows_of_sets(template.yield_set, len(template.assembly.interfaces), template.assembly.dimension, undecided)
 
 
-def rows_of_sets(own: YieldSet, faces: int, dimension: int, undecided: Rows | None = None) -> BatchRows | None:
+def rows_of_sets(sets: YieldSet, faces: int, dimension: int, undecided: Rows | None = None) -> BatchRows | None:
     """Compute the rows of faces in the layout of the batch solver; None if unsupported."""
-    every = np.ones(faces, dtype=bool)
-    labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
-    active = [own.active(~every), own.active(every)] + ([] if undecided is None else [undecided.active(every)])
+    all_dry = np.ones(faces, dtype=bool)
+    labels = [(sets.pattern, False), (sets.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
+    active = [sets.active(~all_dry), sets.active(all_dry)] + ([] if undecided is None else [undecided.active(all_dry)])
     planar = dimension == 2
-    make = planar_rows if planar else spatial_rows
-    sheets = [make(pattern, dry, faces) for pattern, dry in labels]
-    loose, held = ([0, 2], [1]) if planar else ([0, 3, 4], [1, 2, 5])
-    if any(sheet is None for sheet in sheets):
+    rows_of_label = planar_rows if planar else spatial_rows
+    tables = [rows_of_label(pattern, dry, faces) for pattern, dry in labels]
+    always, together = ([0, 2], [1]) if planar else ([0, 3, 4], [1, 2, 5])
+    if any(sheet is None for sheet in tables):
         return None
     # The layout has one flag per face, so shear and torsion must be dropped together.
-    if not all(mask[:, loose].all() and (mask[:, held] == mask[:, held[:1]]).all() for mask in active):
+    if not all(mask[:, always].all() and (mask[:, together] == mask[:, together[:1]]).all() for mask in active):
         return None
     keep = np.ascontiguousarray([mask[:, 1].astype(float) for mask in active])
-    rows = np.array(sheets)
+    rows = np.array(tables)
     if not planar:
         paired = _in_pairs(rows)
         if paired is not None:
@@ -359,22 +357,20 @@ def rows_of_sets(own: YieldSet, faces: int, dimension: int, undecided: Rows | No
         rows = _along_edges(rows)
         return BatchRows(np.ascontiguousarray(rows), (rows.shape[-1] - 3) // 6, keep)
     parabolas, interacts = None, False
-    if own.pattern.cones:
-        asked = [
-            own.parabolic_bending(undecided=False),
-            *([] if undecided is None else [own.parabolic_bending(undecided=True)]),
-        ]
-        bowed = [one for one in asked if one is not None]
-        if len(bowed) < len(asked):
+    if sets.pattern.cones:
+        requested = [sets.parabolic_bending(undecided=False)]
+        requested += [] if undecided is None else [sets.parabolic_bending(undecided=True)]
+        bending = [parabola for parabola in requested if parabola is not None]
+        if len(bending) < len(requested):
             return None
-        interacts = rows.shape[2] == 3 and any(one.interaction is not None for one in bowed)
+        interacts = rows.shape[2] == 3 and any(parabola.interaction is not None for parabola in bending)
         parabolas = np.zeros((len(rows), faces, 14 if interacts else 2))
-        for label, one in enumerate(bowed, start=1):
-            crushed = one.crushed
-            parabolas[label, crushed, :2] = one.parabola
-            rows[label, crushed] = one.rows[:, : rows.shape[2]]
-            if interacts and one.interaction is not None:
-                parabolas[label, crushed, 2:] = one.interaction
+        for label, parabola in enumerate(bending, start=1):
+            crushed = parabola.crushed
+            parabolas[label, crushed, :2] = parabola.parabola
+            rows[label, crushed] = parabola.rows[:, : rows.shape[2]]
+            if interacts and parabola.interaction is not None:
+                parabolas[label, crushed, 2:] = parabola.interaction
     flat = np.ascontiguousarray(rows.reshape(*rows.shape[:2], -1))
     return BatchRows(flat, rows.shape[2], keep, parabolas, interacts)
 
@@ -392,32 +388,33 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
     linear = pattern.row < pattern.linear
     row, resultant = pattern.row[linear], pattern.column[linear] % 3
     sides = sides[: pattern.linear]
-    table = np.zeros((len(sides), 3))
-    table[row, resultant] = values[linear]
+    coefficients = np.zeros((len(sides), 3))
+    coefficients[row, resultant] = values[linear]
     uses = np.zeros((len(sides), 3), dtype=bool)
     uses[row, resultant] = True
     if np.any(uses[:, 1] == uses[:, 2]):
         return None
     pairs = np.zeros((faces, 3, 3))
     pairs[:, :, 2] = 1.0
-    owners, bends = pattern.row_face[: pattern.linear], uses[:, 2]
-    bending, sliding = _by_face(np.flatnonzero(bends), owners, faces), _by_face(np.flatnonzero(~bends), owners, faces)
+    owners, is_bending = pattern.row_face[: pattern.linear], uses[:, 2]
+    bending, sliding = (_by_face(np.flatnonzero(chosen), owners, faces) for chosen in (is_bending, ~is_bending))
     if bending is None or sliding is None or sliding.shape[1] != 2 or bending.shape[1] not in (2, 4):
         return None
-    filled = np.zeros((faces, 3), dtype=bool)
+    has_pair = np.zeros((faces, 3), dtype=bool)
     for pair, column, both_rows in ((0, 2, bending[:, :2]), (1, 1, sliding), (2, 2, bending[:, 2:])):
         present = np.flatnonzero((both_rows >= 0).any(axis=1)) if both_rows.shape[1] else np.zeros(0, dtype=np.int64)
         plus, minus = both_rows[present].T if len(present) else (present, present)
         if np.any(plus < 0) or np.any(minus < 0) or (pair < 2 and len(present) < faces):
             return None
-        alike = (table[plus, 0] == table[minus, 0]) & (table[plus, column] == -table[minus, column])
-        if not np.all(alike & (sides[plus] == sides[minus])):
+        above, below = coefficients[plus], coefficients[minus]
+        mirrored = (above[:, 0] == below[:, 0]) & (above[:, column] == -below[:, column])
+        if not np.all(mirrored & (sides[plus] == sides[minus])):
             return None
-        pairs[present, pair] = np.column_stack([-table[plus, 0], abs(table[plus, column]), sides[plus]])
-        filled[present, pair] = True
+        pairs[present, pair] = np.column_stack([-above[:, 0], abs(above[:, column]), sides[plus]])
+        has_pair[present, pair] = True
     if np.any(pairs[:, :2, 0] < 0.0) or np.any(pairs[:, 0, 0] == 0.0) or np.any(pairs[:, :2, 1] == 0.0):
         return None
-    return pairs if filled[:, 2].any() else pairs[:, :2].copy()
+    return pairs if has_pair[:, 2].any() else pairs[:, :2].copy()
 
 
 def _by_face(rows: Ints, owner: Ints, faces: int) -> Ints | None:
@@ -454,14 +451,14 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
     """Return spatial rows as the compiled solver stores them; None for others."""
     # Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h, 0 of
     # torsion.
-    laid_out = np.zeros((faces, EDGES + 1, 4))
-    laid_out[:, :, 3] = 1.0  # an idle row is 0 ≤ 1
+    result = np.zeros((faces, EDGES + 1, 4))
+    result[:, :, 3] = 1.0  # an idle row is 0 ≤ 1
     owners = pattern.row_face
-    twists = np.zeros(len(owners), dtype=bool)
-    twists[: pattern.linear] = table[: pattern.linear, 5] != 0.0
-    bends = ~twists
-    bends[pattern.linear :] = False
-    kinds = np.flatnonzero(bends), np.flatnonzero(twists), np.arange(pattern.linear, len(owners))
+    is_torsion = np.zeros(len(owners), dtype=bool)
+    is_torsion[: pattern.linear] = table[: pattern.linear, 5] != 0.0
+    is_bending = ~is_torsion
+    is_bending[pattern.linear :] = False
+    kinds = np.flatnonzero(is_bending), np.flatnonzero(is_torsion), np.arange(pattern.linear, len(owners))
     bending, torsion, shear = (_by_face(rows, owners, faces) for rows in kinds)
     if bending is None or torsion is None or shear is None or torsion.shape[1] != 2 or shear.shape[1] != 3:
         return None
@@ -472,10 +469,10 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
     if np.any(cone[:, :, :7] != _CONE) or cone[:, 1:, 7].any() or not np.isin(cone[:, 0, 7], (0.0, 1.0)).all():
         return None
     torsion_plus, torsion_minus = table[torsion].transpose(1, 0, 2)
-    size, zero = abs(torsion_plus[:, 5]), np.zeros(faces)
+    torsion_size, zero = abs(torsion_plus[:, 5]), np.zeros(faces)
     for row, sign in ((torsion_plus, 1.0), (torsion_minus, -1.0)):
         expected = np.column_stack(
-            [torsion_plus[:, 0], zero, zero, zero, zero, sign * torsion_plus[:, 5], size, torsion_plus[:, 7]]
+            [torsion_plus[:, 0], zero, zero, zero, zero, sign * torsion_plus[:, 5], torsion_size, torsion_plus[:, 7]]
         )
         if not np.array_equal(row, expected):
             return None
@@ -487,40 +484,41 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
         return None
     if np.any(edges[:, [0, 7]] != first[:, [0, 7]]):
         return None
-    laid_out[face, position] = np.column_stack([-edges[:, 0], edges[:, 3:5], edges[:, 7]])
-    laid_out[:, EDGES] = np.column_stack([-torsion_plus[:, 0], size, torsion_plus[:, 7], zero])
-    return laid_out
+    result[face, position] = np.column_stack([-edges[:, 0], edges[:, 3:5], edges[:, 7]])
+    result[:, EDGES] = np.column_stack([-torsion_plus[:, 0], torsion_size, torsion_plus[:, 7], zero])
+    return result
 
 
-def _in_pairs(found: Floats) -> Floats | None:
+def _in_pairs(rows: Floats) -> Floats | None:
     """Return a, b, h of ±M1, ±M2 and MT, (labels, m, 9), from rows of `_spatial_table`; None if no pairs."""
-    edges = found[:, :, :4]
-    used = edges[..., 1:3].any(axis=-1)
-    across = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    edges = rows[:, :, :4]
+    in_use = edges[..., 1:3].any(axis=-1)
+    axes = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
     size = edges[:, :, 0, 1]
-    fits = used.all() and not found[:, :, 4:EDGES, 1:3].any()
-    if not fits or not np.array_equal(edges[..., 1:3], size[:, :, None, None] * across):
+    is_paired = in_use.all() and not rows[:, :, 4:EDGES, 1:3].any()
+    if not is_paired or not np.array_equal(edges[..., 1:3], size[:, :, None, None] * axes):
         return None
     a, h = edges[:, :, 0, 0], edges[:, :, 0, 3]
-    twist = found[:, :, EDGES, :3]
-    return np.concatenate([np.stack([a, size, h, a, size, h], axis=-1), twist], axis=-1)
+    torsion = rows[:, :, EDGES, :3]
+    return np.concatenate([np.stack([a, size, h, a, size, h], axis=-1), torsion], axis=-1)
 
 
-def _along_edges(found: Floats) -> Floats:
+def _along_edges(rows: Floats) -> Floats:
     """Return rows of R edges, their corners, and torsion of each face, (labels, m, 6 R + 3)."""
     # R is the smallest compiled number of edges that holds all hulls.
-    used = int(found[:, :, :EDGES, 1:3].any(axis=-1).sum(axis=-1).max())
-    most = next(size for size in _SIZES if size >= used)
-    corners = np.zeros((*found.shape[:2], most, 2))
-    for label, face in np.ndindex(found.shape[:2]):
-        rows = found[label, face, :EDGES]
-        rows = rows[rows[:, 1:3].any(axis=1)]
-        onward = np.roll(rows, -1, axis=0)
+    most_edges = int(rows[:, :, :EDGES, 1:3].any(axis=-1).sum(axis=-1).max())
+    edge_count = next(size for size in _SIZES if size >= most_edges)
+    corners = np.zeros((*rows.shape[:2], edge_count, 2))
+    for label, face in np.ndindex(rows.shape[:2]):
+        edges = rows[label, face, :EDGES]
+        edges = edges[edges[:, 1:3].any(axis=1)]
+        following = np.roll(edges, -1, axis=0)
         # Corners of {p x + q y ≤ a} between each row and the next, in order of angle.
-        cross = rows[:, 1] * onward[:, 2] - rows[:, 2] * onward[:, 1]
-        ends = np.stack([onward[:, 2] - rows[:, 2], rows[:, 1] - onward[:, 1]], axis=1) * rows[:, :1] / cross[:, None]
-        corners[label, face, : len(rows)] = ends
-        corners[label, face, len(rows) :] = ends[0]
-    count = found.shape[:2]
-    parts = [found[:, :, :most].reshape(*count, -1), corners.reshape(*count, -1), found[:, :, EDGES, :3]]
-    return np.concatenate(parts, axis=-1)
+        cross = edges[:, 1] * following[:, 2] - edges[:, 2] * following[:, 1]
+        intersections = np.stack([following[:, 2] - edges[:, 2], edges[:, 1] - following[:, 1]], axis=1)
+        intersections = intersections * edges[:, :1] / cross[:, None]
+        corners[label, face, : len(edges)] = intersections
+        corners[label, face, len(edges) :] = intersections[0]
+    shape = rows.shape[:2]
+    blocks = [rows[:, :, :edge_count].reshape(*shape, -1), corners.reshape(*shape, -1), rows[:, :, EDGES, :3]]
+    return np.concatenate(blocks, axis=-1)

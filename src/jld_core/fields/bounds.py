@@ -73,11 +73,11 @@ def finer_in_plane(
     share = _SHARE if steps and velocity is not None else _SHARE_WITHOUT
     # Stresses jump at ends of loads and at corners of blocks; only a fan of triangles about such a node can follow. A
     # corner counts if it holds most of `stress.rate` of its triangle and its angle is wide.
-    angle = corner_angles(problem.mesh.corners)
-    rate, every = np.maximum(stress.rate, 0.0), np.arange(len(mesh))
-    top = rate.argmax(axis=1)
-    singular = (rate[every, top] > _SINGULAR * rate.sum(axis=1)) & (angle[every, top] > _FAN)
-    return refine(mesh, _leading(error, share, _MOST_MARKED[2]), np.where(singular, top, -1))
+    angles = corner_angles(problem.mesh.corners)
+    rate, triangle = np.maximum(stress.rate, 0.0), np.arange(len(mesh))
+    corner = rate.argmax(axis=1)
+    singular = (rate[triangle, corner] > _SINGULAR * rate.sum(axis=1)) & (angles[triangle, corner] > _FAN)
+    return refine(mesh, _leading(error, share, _MOST_MARKED[2]), np.where(singular, corner, -1))
 
 
 def finer_in_space(
@@ -93,17 +93,17 @@ def finer_in_space(
     unsplit, volume = problem.mesh, problem.mesh.volume
     # of the four parts of each tetrahedron at their four corners; corner k of part k is the centroid
     rate = np.maximum(stress.rate, 0.0).reshape(-1, 4, 4)
-    middle = np.diagonal(rate, axis1=1, axis2=2)
+    at_centroid = np.diagonal(rate, axis1=1, axis2=2)
     # multipliers of yield, summed to the corners of the unsplit tetrahedra
-    corner = rate.sum(axis=1) - middle + 0.25 * middle.sum(axis=1, keepdims=True)
+    corner = rate.sum(axis=1) - at_centroid + 0.25 * at_centroid.sum(axis=1, keepdims=True)
     error = corner.sum(axis=1)
     if velocity is not None:
-        parts = np.repeat(velocity.velocity[:, None], 4, axis=1)
-        parts[:, np.arange(4), np.arange(4)] = velocity.velocity.mean(axis=1)[:, None]
-        moved = parts.reshape(-1, 4, 3)
-        power = stress_power(fine, stress, moved)
+        corner_velocity = np.repeat(velocity.velocity[:, None], 4, axis=1)
+        corner_velocity[:, np.arange(4), np.arange(4)] = velocity.velocity.mean(axis=1)[:, None]
+        part_velocity = corner_velocity.reshape(-1, 4, 3)
+        power = stress_power(fine, stress, part_velocity)
         error = error + np.maximum(velocity.dissipation - power.reshape(-1, 4).sum(axis=1), 0.0)
-        corner = corner + _joint_corners(fine, stress, moved, np.flatnonzero(fine.is_dry(labels)))
+        corner = corner + _joint_corners(fine, stress, part_velocity, np.flatnonzero(fine.is_dry(labels)))
     error = error + _EVERYWHERE[3] * error.sum() * volume / volume.sum()
     finer = _bisected_by(unsplit, error, corner, most)
     units = problem.units
@@ -116,21 +116,21 @@ def _bisected_by(unsplit: Mesh, error: Floats, corner: Floats, most: int) -> Mes
     corner: (t, 4) share of the error at each corner. The roots are tetrahedra of `unsplit`.
     """
     finer = replace(unsplit, root=np.arange(len(unsplit)))
-    fits = True
-    while fits and len(finer) < _STEP_GROWTH * len(unsplit):
+    below_limit = True
+    while below_limit and len(finer) < _STEP_GROWTH * len(unsplit):
         # half of a tetrahedron keeps a quarter of its share: strips along hinges lose in proportion to their width
         remaining = error[finer.root] * (finer.volume / unsplit.volume[finer.root]) ** 2
-        away = finer.corners[:, :, None] - unsplit.corners[finer.root][:, None]
-        share = 1.0 + np.einsum("tcki,tki->tck", away, unsplit.gradient[finer.root])
-        weight = np.maximum(np.einsum("tck,tk->tc", share, corner[finer.root]), 0.0)
+        offset = finer.corners[:, :, None] - unsplit.corners[finer.root][:, None]
+        barycentric = 1.0 + np.einsum("tcki,tki->tck", offset, unsplit.gradient[finer.root])
+        weight = np.maximum(np.einsum("tck,tk->tc", barycentric, corner[finer.root]), 0.0)
         weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
         marks = _leading(remaining, _SHARE_WITHOUT, _MOST_MARKED[3])
-        larger = bisect(finer, marks, weight)
-        fits = len(larger) <= most
-        while len(larger) > most and marks.any():
+        bisected = bisect(finer, marks, weight)
+        below_limit = len(bisected) <= most
+        while len(bisected) > most and marks.any():
             marks &= remaining > np.median(remaining[marks])
-            larger = bisect(finer, marks, weight)
-        finer = larger
+            bisected = bisect(finer, marks, weight)
+        finer = bisected
     return finer
 
 
@@ -138,9 +138,9 @@ def _leading(error: Floats, error_share: float, most_marked: float) -> Bools:
     """Mark the simplices (t,) of largest error that hold a share of its sum, at most a share of all."""
     order = np.argsort(-error, kind="stable")
     total = np.cumsum(error[order])
-    enough = int(np.searchsorted(total, error_share * total[-1])) + 1
+    count = int(np.searchsorted(total, error_share * total[-1])) + 1
     marks = np.zeros(len(error), dtype=bool)
-    marks[order[: min(enough, max(1, int(most_marked * len(error))))]] = True
+    marks[order[: min(count, max(1, int(most_marked * len(error))))]] = True
     return marks
 
 
@@ -154,20 +154,22 @@ def stress_power(problem: Problem, stress: StressField, velocity: Floats) -> Flo
     d, rows = problem.mesh.dimension, problem.jumps
     slope = np.einsum("tki,tkj->tij", velocity, problem.mesh.gradient)
     power = problem.mesh.volume * np.einsum("tij,tij->t", tensors(stress.stress.mean(axis=1)), slope)
-    pull, jump = tractions(problem, stress.stress, rows), jumps(problem, velocity, rows)
-    ends = np.einsum("fki,fki->f", pull, jump) + np.einsum("fi,fi->f", pull.sum(axis=1), jump.sum(axis=1))
-    return halved(problem, power, rows, problem.sides.area[rows] * ends / (d * (d + 1)))
+    traction, jump = tractions(problem, stress.stress, rows), jumps(problem, velocity, rows)
+    # the integral of the product of two linear functions over a side, by their values at its corners
+    product = np.einsum("fki,fki->f", traction, jump) + np.einsum("fi,fi->f", traction.sum(axis=1), jump.sum(axis=1))
+    return halved(problem, power, rows, problem.sides.area[rows] * product / (d * (d + 1)))
 
 
 def _joint_corners(fine: Problem, stress: StressField, velocity: Floats, rows: Ints) -> Floats:
     """Compute the power (t, 4) that tractions on dry triangles lose at corners of the unsplit tetrahedra."""
     sides = fine.sides
     shares = np.zeros((len(fine.mesh) // 4, 4))
-    pull, jump = tractions(fine, stress.stress, rows), jumps(fine, velocity, rows)
-    lost = np.maximum(-np.einsum("fi,fki->fk", pull.sum(axis=1), jump), 0.0) * (sides.area[rows] / 24.0)[:, None]
+    traction, jump = tractions(fine, stress.stress, rows), jumps(fine, velocity, rows)
+    lost_power = np.maximum(-np.einsum("fi,fki->fk", traction.sum(axis=1), jump), 0.0)
+    lost_power *= (sides.area[rows] / 24.0)[:, None]
     two_sided = sides.b[rows] >= 0
-    np.add.at(shares, (sides.a[rows][:, None] // 4, sides.corner_a[rows]), lost)
-    np.add.at(shares, (sides.b[rows][two_sided][:, None] // 4, sides.corner_b[rows][two_sided]), lost[two_sided])
+    np.add.at(shares, (sides.a[rows][:, None] // 4, sides.corner_a[rows]), lost_power)
+    np.add.at(shares, (sides.b[rows][two_sided][:, None] // 4, sides.corner_b[rows][two_sided]), lost_power[two_sided])
     return shares
 
 
@@ -237,11 +239,11 @@ class Fields:
 
     @classmethod
     def on(
-        cls, setting: FieldSetting, mesh: Mesh, labels: Bits, enough: float = -math.inf, *, velocities: bool = True
+        cls, setting: FieldSetting, mesh: Mesh, labels: Bits, least_upper: float = -math.inf, *, velocities: bool = True
     ) -> Fields:
-        """Solve for both fields of one labelling on one mesh.
+        """Solve for both fields of one labelling on one mesh; None where a solver fails or a field is not asked for.
 
-        A field is None where its solver fails or it is not asked for.
+        The stress field is left out where the upper bound is below `least_upper` (λ, scene units).
         """
         problem = fine = setting.problem(mesh)
         split = mesh
@@ -250,8 +252,8 @@ class Fields:
             fine = setting.problem(split)
         lower, upper = LowerBound(fine), UpperBound(problem)
         velocity = upper.bound(labels) if velocities else None
-        weak = velocity is not None and velocity.factor * problem.units.load < enough
-        return cls(mesh, split, labels, lower, upper, None if weak else lower.bound(labels), velocity)
+        too_weak = velocity is not None and velocity.factor * problem.units.load < least_upper
+        return cls(mesh, split, labels, lower, upper, None if too_weak else lower.bound(labels), velocity)
 
     @property
     def problem(self) -> Problem:
@@ -308,23 +310,23 @@ class CoarseBounds:
 
     def upper(self, labels: Bits) -> tuple[float, FieldMechanism | None]:
         """Bound λ from above, inf without proof; also the mechanism that bounds other labellings, or None."""
-        found = self._upper.bound(labels)
-        if found is None:
+        field = self._upper.bound(labels)
+        if field is None:
             return math.inf, None
-        return self._load * found.factor, mechanism_of(self._upper, found, labels)
+        return self._load * field.factor, mechanism_of(self._upper, field, labels)
 
     def lower(self, labels: Bits) -> tuple[float, FieldStresses | None]:
         """Bound λ from below, −inf without proof; also the stresses that bound other labellings, or None."""
-        found = self._lower.bound(labels)
+        field = self._lower.bound(labels)
         return (
-            (-math.inf, None) if found is None else (self._load * found.factor, stresses_of(self._lower, found, labels))
+            (-math.inf, None) if field is None else (self._load * field.factor, stresses_of(self._lower, field, labels))
         )
 
     def both(self, labellings: Bits) -> tuple[Floats, Floats]:
         """Bound λ of labellings (k, m) from both sides, (k,) each, infinite without proof; scene units."""
-        lower, upper = self._lower.bound_all(labellings), self._upper.bound_all(labellings)
-        low = [-math.inf if found is None else self._load * found.factor for found in lower]
-        high = [math.inf if found is None else self._load * found.factor for found in upper]
+        stress_fields, velocity_fields = self._lower.bound_all(labellings), self._upper.bound_all(labellings)
+        low = [-math.inf if field is None else self._load * field.factor for field in stress_fields]
+        high = [math.inf if field is None else self._load * field.factor for field in velocity_fields]
         return np.array(low), np.array(high)
 
 
@@ -518,8 +520,8 @@ class FieldRefinement:
         self._setting = FieldSetting.of(assembly, patch, self._labels)
         self._mesh: Mesh | None = self._first(parts)
         self._best, self._lower_first = FieldBounds(self._dimension), lower_first
-        self._before: tuple[Fields, FieldSetting] | None = None
-        self._times: dict[bool, tuple[int, float]] = {}
+        self._unlayered: tuple[Fields, FieldSetting] | None = None  # of the first mesh, if its layers are tried
+        self._times: dict[bool, tuple[int, float]] = {}  # with an upper bound: simplices and seconds of the last mesh
         self._spent += time.perf_counter() - start
 
     def _first(self, parts: int) -> Mesh:
@@ -554,11 +556,11 @@ class FieldRefinement:
 
     def expected_with(self, upper: bool) -> float:
         """Return the expected value of `spent`, s, after a step with or without an upper bound."""
-        known = self._times.get(upper) or self._times.get(True)
-        if known is None:
+        last = self._times.get(upper) or self._times.get(True)
+        if last is None:
             return self._spent
-        count, seconds = known
-        return float(self._spent + seconds * (self.simplices / count) ** _GROWTH[self._dimension])
+        simplices, seconds = last
+        return float(self._spent + seconds * (self.simplices / simplices) ** _GROWTH[self._dimension])
 
     @property
     def simplices(self) -> int:
@@ -569,10 +571,10 @@ class FieldRefinement:
         """Solve the next mesh; return the best of both bounds so far. ValueError if ended."""
         if self._mesh is None:
             raise ValueError("refinement has ended; expected a step before")
-        began, mesh = time.perf_counter(), self._mesh
+        start, mesh = time.perf_counter(), self._mesh
         with_velocities = self.upper_due if upper is None else upper
         fields = Fields.on(self._setting, mesh, self._labels, velocities=with_velocities)
-        seconds = time.perf_counter() - began
+        seconds = time.perf_counter() - start
         self._times[with_velocities] = len(mesh), seconds
         self._best = self._best.improved(fields, self._spent + seconds, self._gap)
         status = self._best.status
@@ -580,7 +582,7 @@ class FieldRefinement:
         one_sided = status is not FieldStatus.OPEN and len(self._best.history) >= _PATIENCE
         ended = status in (FieldStatus.CLOSED, FieldStatus.UNSTABLE) or one_sided
         self._mesh = None if ended else self._next(fields, self._spent + seconds)
-        self._spent += time.perf_counter() - began
+        self._spent += time.perf_counter() - start
         return self._best
 
     def _next(self, fields: Fields, spent: float) -> Mesh | None:
@@ -593,12 +595,12 @@ class FieldRefinement:
                 most_simplices = min(most_simplices, int(simplices * (seconds_left / took) ** (1.0 / _GROWTH[3])))
             layered = self._cut_in_layers(fields) if self._adaptive and len(self._best.history) == 1 else None
             if layered is not None and len(layered.coarse) <= most_simplices:
-                self._before, self._setting = (fields, self._setting), layered
+                self._unlayered, self._setting = (fields, self._setting), layered
                 return layered.coarse
-            if self._before is not None:
-                cases = self._before, (fields, self._setting)
+            if self._unlayered is not None:
+                cases = self._unlayered, (fields, self._setting)
                 fields, self._setting = min(cases, key=lambda case: relative_gap(*case[0].bounds))
-                self._before = None
+                self._unlayered = None
         finer = fields.finer(self._adaptive, steps=not self._lower_first, most=most_simplices)
         grown = len(finer) > _LEAST_GROWTH[self._dimension] * len(fields.mesh)
         return finer if grown and len(finer) <= most_simplices else None
@@ -656,22 +658,22 @@ def governing_bounds(
     cases = [FieldRefinement(case, labels, gap=gap, lower_first=lower_first) for case in assembly.by_case]
     bounds = [case.step() for case in cases]
     while True:
-        low = np.array([one.lower / factor for one, factor in zip(bounds, required, strict=True)])
-        high = np.array([one.upper / factor for one, factor in zip(bounds, required, strict=True)])
+        low = np.array([bound.lower / factor for bound, factor in zip(bounds, required, strict=True)])
+        high = np.array([bound.upper / factor for bound, factor in zip(bounds, required, strict=True)])
         # the upper bound of any case bounds the governing factor
-        worst = int(np.lexsort((high, low))[0])
-        case, seconds_left = cases[worst], deadline.remaining()
+        governing = int(np.lexsort((high, low))[0])
+        case, seconds_left = cases[governing], deadline.remaining()
         if case.ended or high.min() < 0.0 or relative_gap(float(low.min()), float(high.min())) <= gap:
             break
         upper = case.upper_due and case.expected - case.spent <= seconds_left
         if case.expected_with(upper) - case.spent > seconds_left:
             break
-        bounds[worst] = case.step(upper)
+        bounds[governing] = case.step(upper)
     return float(low.min()), float(high.min())
 
 
 # Multiples of a motion under the dead load alone that are added to a mechanism, in the order tried
-_FAR: Final = (1e2, 1e4, 1e6)
+_MULTIPLES: Final = (1e2, 1e4, 1e6)
 
 # Largest distance of the bound of a repaired field from the solver's objective, relative, at which nothing else is
 # tried
@@ -694,8 +696,6 @@ class PartialUpperBound:
 
     def __init__(self, problem: Problem, many: bool = False) -> None:
         self._upper, self._many = UpperBound(problem, many), many
-        self._settling: Settling | None = None
-        self._weightless: PartialUpperBound | None = None
         joints, material = problem.joints, problem.material
         # the flow rule that asks for more opening is the one that undecided faces are moved onto
         self._as_dry = (joints.friction >= material.friction) & np.isinf(joints.crushing)
@@ -712,15 +712,21 @@ class PartialUpperBound:
         velocity = answer.point[: 6 * len(problem.mesh)].reshape(-1, 3, 2)
         if ray:
             return self._along(velocity, labels, undecided)
-        enough = (answer.objective + _OPENING_COST * abs(answer.objective)) * problem.units.load
-        field = self._least(velocity, labels, undecided, enough)
-        if field is not None and field.bound <= enough:
+        good_bound = (answer.objective + _OPENING_COST * abs(answer.objective)) * problem.units.load
+        field = self._repair(velocity, labels, undecided, good_bound)
+        if field is not None and field.bound <= good_bound:
             return field
-        if self._settling is None:
-            self._settling = Settling(problem)
-        near = self._settling.settled(velocity, problem.is_dry(np.where(undecided, self._as_dry, labels)))
-        fields = [field, self._least(near, labels, undecided, enough)]
-        return min((one for one in fields if one is not None), key=lambda one: one.bound, default=None)
+        settled = self._settling.settled(velocity, problem.is_dry(np.where(undecided, self._as_dry, labels)))
+        fields = [field, self._repair(settled, labels, undecided, good_bound)]
+        return min((field for field in fields if field is not None), key=lambda field: field.bound, default=None)
+
+    @cached_property
+    def _settling(self) -> Settling:
+        return Settling(self._upper.problem)
+
+    @cached_property
+    def _without_dead_load(self) -> PartialUpperBound:
+        return PartialUpperBound(self._upper.problem.without_dead_load(), self._many)
 
     def weigh(self, velocity: Floats) -> FieldMechanism | None:
         """Compute the bounds that velocities (t, 3, 2) prove, without a solver; None where they prove nothing."""
@@ -730,15 +736,14 @@ class PartialUpperBound:
         """Refine the mesh where a velocity field dissipates most, undecided faces taken as inner."""
         upper = self._upper
         power = upper.power(upper.rates(velocity), labels & ~undecided, upper.allowance(velocity))
-        # refine a planar mesh where velocity fields dissipate most; power: (t,) with half of the edges
         area = mesh.volume
         error = power / max(float(power.sum()), 1e-300) + _EVERYWHERE[2] * area / float(area.sum())
         error = np.where(area < _LEAST_AREA * area.sum(), 0.0, error)
         return refine(mesh, _leading(error, _SHARE, _MOST_MARKED[2]))
 
-    def _least(self, velocity: Floats, labels: Bits, undecided: Bools, enough: float) -> WeighedField | None:
+    def _repair(self, velocity: Floats, labels: Bits, undecided: Bools, good_bound: float) -> WeighedField | None:
         """Repair velocities by each of `REPAIRED`; return those of least bound, or None."""
-        # The first with a bound of at most `enough` (λ, scene units) ends the attempts.
+        # The first with a bound of at most `good_bound` (λ, scene units) ends the attempts.
         best: WeighedField | None = None
         for share in REPAIRED:
             moved = self._upper.repaired(velocity, share)
@@ -746,7 +751,7 @@ class PartialUpperBound:
             bound = np.inf if mechanism is None else mechanism.bound_of(labels, undecided)
             if mechanism is not None and np.isfinite(bound) and (best is None or bound < best.bound):
                 best = WeighedField(moved, mechanism, float(bound))
-                if bound <= enough:
+                if bound <= good_bound:
                     break
         return best
 
@@ -754,16 +759,14 @@ class PartialUpperBound:
         """Return a field that proves collapse under the dead load alone, or None."""
         # The field is a mechanism of the live load plus a large multiple of `ray`, (t, 3, 2), along which the program
         # is unbounded.
-        problem, size = self._upper.problem, float(abs(ray).max())
-        if self._weightless is None:
-            self._weightless = PartialUpperBound(problem.without_dead_load(), self._many)
-        base = self._weightless.field(labels, undecided)
+        size = float(abs(ray).max())
+        base = self._without_dead_load.field(labels, undecided)
         if base is None or not size > 0.0:
             return None
         ray = ray * (float(abs(base.velocity).max()) / size)
-        below_zero = _LEAST * problem.units.load
-        for far in _FAR:
-            field = self._least(base.velocity + far * ray, labels, undecided, below_zero)
+        below_zero = _LEAST * self._upper.problem.units.load
+        for multiple in _MULTIPLES:
+            field = self._repair(base.velocity + multiple * ray, labels, undecided, below_zero)
             if field is not None and field.bound <= below_zero:
                 return WeighedField(field.velocity, field.mechanism, below_zero)
         return None

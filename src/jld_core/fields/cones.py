@@ -51,15 +51,15 @@ class ConeSizes:
 class Factor:
     """Pattern of the factor L D Lᵀ of the reduced system of N unknowns: variables, then equations."""
 
-    place: Ints  # (N,) place of each variable, then of each equation
+    rank: Ints  # (N,) position in the order of elimination of each variable, then of each equation
     # start, row: (N + 1,) rows of L below the diagonal, column by column
     start: Ints
     row: Ints
-    # left_start, left_column, left_place: (N + 1,) entries of each row of L: their columns, and their places among the
+    # left_start, left_column, left_entry: (N + 1,) entries of each row of L: their columns, and their numbers among the
     # entries of all columns
     left_start: Ints
     left_column: Ints
-    left_place: Ints
+    left_entry: Ints
 
 
 @dataclass(frozen=True)
@@ -86,22 +86,23 @@ def symbolic_factor(matrix: sp.csr_array, sizes: ConeSizes) -> Factor:
     """Find the pattern of the factor of the reduced system of a program with rows `matrix`."""
     equations, width = sizes.zero, matrix.shape[1]
     hessian = _hessian_pattern(matrix, sizes)
-    coned = np.flatnonzero(hessian.diagonal() > 0)  # variables in a linear row or cone
-    unconed = np.flatnonzero(hessian.diagonal() == 0)
-    place = np.empty(width + equations, dtype=np.int64)
-    place[coned] = _minimum_degree(sp.csr_array(hessian[coned][:, coned]))
+    constrained = np.flatnonzero(hessian.diagonal() > 0)  # variables in a linear row or cone
+    unconstrained = np.flatnonzero(hessian.diagonal() == 0)
+    rank = np.empty(width + equations, dtype=np.int64)
+    rank[constrained] = _minimum_degree(sp.csr_array(hessian[constrained][:, constrained]))
     if equations:
         # variables that are connected fill each other
-        count, group = connected_components(hessian[coned][:, coned], directed=False)
-        joins = sp.csr_array((np.ones(len(coned)), (np.arange(len(coned)), group)), shape=(len(coned), count))
-        touched = abs(sp.csr_array(matrix[:equations][:, coned])) @ joins
-        place[width:] = len(coned) + _minimum_degree(sp.csr_array(touched @ touched.T))
+        count, group = connected_components(hessian[constrained][:, constrained], directed=False)
+        n = len(constrained)
+        membership = sp.csr_array((np.ones(n), (np.arange(n), group)), shape=(n, count))
+        touched = abs(sp.csr_array(matrix[:equations][:, constrained])) @ membership
+        rank[width:] = len(constrained) + _minimum_degree(sp.csr_array(touched @ touched.T))
     # their pivot is 0 until the equations are eliminated, so they come last
-    place[unconed] = len(coned) + equations + np.arange(len(unconed))
-    inside, equation_entries = sp.coo_array(hessian), sp.coo_array(sp.csr_array(matrix[:equations]))
-    row = place[np.concatenate([inside.coords[0], width + equation_entries.coords[0]])]
-    column = place[np.concatenate([inside.coords[1], equation_entries.coords[1]])]
-    return _laid_out(place, columns_of_factor(row, column, len(place)))
+    rank[unconstrained] = len(constrained) + equations + np.arange(len(unconstrained))
+    hessian_entries, equation_entries = sp.coo_array(hessian), sp.coo_array(sp.csr_array(matrix[:equations]))
+    row = rank[np.concatenate([hessian_entries.coords[0], width + equation_entries.coords[0]])]
+    column = rank[np.concatenate([hessian_entries.coords[1], equation_entries.coords[1]])]
+    return _factor_by_columns(rank, columns_of_factor(row, column, len(rank)))
 
 
 def _hessian_pattern(matrix: sp.csr_array, sizes: ConeSizes) -> sp.csr_array:
@@ -109,77 +110,77 @@ def _hessian_pattern(matrix: sp.csr_array, sizes: ConeSizes) -> sp.csr_array:
     equations, linear, cones = sizes.zero, sizes.linear, sizes.threes
     group = np.concatenate([np.arange(linear), linear + np.repeat(np.arange(cones), 3)])
     rows = len(group)
-    joins = sp.csr_array((np.ones(rows), (group, np.arange(rows))), shape=(linear + cones, rows))
+    membership = sp.csr_array((np.ones(rows), (group, np.arange(rows))), shape=(linear + cones, rows))
     pattern = sp.csr_array(matrix[equations:]).copy()
     pattern.data = (pattern.data != 0.0).astype(float)
-    shared = joins @ pattern
+    shared = membership @ pattern
     return sp.csr_array(shared.T @ shared)
 
 
 def _minimum_degree(pattern: sp.csr_array) -> Ints:
     """Return the position (k,) of each unknown in a minimum-degree elimination order."""
-    dummy = pattern.copy()
-    dummy.data = np.full(len(dummy.data), -1.0)
-    heavy = sp.csc_matrix(dummy + (2.0 + np.diff(pattern.indptr).max(initial=0)) * sp.eye_array(pattern.shape[0]))
-    factor = splu(heavy, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    negative = pattern.copy()
+    negative.data = np.full(len(negative.data), -1.0)
+    dominant = sp.csc_matrix(negative + (2.0 + np.diff(pattern.indptr).max(initial=0)) * sp.eye_array(pattern.shape[0]))
+    factor = splu(dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return np.asarray(factor.perm_c, dtype=np.int64)
 
 
-def _laid_out(place: Ints, columns: list[list[int]]) -> Factor:
+def _factor_by_columns(rank: Ints, columns: list[list[int]]) -> Factor:
     """Lay out a factor by columns and by rows, from the rows of each column."""
-    count = len(place)
+    count = len(rank)
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])]).astype(np.int64)
-    row = np.array([k for rows in columns for k in rows], dtype=np.int64)
+    row = np.array([r for rows in columns for r in rows], dtype=np.int64)
     column = np.repeat(np.arange(count), np.diff(start))
     order = np.lexsort((column, row))
     left_start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))]).astype(np.int64)
-    return Factor(place, start, row, left_start, column[order], order)
+    return Factor(rank, start, row, left_start, column[order], order)
 
 
 def terms_of(factor: Factor, matrix: sp.csr_array, sizes: ConeSizes) -> Terms:
     """Compute the entries of the reduced system as sums over weights of rows."""
     equations, linear, cones = sizes.zero, sizes.linear, sizes.threes
-    width, count = matrix.shape[1], len(factor.place)
+    width, count = matrix.shape[1], len(factor.rank)
     # entries on the diagonal, then those below it, found again by their key: column · N + row
     column = np.repeat(np.arange(count), np.diff(factor.start))
     keys = np.concatenate([np.arange(count) * (count + 1), column * count + factor.row])
     order = np.argsort(keys)
 
     def entry(a: Ints, b: Ints) -> Ints:
-        wanted = np.minimum(a, b) * count + np.maximum(a, b)
-        return np.asarray(order[np.searchsorted(keys[order], wanted)])
+        key = np.minimum(a, b) * count + np.maximum(a, b)
+        return np.asarray(order[np.searchsorted(keys[order], key)])
 
     fixed = np.zeros(len(keys))
     equation_entries = sp.coo_array(sp.csr_array(matrix[:equations]))
-    at = entry(factor.place[width + equation_entries.coords[0]], factor.place[equation_entries.coords[1]])
-    fixed[at] = equation_entries.data
+    position = entry(factor.rank[width + equation_entries.coords[0]], factor.rank[equation_entries.coords[1]])
+    fixed[position] = equation_entries.data
     linear_rows = equations + np.arange(linear)
     products = [_products(matrix, linear_rows, linear_rows, np.arange(linear))]
     head = equations + linear + 3 * np.arange(cones)
-    for number, (i, j) in enumerate(zip(*np.triu_indices(3), strict=True)):
-        weight = linear + 6 * np.arange(cones) + number
+    for entry_number, (i, j) in enumerate(zip(*np.triu_indices(3), strict=True)):
+        weight = linear + 6 * np.arange(cones) + entry_number
         products.append(_products(matrix, head + i, head + j, weight))
         if i != j:
             products.append(_products(matrix, head + j, head + i, weight))
-    a, b, weight, value = (np.concatenate(parts) for parts in zip(*products, strict=True))
+    a, b, weight, product = (np.concatenate(parts) for parts in zip(*products, strict=True))
     # the matrix is symmetric: one half of it
-    keep = factor.place[a] >= factor.place[b]
-    a, b, weight, value = a[keep], b[keep], weight[keep], value[keep]
+    lower_half = factor.rank[a] >= factor.rank[b]
+    a, b, weight, product = a[lower_half], b[lower_half], weight[lower_half], product[lower_half]
     shape = (len(keys), linear + 6 * cones)
-    sums = sp.csr_array((value, (entry(factor.place[a], factor.place[b]), weight)), shape=shape)
+    sums = sp.csr_array((product, (entry(factor.rank[a], factor.rank[b]), weight)), shape=shape)
     sums.sum_duplicates()
     return Terms(fixed, sums.indptr.astype(np.int64), sums.indices.astype(np.int64), sums.data)
 
 
-def _products(matrix: sp.csr_array, rows: Ints, others: Ints, weight: Ints) -> tuple[Ints, Ints, Ints, Floats]:
+def _products(matrix: sp.csr_array, rows: Ints, partners: Ints, weight: Ints) -> tuple[Ints, Ints, Ints, Floats]:
     """Multiply all pairs of entries of rows[k] and others[k]: both columns, number of the weight, product."""
     start, length = matrix.indptr, np.diff(matrix.indptr)
-    count = length[rows] * length[others]
+    count = length[rows] * length[partners]
     pair = np.repeat(np.arange(len(rows)), count)
     # number of each product within its pair of rows, which counts the entries of the second row fastest
-    inside = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-    first = start[rows[pair]] + inside // length[others][pair]
-    second = start[others[pair]] + inside % length[others][pair]
+    number = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
+    first = start[rows[pair]] + number // length[partners][pair]
+    second = start[partners[pair]] + number % length[partners][pair]
     return matrix.indices[first], matrix.indices[second], weight[pair], matrix.data[first] * matrix.data[second]
 
 
@@ -239,41 +240,42 @@ class ConeBatch:
         if variant is None:
             raise ValueError("no compiled solver is installed; test is_installed()")
         self._library = library(variant)
-        whole, equations = sp.csr_array(matrix), sizes.zero
-        kept = np.ones(len(rhs), dtype=bool)
+        rows, equations = sp.csr_array(matrix), sizes.zero
+        independent = np.ones(len(rhs), dtype=bool)
         if equations > 1:
             # around nodes equations of equilibrium depend on each other
-            kept[:equations] = independent_rows(sp.csr_array(whole[:equations]))
-        self._kept, self._rows, self._width = np.flatnonzero(kept), len(rhs), whole.shape[1]
-        independent = sp.csr_array(whole[self._kept])
-        independent.eliminate_zeros()
-        independent.sort_indices()
-        sizes = replace(sizes, zero=int(kept[:equations].sum()))
-        self._arrays = _arrays(independent, sizes, rhs[self._kept], idle[self._kept])
+            independent[:equations] = independent_rows(sp.csr_array(rows[:equations]))
+        self._independent, self._rows, self._width = np.flatnonzero(independent), len(rhs), rows.shape[1]
+        independent_matrix = sp.csr_array(rows[self._independent])
+        independent_matrix.eliminate_zeros()
+        independent_matrix.sort_indices()
+        sizes = replace(sizes, zero=int(independent[:equations].sum()))
+        self._arrays = _arrays(independent_matrix, sizes, rhs[self._independent], idle[self._independent])
         numbers = {"columns": self._width, "equations": sizes.zero, "linear": sizes.linear, "cones": sizes.threes}
         self._problem = Cones(**numbers, **asdict(Regularisation()), **pointers(**self._arrays))
 
     def solve(self, off: Bits, objective: Floats) -> ConeAnswers:
         """Solve k programs with rows `off` (k, m) and costs (k, n), each alone to the last digit."""
-        count = len(off)
-        state, used = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
-        point, dual, value = np.zeros((count, self._width)), np.zeros((count, len(self._kept))), np.zeros(count)
+        k = len(off)
+        state, iterations = np.zeros(k, dtype=np.int32), np.zeros(k, dtype=np.int32)
+        point, dual, value = np.zeros((k, self._width)), np.zeros((k, len(self._independent))), np.zeros(k)
         # numpy keeps these arrays while the call runs
         arrays = {
-            "off": np.ascontiguousarray(off[:, self._kept], dtype=np.uint8),
+            "off": np.ascontiguousarray(off[:, self._independent], dtype=np.uint8),
             "objective": np.ascontiguousarray(objective, dtype=float),
             "x": point,
             "z": dual,
             "value": value,
             "state": state,
-            "used": used,
+            "used": iterations,
         }
-        task = ConeTask(count=count, **asdict(Stopping()), **pointers(**arrays))
+        task = ConeTask(count=k, **asdict(Stopping()), **pointers(**arrays))
         require_success(self._library.jld_solve_cones(ctypes.byref(self._problem), ctypes.byref(task)))
         # equations that were left out have multiplier 0
-        multipliers = np.zeros((count, self._rows))
-        multipliers[:, self._kept] = dual
-        return ConeAnswers([STATUS[int(code)] for code in state], used.astype(np.int64), point, multipliers, value)
+        multipliers = np.zeros((k, self._rows))
+        multipliers[:, self._independent] = dual
+        status = [STATUS[int(code)] for code in state]
+        return ConeAnswers(status, iterations.astype(np.int64), point, multipliers, value)
 
 
 def is_installed() -> bool:
@@ -285,20 +287,20 @@ def _arrays(matrix: sp.csr_array, sizes: ConeSizes, rhs: Floats, idle: Floats) -
     """Compute the arrays of `JldCones` by name, with the factor pattern; see `ConeBatch`."""
     factor = symbolic_factor(matrix, sizes)
     terms = terms_of(factor, matrix, sizes)
-    sign = np.ones(len(factor.place))
-    sign[factor.place[matrix.shape[1] :]] = -1.0
+    sign = np.ones(len(factor.rank))
+    sign[factor.rank[matrix.shape[1] :]] = -1.0
     return {
         "row_start": matrix.indptr.astype(np.int64),
         "column": matrix.indices.astype(np.int32),
         "value": np.ascontiguousarray(matrix.data),
         "rhs": np.ascontiguousarray(rhs),
         "idle": np.ascontiguousarray(idle),
-        "place": factor.place.astype(np.int32),
+        "place": factor.rank.astype(np.int32),
         "factor_start": factor.start,
         "factor_row": factor.row.astype(np.int32),
         "left_start": factor.left_start,
         "left_column": factor.left_column.astype(np.int32),
-        "left_place": factor.left_place.astype(np.int64),
+        "left_place": factor.left_entry.astype(np.int64),
         "sign": sign,
         "fixed": terms.fixed,
         "term_start": terms.start,
@@ -326,18 +328,17 @@ class Rows:
 
     def add(self, entries: Sequence[tuple[Ints, Floats | float]], rhs: Floats | float, count: int) -> Ints:
         """Append `count` rows of (columns, values), (count,) or (count, j), and return their numbers."""
-        place = self.count + np.arange(count)
+        numbers = self.count + np.arange(count)
         if not count:
-            return place
+            return numbers
         for columns, values in entries:
             by_row = np.asarray(columns).reshape(count, -1)
-            self.row.append(np.repeat(place, by_row.shape[1]))
+            self.row.append(np.repeat(numbers, by_row.shape[1]))
             self.column.append(by_row.ravel())
-            filled = np.broadcast_to(np.asarray(values, dtype=float), np.shape(columns)) if np.ndim(values) else values
-            self.value.append(np.broadcast_to(filled, np.shape(columns)).reshape(-1).astype(float))
+            self.value.append(np.broadcast_to(values, np.shape(columns)).reshape(-1).astype(float))
         self.rhs.append(np.broadcast_to(np.asarray(rhs, dtype=float), (count,)).copy())
         self.count += count
-        return place
+        return numbers
 
     def matrix(self, width: int) -> sp.csr_array:
         """Return A as a sparse matrix (count, width); at least one row must have been added."""
@@ -417,8 +418,8 @@ class ConeProgram:
             return [self._by_clarabel(rows, None if costs is None else costs[k]) for k, rows in enumerate(off)]
         if self._batch is None:
             self._batch = ConeBatch(sp.csr_array(self._matrix), self._rhs, self._idle, self._sizes)
-        same = np.broadcast_to(self._objective, (len(off), len(self._objective)))
-        batch, answers = self._batch.solve(off, same if objective is None else objective), list[Answer]()
+        unchanged = np.broadcast_to(self._objective, (len(off), len(self._objective)))
+        batch, answers = self._batch.solve(off, unchanged if objective is None else objective), list[Answer]()
         for k, status in enumerate(batch.status):
             if status == "Open":
                 answers.append(self._by_clarabel(off[k], None if costs is None else costs[k]))

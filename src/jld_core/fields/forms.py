@@ -60,8 +60,8 @@ class Material:
                     m = (c - a) / (b - d)
                     corners.append((m, a + b * m))
         slack = 1e-12 * max(self.tension, self.shear)
-        kept = [(m, r) for m, r in corners if r >= 0.0 and (r <= self.lines @ (1.0, m) + slack).all()]
-        return np.array(kept)
+        admissible = [(m, r) for m, r in corners if r >= 0.0 and (r <= self.lines @ (1.0, m) + slack).all()]
+        return np.array(admissible)
 
     def slack(self, stress: Floats) -> Floats:
         """Return the least a + b m − R (...,) of stresses (..., 3); negative means that yield is violated."""
@@ -83,7 +83,14 @@ class Material:
 
 COMPONENTS = {2: 3, 3: 6}  # number of components of a stress by the dimension
 DIAGONAL = (0, 2, 5)  # positions of xx, yy and zz in the vector of a tensor in space
-_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # row and column of the tensor for each entry of its vector
+_POSITIONS = (
+    (0, 0),
+    (0, 1),
+    (1, 1),
+    (0, 2),
+    (1, 2),
+    (2, 2),
+)  # row and column of the tensor for each entry of its vector
 
 
 def tensors(vectors: Floats) -> Floats:
@@ -92,8 +99,8 @@ def tensors(vectors: Floats) -> Floats:
         m, d, s = np.moveaxis(vectors, -1, 0)
         return np.stack([np.stack([m + d, s], axis=-1), np.stack([s, m - d], axis=-1)], axis=-2)
     result = np.empty((*vectors.shape[:-1], 3, 3))
-    for place, (i, j) in enumerate(_PLACES):
-        result[..., i, j] = result[..., j, i] = vectors[..., place] / (1.0 if i == j else np.sqrt(2.0))
+    for entry, (i, j) in enumerate(_POSITIONS):
+        result[..., i, j] = result[..., j, i] = vectors[..., entry] / (1.0 if i == j else np.sqrt(2.0))
     return result
 
 
@@ -103,9 +110,9 @@ def normal_map(normals: Floats) -> Floats:
         x, y = normals[..., 0], normals[..., 1]
         return np.stack([np.stack([x, x, y], axis=-1), np.stack([y, -y, x], axis=-1)], axis=-2)
     maps = np.zeros((*normals.shape[:-1], 3, 6))
-    for place, (i, j) in enumerate(_PLACES):
-        maps[..., i, place] = normals[..., j] / (1.0 if i == j else np.sqrt(2.0))
-        maps[..., j, place] = normals[..., i] / (1.0 if i == j else np.sqrt(2.0))
+    for entry, (i, j) in enumerate(_POSITIONS):
+        maps[..., i, entry] = normals[..., j] / (1.0 if i == j else np.sqrt(2.0))
+        maps[..., j, entry] = normals[..., i] / (1.0 if i == j else np.sqrt(2.0))
     return maps
 
 
@@ -117,16 +124,18 @@ def across(normals: Floats) -> tuple[Floats, ...]:
     if normals.shape[-1] == 2:
         return (np.column_stack([-normals[:, 1], normals[:, 0]]),)
     axis = np.eye(3)[np.argmin(abs(normals), axis=1)]
-    one = np.cross(normals, axis)
-    one = one / np.linalg.norm(one, axis=1)[:, None]
-    return one, np.cross(normals, one)
+    first = np.cross(normals, axis)
+    first = first / np.linalg.norm(first, axis=1)[:, None]
+    return first, np.cross(normals, first)
 
 
 def tangential(vectors: Floats, normals: Floats) -> Floats:
     """Return the sizes (k, j) of the parts of vectors (k, j, d) that are perpendicular to normals (k, d)."""
     if normals.shape[-1] == 2:
         return np.asarray(abs(vectors[..., 1] * normals[:, :1] - vectors[..., 0] * normals[:, 1:]))
-    return np.asarray(np.linalg.norm([np.einsum("kji,ki->kj", vectors, way) for way in across(normals)], axis=0))
+    return np.asarray(
+        np.linalg.norm([np.einsum("kji,ki->kj", vectors, direction) for direction in across(normals)], axis=0)
+    )
 
 
 def slack(material: Material, stress: Floats) -> Floats:
@@ -135,9 +144,9 @@ def slack(material: Material, stress: Floats) -> Floats:
         return material.slack(stress)
     principal = np.linalg.eigvalsh(tensors(stress))
     low, high = principal[..., 0], principal[..., 2]
-    room = material.slack(np.stack([0.5 * (low + high), 0.5 * (high - low), np.zeros_like(low)], axis=-1))
+    distance = material.slack(np.stack([0.5 * (low + high), 0.5 * (high - low), np.zeros_like(low)], axis=-1))
     # eigenvalues are exact but for rounding
-    return room - tolerances.ROUNDING * float(abs(principal).max())
+    return distance - tolerances.ROUNDING * float(abs(principal).max())
 
 
 def shear_rate(slope: Floats) -> Floats:

@@ -41,8 +41,8 @@ class Segment:
 
     def at(self, places: Floats) -> Floats:
         """Return the dead and live stress vectors (2, ..., 2) at places (..., 2)."""
-        along = self.ends[1] - self.ends[0]
-        share = ((places - self.ends[0]) @ along / (along @ along))[..., None]
+        direction = self.ends[1] - self.ends[0]
+        share = ((places - self.ends[0]) @ direction / (direction @ direction))[..., None]
         return np.stack([ends[0] * (1.0 - share) + ends[1] * share for ends in (self.dead, self.live)])
 
 
@@ -57,8 +57,8 @@ class PatchLoad:
 
     def at(self, places: Floats) -> Floats:
         """Return the dead and live stress vectors (2, ..., 3) at places (..., 3)."""
-        away = places - self.origin
-        return np.stack([mean + away @ slope.T for mean, slope in zip(self.mean, self.slope, strict=True)])
+        offset = places - self.origin
+        return np.stack([mean + offset @ slope.T for mean, slope in zip(self.mean, self.slope, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -103,29 +103,29 @@ def thickness_of(assembly: Assembly) -> float:
 
 def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, FieldLoads]:
     """Return the coarsest mesh, tagged, with body forces and tractions; InputError for a force without face or room."""
-    plain = outlines_of(assembly)
-    segments, rest = loaded_segments(assembly, patch, plain)
+    outlines = outlines_of(assembly)
+    segments, remainder = loaded_segments(assembly, patch, outlines)
     ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
-    coarse = coarse_mesh(outlines_of(assembly, ends) if len(ends) else plain)
+    coarse = coarse_mesh(outlines_of(assembly, ends) if len(ends) else outlines)
     mesh = _tag_loaded_edges(coarse, segments)
-    return mesh, loads_on(assembly, mesh, segments, rest)
+    return mesh, loads_on(assembly, mesh, segments, remainder)
 
 
 def loaded_segments(
-    assembly: Assembly, patch: float | None = None, plain: Outlines | None = None
+    assembly: Assembly, patch: float | None = None, outlines: Outlines | None = None
 ) -> tuple[list[Segment], tuple[Floats, Floats]]:
-    """Return the parts of free faces with tractions, and the loads (n, 3) that they leave; plain: known outlines.
+    """Return the parts of free faces with tractions, and the loads (n, 3) that they leave.
 
-    InputError as `loaded_mesh`.
+    outlines: those of the assembly, if known. InputError as `loaded_mesh`.
     """
-    plain = plain or outlines_of(assembly)
-    faces = [face for cell in range(len(plain.cells)) for face in _free_faces(plain, cell)]
-    dead, dead_rest = _pieces(assembly, faces, assembly.dead_loads, patch)
-    live, live_rest = _pieces(assembly, faces, assembly.live_loads, patch)
+    outlines = outlines or outlines_of(assembly)
+    faces = [face for cell in range(len(outlines.cells)) for face in _free_faces(outlines, cell)]
+    dead, dead_remainder = _pieces(assembly, faces, assembly.dead_loads, patch)
+    live, live_remainder = _pieces(assembly, faces, assembly.live_loads, patch)
     segments: list[Segment] = []
     for index in sorted({*dead, *live}):
         segments += _segments(assembly, faces[index], dead.get(index, []), live.get(index, []))
-    return segments, (dead_rest, live_rest)
+    return segments, (dead_remainder, live_remainder)
 
 
 def _pieces(
@@ -159,8 +159,8 @@ def _pieces(
             pieces.setdefault(at_face, []).append(_patch_of_width(assembly, face, force, force.width))
     for index, forces in without_width.items():
         pieces.setdefault(index, []).append(_spread(assembly, faces[index], forces))
-    rest = replace(points, **{name: values[inside] for name, values in vars(points).items()})
-    return pieces, resultants(replace(loads, points=rest, tractions=()), assembly.elements)
+    body_points = replace(points, **{name: values[inside] for name, values in vars(points).items()})
+    return pieces, resultants(replace(loads, points=body_points, tractions=()), assembly.elements)
 
 
 def _pressed_face(assembly: Assembly, faces: list[_FreeFace], traction: Traction) -> tuple[int, _Piece]:
@@ -170,12 +170,12 @@ def _pressed_face(assembly: Assembly, faces: list[_FreeFace], traction: Traction
     for index, face in enumerate(faces):
         if face.cell != traction.element:
             continue
-        away = ends - face.start
-        places, off = away @ face.along, away[:, 0] * face.along[1] - away[:, 1] * face.along[0]
-        if abs(off).max() <= reach and places.min() >= -reach and places.max() <= face.length + reach:
-            low, high = (min(max(float(place), 0.0), face.length) for place in np.sort(places))
-            spots = face.start + np.array([[low], [high]]) * face.along
-            return index, _Piece(low, high, traction.at(spots) / thickness_of(assembly))
+        offset = ends - face.start
+        distances, height = offset @ face.along, offset[:, 0] * face.along[1] - offset[:, 1] * face.along[0]
+        if abs(height).max() <= reach and distances.min() >= -reach and distances.max() <= face.length + reach:
+            low, high = (min(max(float(place), 0.0), face.length) for place in np.sort(distances))
+            end_points = face.start + np.array([[low], [high]]) * face.along
+            return index, _Piece(low, high, traction.at(end_points) / thickness_of(assembly))
     (x, y), (u, v) = ends
     raise InputError(
         f"element {assembly.elements.ids[traction.element]!r}",
@@ -199,15 +199,15 @@ def require_cover(assembly: Assembly, mesh: Mesh) -> None:
         words = ("its outline", "triangles", "outline") if planar else ("it", "tetrahedra", "element")
         raise InputError(f"element {name!r}", f"{words[0]} cannot be filled with {words[1]}", f"a plainer {words[2]}")
     faces, sides, support = assembly.interfaces, mesh.sides, assembly.elements.support
-    joined = sides.tag >= 0
-    face_of_side = np.where(joined, sides.tag, 0)
+    on_interface = sides.tag >= 0
+    face_of_side = np.where(on_interface, sides.tag, 0)
     # an interface has a cell on both sides, one at a support on one
     paired = (sides.b >= 0) != (support[faces.a] | support[faces.b])[face_of_side]
-    found = np.bincount(face_of_side[joined & paired], sides.area[joined & paired], minlength=len(faces))
+    covered = np.bincount(face_of_side[on_interface & paired], sides.area[on_interface & paired], minlength=len(faces))
     size, cover = (faces.l1, _COVER) if planar else (faces.area, _COVER_IN_SPACE)
-    wrong = np.flatnonzero((abs(found - size) > cover * size) & ~(support[faces.a] & support[faces.b]))
-    if wrong.size or not paired[joined].all():
-        face = int(wrong[0]) if wrong.size else int(face_of_side[joined & ~paired][0])
+    wrong = np.flatnonzero((abs(covered - size) > cover * size) & ~(support[faces.a] & support[faces.b]))
+    if wrong.size or not paired[on_interface].all():
+        face = int(wrong[0]) if wrong.size else int(face_of_side[on_interface & ~paired][0])
         problem = f"it does not lie on the {'outlines' if planar else 'faces'} of both elements"
         remedy = "interfaces found from the elements, without stated ones"
         raise InputError(f"interface {assembly.pair(face)}", problem, remedy)
@@ -216,25 +216,25 @@ def require_cover(assembly: Assembly, mesh: Mesh) -> None:
 def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
     """Return the straight runs of free edges of outline number `index`."""
     ring, tags = outlines.rings[index], outlines.tags[index]
-    places = outlines.points[ring]
-    step = np.roll(places, -1, axis=0) - places
-    along = step / np.hypot(*step.T)[:, None]
+    corners = outlines.points[ring]
+    edge = np.roll(corners, -1, axis=0) - corners
+    direction = edge / np.hypot(*edge.T)[:, None]
     count = len(ring)
     # True where a free edge continues the one before it
-    joined = [
-        tags[k] == FREE and tags[k - 1] == FREE and along[k] @ along[k - 1] > 1.0 - tolerances.CONTACT
+    continues = [
+        tags[k] == FREE and tags[k - 1] == FREE and direction[k] @ direction[k - 1] > 1.0 - tolerances.CONTACT
         for k in range(count)
     ]
     faces = []
     for k in range(count):
-        if tags[k] != FREE or joined[k]:
+        if tags[k] != FREE or continues[k]:
             continue
         end = k + 1
-        while joined[end % count]:
+        while continues[end % count]:
             end += 1
-        run = places[end % count] - places[k]
-        length = float(np.hypot(*run))
-        faces.append(_FreeFace(int(outlines.cells[index]), places[k], run / length, length))
+        chord = corners[end % count] - corners[k]
+        length = float(np.hypot(*chord))
+        faces.append(_FreeFace(int(outlines.cells[index]), corners[k], chord / length, length))
     return faces
 
 
@@ -246,32 +246,32 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], cell: int, place: Float
     reach = tolerances.ON_OUTLINE * assembly.size
     if shapely.Polygon(assembly.elements.shape[cell]).exterior.distance(shapely.Point(*place)) > reach:
         return None
-    pushes: list[tuple[float, int]] = []
+    candidates: list[tuple[float, int]] = []
     for index, face in enumerate(faces):
-        away = place - face.start
-        off, at = abs(away[0] * face.along[1] - away[1] * face.along[0]), float(away @ face.along)
-        if face.cell == cell and off <= reach and -reach <= at <= face.length + reach:
-            pushes.append((float(abs(vector[0] * face.along[1] - vector[1] * face.along[0])), index))
-    if not pushes:
+        offset = place - face.start
+        height, distance = abs(offset[0] * face.along[1] - offset[1] * face.along[0]), float(offset @ face.along)
+        if face.cell == cell and height <= reach and -reach <= distance <= face.length + reach:
+            candidates.append((float(abs(vector[0] * face.along[1] - vector[1] * face.along[0])), index))
+    if not candidates:
         raise InputError(
             f"element {assembly.elements.ids[cell]!r}",
             f"a force acts on its outline at ({place[0]:g}, {place[1]:g}), where it has no free face",
             "a force on a free face or inside the element",
         )
-    return steepest(pushes, assembly.elements.ids[cell], place)
+    return steepest(candidates, assembly.elements.ids[cell], place)
 
 
-def steepest(pushes: list[tuple[float, int]], element: str, place: Floats) -> int:
+def steepest(candidates: list[tuple[float, int]], element: str, place: Floats) -> int:
     """Return the number of the largest push among (push, number).
 
     InputError for two alike, so that no order decides.
     """
-    (push, number), *others = sorted(pushes, reverse=True)
-    if others and others[0][0] >= push * (1.0 - tolerances.CONTACT):
-        spot = ", ".join(f"{value:g}" for value in place)
+    (push, number), *lesser = sorted(candidates, reverse=True)
+    if lesser and lesser[0][0] >= push * (1.0 - tolerances.CONTACT):
+        place_text = ", ".join(f"{value:g}" for value in place)
         raise InputError(
             f"element {element!r}",
-            f"the force at ({spot}) is as steep on two free faces, and would be spread over either",
+            f"the force at ({place_text}) is as steep on two free faces, and would be spread over either",
             "a place on one of them, or another direction",
         )
     return number
@@ -280,21 +280,21 @@ def steepest(pushes: list[tuple[float, int]], element: str, place: Floats) -> in
 def _segments(assembly: Assembly, face: _FreeFace, dead: Sequence[_Piece], live: Sequence[_Piece]) -> list[Segment]:
     """Return the loaded segments of one free face, split and summed where loads overlap."""
     reach = tolerances.ON_OUTLINE * assembly.size
-    cuts: list[float] = []
+    breaks: list[float] = []
     for end in sorted(end for piece in (*dead, *live) for end in (piece.low, piece.high)):
-        if not cuts or end - cuts[-1] > reach:
-            cuts.append(end)
+        if not breaks or end - breaks[-1] > reach:
+            breaks.append(end)
     segments = []
-    for low, high in pairwise(cuts):
+    for low, high in pairwise(breaks):
         middle = 0.5 * (low + high)
-        over = [[piece for piece in pieces if piece.low <= middle <= piece.high] for pieces in (dead, live)]
-        if any(over):
+        pieces_here = [[piece for piece in pieces if piece.low <= middle <= piece.high] for pieces in (dead, live)]
+        if any(pieces_here):
             ends = np.array([face.start + low * face.along, face.start + high * face.along])
-            segments.append(Segment(face.cell, ends, *(_sum(pieces, low, high) for pieces in over)))
+            segments.append(Segment(face.cell, ends, *(_sum_of_tractions(pieces, low, high) for pieces in pieces_here)))
     return segments
 
 
-def _sum(pieces: Sequence[_Piece], low: float, high: float) -> Floats:
+def _sum_of_tractions(pieces: Sequence[_Piece], low: float, high: float) -> Floats:
     """Return the sum of tractions (2, 2) of pieces from `low` to `high` along their face."""
     total = np.zeros((2, 2))
     for start, stop, ends in pieces:
@@ -310,11 +310,11 @@ def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece
     thickness = thickness_of(assembly)
     normal = np.array([face.along[1], -face.along[0]])
     total = np.sum([force.vector for force in forces], axis=0)
-    push = [float(force.vector @ normal) for force in forces]
-    moment = sum(p * (force.at - 0.5 * face.length) for p, force in zip(push, forces, strict=True))
-    gross = float(np.sum(np.abs(push)))
-    one_sign = gross > 0.0 and abs(sum(push)) >= gross * (1.0 - tolerances.ROUNDING)
-    offset = moment / sum(push) if one_sign else 0.0
+    pushes = [float(force.vector @ normal) for force in forces]
+    moment = sum(p * (force.at - 0.5 * face.length) for p, force in zip(pushes, forces, strict=True))
+    absolute_push = float(np.sum(np.abs(pushes)))
+    one_sign = absolute_push > 0.0 and abs(sum(pushes)) >= absolute_push * (1.0 - tolerances.ROUNDING)
+    offset = moment / sum(pushes) if one_sign else 0.0
     if one_sign and abs(offset) > face.length * (1.0 / 6.0 + tolerances.CONTACT):
         middle, half = 0.5 * face.length + offset, 0.5 * face.length - abs(offset)
         if 2.0 * half < _LEAST_PATCH * face.length:
@@ -322,8 +322,8 @@ def _spread(assembly: Assembly, face: _FreeFace, forces: list[_Force]) -> _Piece
         traction = total / (2.0 * half * thickness)
         return _Piece(middle - half, middle + half, np.array([traction, traction]))
     mean = total / (face.length * thickness)
-    lean = 6.0 * moment / (face.length**2 * thickness) * normal
-    return _Piece(0.0, face.length, np.array([mean - lean, mean + lean]))
+    difference = 6.0 * moment / (face.length**2 * thickness) * normal
+    return _Piece(0.0, face.length, np.array([mean - difference, mean + difference]))
 
 
 def _patch_of_width(assembly: Assembly, face: _FreeFace, force: _Force, width: float) -> _Piece:
@@ -352,45 +352,45 @@ _ON_SEGMENT = 1e-6  # distance, relative to the length of a loaded segment, with
 def _tag_loaded_edges(mesh: Mesh, segments: list[Segment]) -> Mesh:
     """Tag the free outline edges of a mesh that lie on loaded segments."""
     unique, number = mesh.side_nodes
-    pairs, tags = [mesh.tagged], [mesh.tag]
+    tagged, tags = [mesh.tagged], [mesh.tag]
     for index, segment in enumerate(segments):
-        along = segment.ends[1] - segment.ends[0]
-        length = float(np.hypot(*along))
+        direction = segment.ends[1] - segment.ends[0]
+        length = float(np.hypot(*direction))
         for t, k in np.argwhere((mesh.side_tags[number] == FREE) & (mesh.cell == segment.cell)[:, None]).tolist():
             edge = unique[number[t, k]]
             middle = mesh.points[edge].mean(axis=0) - segment.ends[0]
-            off = abs(middle[0] * along[1] - middle[1] * along[0]) / length
-            if off <= _ON_SEGMENT * length and 0.0 < middle @ along < length * length:
-                pairs.append(edge[None])
+            height = abs(middle[0] * direction[1] - middle[1] * direction[0]) / length
+            if height <= _ON_SEGMENT * length and 0.0 < middle @ direction < length * length:
+                tagged.append(edge[None])
                 tags.append(np.array([patch_tag(index)]))
-    return replace(mesh, tagged=np.concatenate(pairs), tag=np.concatenate(tags).astype(np.int64))
+    return replace(mesh, tagged=np.concatenate(tagged), tag=np.concatenate(tags).astype(np.int64))
 
 
 def body_forces(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
     """Spread loads (n, 3 or 6) over root simplices as forces per volume (t, d) with the same resultants."""
     d = mesh.dimension
     thickness = thickness_of(assembly) if d == 2 else 1.0
-    middle = mesh.corners.mean(axis=1)
+    centres = mesh.corners.mean(axis=1)
     body = np.zeros((len(mesh), d))
     for cell in np.unique(mesh.cell).tolist():
         if not loads[cell].any():
             continue
         of_cell = np.flatnonzero(mesh.cell == cell)
         volume = mesh.volume[of_cell]
-        centroid = volume @ middle[of_cell] / volume.sum()
-        force, away = loads[cell, :d], middle[of_cell] - centroid
+        centroid = volume @ centres[of_cell] / volume.sum()
+        force, offset = loads[cell, :d], centres[of_cell] - centroid
         arm = assembly.elements.centroid[cell] - centroid
         body[of_cell] = force / (volume.sum() * thickness)
         # the moment is carried by forces as of a rotation, which have no resultant
         if d == 2:
             size, moment = np.sqrt(volume.sum()), loads[cell, 2:] + arm[0] * force[1] - arm[1] * force[0]
-            spin = moment / (thickness * float(volume @ (away**2).sum(axis=1)))
-            turned = spin * np.column_stack([-away[:, 1], away[:, 0]])
+            spin = moment / (thickness * float(volume @ (offset**2).sum(axis=1)))
+            rotation_force = spin * np.column_stack([-offset[:, 1], offset[:, 0]])
         else:
             size, moment = np.cbrt(volume.sum()), loads[cell, 3:] + np.cross(arm, force)
-            square = np.einsum("t,ti,tj->ij", volume, away, away)
-            inertia = np.einsum("t,ti,ti->", volume, away, away) * np.eye(3) - square
-            turned = np.cross(np.linalg.solve(inertia, moment), away)
+            square = np.einsum("t,ti,tj->ij", volume, offset, offset)
+            inertia = np.einsum("t,ti,ti->", volume, offset, offset) * np.eye(3) - square
+            rotation_force = np.cross(np.linalg.solve(inertia, moment), offset)
         if np.linalg.norm(moment) > tolerances.ROUNDING * size * np.linalg.norm(force):
-            body[of_cell] += turned
+            body[of_cell] += rotation_force
     return body

@@ -48,7 +48,7 @@ _MORE = 1.01  # factor on the least share of an interior field that a mean needs
 
 
 class LowerBound:
-    """Lower bounds on λ by stress fields, for many labellings of one problem; planar programs and factors are kept.
+    """Lower bounds on λ by stress fields, for many labellings of one problem; planar programs and factors are stored.
 
     many: True where hundreds are bounded in the plane, see `ConeProgram`. status: of the last labelling, "" before.
     """
@@ -94,24 +94,24 @@ class LowerBound:
         """Certify a mean of a field that violates yield and one with ample room, or return None."""
         # The room is concave, so that the mean has room enough.
         for margin in _INTERIOR[self._dimension]:
-            inner = self.propose(labels, margin)
-            if not inner.usable:
+            interior = self.propose(labels, margin)
+            if not interior.usable:
                 continue
-            room_of_proposed, room_of_inner = (self._room_of(answer, labels) for answer in (proposed, inner))
-            if room_of_inner > 0.0:
+            room_of_proposed, room_of_interior = (self._room_of(answer, labels) for answer in (proposed, interior))
+            if room_of_interior > 0.0:
                 # a little more than the mean needs
-                lack = max(-room_of_proposed, 0.0)
-                share = min(1.0, _MORE * lack / (room_of_inner + lack))
-                point = (1.0 - share) * proposed.point + share * inner.point
-                field_of_mean = self.certify(point[: self._size], float(point[-1]), labels)
-                if field_of_mean is not None:
-                    return field_of_mean
+                missing = max(-room_of_proposed, 0.0)
+                share = min(1.0, _MORE * missing / (room_of_interior + missing))
+                point = (1.0 - share) * proposed.point + share * interior.point
+                field = self.certify(point[: self._size], float(point[-1]), labels)
+                if field is not None:
+                    return field
         return None
 
     def _room_of(self, answer: Answer, labels: Bits) -> float:
         """Return the room of an answer once it is projected, less twice the error of that."""
-        field, rest = self._project(*self._parts(answer), labels)
-        return self.room(field.reshape(self._shape), labels) - 2.0 * rest
+        field, error = self._project(*self._parts(answer), labels)
+        return self.room(field.reshape(self._shape), labels) - 2.0 * error
 
     def propose(self, labels: Bits, margin: float) -> Answer:
         """Solve for the stress field of largest λ with slack `margin` in yield; uncertified.
@@ -125,7 +125,7 @@ class LowerBound:
 
     def _program_with(self, margin: float) -> tuple[ConeProgram, Ints]:
         """Return the planar program of a margin, and the edge whose label switches each row, −1 for none."""
-        # Each program is set up once and kept. Further margins are for few labellings.
+        # Each program is set up once. Further margins are for few labellings.
         if margin not in self._programs:
             (objective, matrix, rhs, sizes), owner = self._program(self.problem.on_faces, margin)
             many = self._many and margin == self._margins[0]
@@ -139,10 +139,10 @@ class LowerBound:
 
     def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
         """Project stresses (size,) onto equilibrium and check yield; None if either is missed by more than rounding."""
-        projected, rest = self._project(stress, factor, labels)
+        projected, error = self._project(stress, factor, labels)
         field = projected.reshape(self._shape)
-        room = self.room(field, labels) - rest
-        return StressField(factor, field, room, rest, np.zeros(self._shape[:2])) if room >= 0.0 else None
+        room = self.room(field, labels) - error
+        return StressField(factor, field, room, error, np.zeros(self._shape[:2])) if room >= 0.0 else None
 
     def _rate(self, dual: Floats) -> Floats:
         """Compute `StressField.rate` from the multipliers `dual` of all rows of the last program."""
@@ -160,14 +160,14 @@ class LowerBound:
         """Return the distances (k, d) of tractions at corners of sides (k,) to yield as dry joints, scaled."""
         # Shear on joints without friction and shear strength is left out: `certify` makes it zero.
         problem, normals = self.problem, self.problem.sides.normal[rows]
-        pull = tractions(problem, stress, rows)
-        normal = np.einsum("fki,fi->fk", pull, normals)
+        traction = tractions(problem, stress, rows)
+        normal = np.einsum("fki,fi->fk", traction, normals)
         face = problem.face[rows]
-        mu, c, crush = (
-            v[face][:, None] for v in (problem.joints.friction, problem.joints.shear, problem.joints.crushing)
-        )
-        slides = np.where(self.frictionless[face][:, None], np.inf, c - mu * normal - tangential(pull, normals))
-        return np.asarray(np.minimum(np.minimum(-normal, slides), crush + normal))
+        joints = problem.joints
+        mu, c, crush = (strength[face][:, None] for strength in (joints.friction, joints.shear, joints.crushing))
+        sliding_room = c - mu * normal - tangential(traction, normals)
+        sliding_room = np.where(self.frictionless[face][:, None], np.inf, sliding_room)
+        return np.asarray(np.minimum(np.minimum(-normal, sliding_room), crush + normal))
 
     @cached_property
     def frictionless(self) -> Bools:
@@ -180,14 +180,14 @@ class LowerBound:
         # x: stresses in the order of `StressField.stress`, then λ, scaled. The rows are docs/method.md (9.6), (9.7) and
         # (10.4): equilibrium of simplices, equal tractions across sides, given tractions on free sides.
         problem, sides, d = self.problem, self.problem.sides, self._dimension
-        count, rows, last = self._shape[0], Rows(), self._size
+        count, rows, column_of_load = self._shape[0], Rows(), self._size
         size = np.sqrt(2.0 * problem.mesh.volume) if d == 2 else np.cbrt(6.0 * problem.mesh.volume)
         slope = normal_map(problem.mesh.gradient * size[:, None, None])
-        base = np.arange(last).reshape(count, -1)
+        columns = np.arange(column_of_load).reshape(count, -1)
         for axis in range(d):
             entries = [
-                (base, slope[:, :, axis].reshape(count, -1)),
-                (np.full(count, last), size * problem.live[:, axis]),
+                (columns, slope[:, :, axis].reshape(count, -1)),
+                (np.full(count, column_of_load), size * problem.live[:, axis]),
             ]
             rows.add(entries, -size * problem.dead[:, axis], count)
         joined, outer = problem.joined, problem.outer
@@ -197,9 +197,9 @@ class LowerBound:
             in_outer = self._columns(outer, corner)
             for axis in range(d):
                 rows.add([(in_a, joined_map[:, axis]), (in_b, -joined_map[:, axis])], 0.0, len(joined))
-                pull = (np.full(len(outer), last), -problem.pull[outer, corner, axis])
-                rows.add([(in_outer, outer_map[:, axis]), pull], problem.dead_pull[outer, corner, axis], len(outer))
-        return rows.matrix(last + 1), rows.right
+                of_load = (np.full(len(outer), column_of_load), -problem.pull[outer, corner, axis])
+                rows.add([(in_outer, outer_map[:, axis]), of_load], problem.dead_pull[outer, corner, axis], len(outer))
+        return rows.matrix(column_of_load + 1), rows.right
 
     def _columns(self, rows: Ints, corner: int, other: bool = False) -> Ints:
         """Return the columns (k, 3 or 6) of stresses at one corner of sides (k,), in simplex a or the other one."""
@@ -208,10 +208,10 @@ class LowerBound:
         return np.asarray(size * (corners * simplex[rows] + local[rows, corner])[:, None] + np.arange(size))
 
     def _equalities(self, labels: Bits) -> tuple[sp.csr_array, object]:
-        """Return the matrix A (rows, size) of all equations on the stresses, and a factor of A Aᵀ; both are kept."""
+        """Return the matrix A (rows, size) of all equations on the stresses, and a factor of A Aᵀ; stored by labels."""
         # The equations are equilibrium, and no shear on dry joints without friction and shear strength. λ is no unknown
         # here: its dense column would fill A Aᵀ.
-        smooth = self._smooth(labels)
+        smooth = self._frictionless_sides(labels)
         key = smooth.tobytes()
         if key not in self._factors:
             matrix = sp.csr_array(self.equilibrium[0][:, :-1])
@@ -223,7 +223,7 @@ class LowerBound:
             self._factors[key] = matrix, solver
         return self._factors[key]
 
-    def _smooth(self, labels: Bits) -> Ints:
+    def _frictionless_sides(self, labels: Bits) -> Ints:
         """Return the sides (k,) on dry joints without friction and shear strength."""
         rows = self.problem.on_faces
         return rows[self.problem.is_dry(labels)[rows] & self.frictionless[self.problem.face[rows]]]
@@ -233,8 +233,8 @@ class LowerBound:
         rows, normal = Rows(), self.problem.sides.normal[sides]
         for corner in range(self._dimension):
             columns = self._columns(sides, corner)
-            for along in across(normal):
-                rows.add([(columns, np.einsum("ki,kij->kj", along, normal_map(normal)))], 0.0, len(sides))
+            for direction in across(normal):
+                rows.add([(columns, np.einsum("ki,kij->kj", direction, normal_map(normal)))], 0.0, len(sides))
         return rows.matrix(width)
 
     def _project(self, stress: Floats, load_factor: float, labels: Bits) -> tuple[Floats, float]:
@@ -265,30 +265,30 @@ class LowerBound:
         # Columns: stresses, what holds them within a circle (a radius ≥ √(d² + s²)) or between principal stresses (α ≥
         # σ1 and β ≤ σ3, docs/method.md (10.1)) at each corner, and λ. Rows: equilibrium, yield of the material, yield
         # of dry joints at the corners of sides, and the cones of radii or of tensors.
-        problem, corners, parts = self.problem, self._shape[0] * self._shape[1], self._shape[2]
+        problem, corners, components = self.problem, self._shape[0] * self._shape[1], self._shape[2]
         matrix, rhs = self.equilibrium
-        every, planar = np.arange(corners), self._dimension == 2
-        bounds = corners if planar else 2 * corners  # number of columns that bound the stresses
-        width = self._size + bounds + 1
+        corner, planar = np.arange(corners), self._dimension == 2
+        n_bounds = corners if planar else 2 * corners  # number of columns that bound the stresses
+        width = self._size + n_bounds + 1
         linear, threes, tensors = Rows(), Rows(), Rows()
-        radius = largest = self._size + every  # columns of radii in the plane, of α in space
+        radius = largest = self._size + corner  # columns of radii in the plane, of α in space
         smallest = largest + corners  # columns of β
         for a, b in problem.material.lines:
             in_space = [(largest, 0.5 - 0.5 * b), (smallest, -0.5 - 0.5 * b)]
-            linear.add([(radius, 1.0), (parts * every, -b)] if planar else in_space, a - margin, corners)
-        owner = [np.full(linear.count, -1, dtype=np.int64), *self._joint_rows(rows, linear, threes, margin)]
+            linear.add([(radius, 1.0), (components * corner, -b)] if planar else in_space, a - margin, corners)
+        owner_of_linear = [np.full(linear.count, -1, dtype=np.int64), *self._joint_rows(rows, linear, threes, margin)]
         if planar:
-            circles = np.stack([radius, parts * every + 1, parts * every + 2], axis=1).reshape(-1)
+            circles = np.stack([radius, components * corner + 1, components * corner + 2], axis=1).reshape(-1)
             threes.add([(circles, -1.0)], 0.0, 3 * corners)
         else:
             for sign, bound in ((1.0, largest), (-1.0, smallest)):
                 columns, values = np.zeros((corners, 6, 2), dtype=np.int64), np.zeros((corners, 6, 2))
-                columns[..., 0], values[..., 0] = 6 * every[:, None] + np.arange(6), sign
+                columns[..., 0], values[..., 0] = 6 * corner[:, None] + np.arange(6), sign
                 columns[..., 1] = bound[:, None]
                 values[:, DIAGONAL, 1] = -sign
                 tensors.add([(columns.reshape(-1, 2), values.reshape(-1, 2))], 0.0, 6 * corners)
-        equilibrium = sp.hstack([matrix[:, :-1], sp.csr_array((matrix.shape[0], bounds)), matrix[:, -1:]])
-        smooth = np.zeros(0, dtype=np.int64) if labels is None else self._smooth(labels)
+        equilibrium = sp.hstack([matrix[:, :-1], sp.csr_array((matrix.shape[0], n_bounds)), matrix[:, -1:]])
+        smooth = np.zeros(0, dtype=np.int64) if labels is None else self._frictionless_sides(labels)
         blocks = [equilibrium, self._no_shear(smooth, width)] if smooth.size else [equilibrium]
         self._equations = sum(block.shape[0] for block in blocks)
         cones = [part for part in (linear, threes, tensors) if part.count]
@@ -297,7 +297,7 @@ class LowerBound:
         objective = np.zeros(width)
         objective[-1] = -1.0
         owners = np.full(len(right), -1, dtype=np.int64)
-        owners[self._equations : self._equations + linear.count] = np.concatenate(owner)
+        owners[self._equations : self._equations + linear.count] = np.concatenate(owner_of_linear)
         sizes = ConeSizes(self._equations, linear.count, threes.count // 3, tensors=tensors.count // 6)
         return (objective, whole, right, sizes), owners
 
@@ -309,28 +309,28 @@ class LowerBound:
         mu, c, smooth = problem.joints.friction[face], problem.joints.shear[face], self.frictionless[face]
         size, crushable = np.maximum(1.0, mu), np.flatnonzero(np.isfinite(problem.joints.crushing[face]))
         crush = problem.joints.crushing[face[crushable]]
-        pressed, *slid = (np.einsum("ki,kij->kj", way, normal_map(normal)) for way in (normal, *across(normal)))
+        pressed, *shears = (np.einsum("ki,kij->kj", axis, normal_map(normal)) for axis in (normal, *across(normal)))
         owner = []
         for corner in range(self._dimension):
             columns = self._columns(rows, corner)
             linear.add([(columns, pressed)], -margin, len(rows))
-            if len(slid) == 1:
+            if len(shears) == 1:
                 for sign in (1.0, -1.0):
-                    value = (mu[:, None] * pressed + sign * slid[0]) / size[:, None]
+                    value = (mu[:, None] * pressed + sign * shears[0]) / size[:, None]
                     linear.add([(columns, value)], np.where(smooth, 0.0, c - margin) / size, len(rows))
             else:
-                cone = np.stack([mu[:, None] * pressed, *slid], axis=1)[~smooth]  # head μ σ, then the shear tractions
-                right = np.zeros((len(cone), 3))
-                right[:, 0] = c[~smooth] - margin
+                cone = np.stack([mu[:, None] * pressed, *shears], axis=1)[~smooth]  # head μ σ, then the shear tractions
+                cone_rhs = np.zeros((len(cone), 3))
+                cone_rhs[:, 0] = c[~smooth] - margin
                 entries = [(np.repeat(columns[~smooth], 3, axis=0), cone.reshape(-1, 6))]
-                threes.add(entries, right.ravel(), 3 * len(cone))
+                threes.add(entries, cone_rhs.ravel(), 3 * len(cone))
             linear.add([(columns[crushable], -pressed[crushable])], crush - margin, len(crushable))
-            owner += [*[rows] * (3 if len(slid) == 1 else 1), rows[crushable]]
+            owner += [*[rows] * (3 if len(shears) == 1 else 1), rows[crushable]]
         return owner
 
 
 def tractions(problem: Problem, stress: Floats, rows: Ints) -> Floats:
     """Return the tractions (side, corner, axis), (k, d, d), on simplex a at sides (k,); tension positive."""
     sides = problem.sides
-    own = stress[sides.a[rows][:, None], sides.corner_a[rows]]
-    return np.asarray(np.einsum("fij,fkj->fki", normal_map(sides.normal[rows]), own))
+    corner_stress = stress[sides.a[rows][:, None], sides.corner_a[rows]]
+    return np.asarray(np.einsum("fij,fkj->fki", normal_map(sides.normal[rows]), corner_stress))

@@ -44,14 +44,14 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     shapes = [assembly.elements.shape[cell] for cell in cells]
     ends = np.concatenate([np.asarray(ends, dtype=float) for ends in assembly.interfaces.polygon])
     corners = np.concatenate(shapes)
-    every = np.concatenate([ends, corners, np.zeros((0, 2)) if extra is None else extra])
+    places = np.concatenate([ends, corners, np.zeros((0, 2)) if extra is None else extra])
     reach = tolerances.ON_OUTLINE * assembly.size
-    points, number = merged_points(every, reach)
-    rings, start, near = [], len(ends), cKDTree(points)
+    points, node = merged_points(places, reach)
+    rings, start, tree = [], len(ends), cKDTree(points)
     for shape in shapes:
-        rings.append(ring_of(points, near, number[start : start + len(shape)], reach))
+        rings.append(ring_of(points, tree, node[start : start + len(shape)], reach))
         start += len(shape)
-    face_ends = number[: len(ends)].reshape(-1, 2)
+    face_ends = node[: len(ends)].reshape(-1, 2)
     faces_of_cell: list[list[int]] = [[] for _ in assembly.elements.ids]
     for face, pair in enumerate(zip(assembly.interfaces.a.tolist(), assembly.interfaces.b.tolist(), strict=True)):
         for cell in pair:
@@ -63,42 +63,40 @@ def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
     return Outlines(points, cells, tuple(rings), tuple(tags))
 
 
-def ring_of(points: Floats, near: cKDTree, corners: Ints, reach: float) -> Ints:
+def ring_of(points: Floats, tree: cKDTree, corners: Ints, reach: float) -> Ints:
     """Return the nodes of a closed polygon: its corners (k,), and all nodes within `reach` of its edges, in order."""
     corners = corners[corners != np.roll(corners, 1)]
-    after = np.roll(corners, -1)
-    middle, half = (
-        0.5 * (points[corners] + points[after]),
-        0.5 * np.linalg.norm(points[after] - points[corners], axis=1),
-    )
-    around = near.query_ball_point(middle, half + reach, return_sorted=True)
+    following = np.roll(corners, -1)
+    middle = 0.5 * (points[corners] + points[following])
+    half_length = 0.5 * np.linalg.norm(points[following] - points[corners], axis=1)
+    nodes_near_edge = tree.query_ball_point(middle, half_length + reach, return_sorted=True)
     nodes: list[int] = []
-    for a, b, near_nodes in zip(corners.tolist(), after.tolist(), around, strict=True):
-        along = points[b] - points[a]
-        length = float(np.linalg.norm(along))
-        along = along / length
+    for a, b, near_nodes in zip(corners.tolist(), following.tolist(), nodes_near_edge, strict=True):
+        direction = points[b] - points[a]
+        length = float(np.linalg.norm(direction))
+        direction = direction / length
         candidates = np.array(near_nodes, dtype=np.int64)
-        away = points[candidates] - points[a]
-        place = away @ along
-        off = np.linalg.norm(away - place[:, None] * along, axis=1)
-        between = np.flatnonzero((off <= reach) & (place > reach) & (place < length - reach))
-        nodes += [a, *candidates[between[np.argsort(place[between])]].tolist()]
+        offset = points[candidates] - points[a]
+        distance = offset @ direction
+        height = np.linalg.norm(offset - distance[:, None] * direction, axis=1)
+        between = np.flatnonzero((height <= reach) & (distance > reach) & (distance < length - reach))
+        nodes += [a, *candidates[between[np.argsort(distance[between])]].tolist()]
     return np.array(nodes, dtype=np.int64)
 
 
-def _tags(points: Floats, own: list[int], ring: Ints, face_ends: Ints, reach: float) -> Ints:
+def _tags(points: Floats, faces: list[int], ring: Ints, face_ends: Ints, reach: float) -> Ints:
     """Return the interface (k,) that covers each edge of an outline, FREE where none does."""
     tags = np.full(len(ring), FREE, dtype=np.int64)
     middle = 0.5 * (points[ring] + points[np.roll(ring, -1)])
-    for face in own:
+    for face in faces:
         a, b = points[face_ends[face]]
-        along = b - a
-        length = float(np.hypot(*along))
-        along = along / length
-        away = middle - a
-        place = away @ along
-        off = abs(away[:, 0] * along[1] - away[:, 1] * along[0])
-        tags[(off <= reach) & (place > 0.0) & (place < length)] = face
+        direction = b - a
+        length = float(np.hypot(*direction))
+        direction = direction / length
+        offset = middle - a
+        distance = offset @ direction
+        height = abs(offset[:, 0] * direction[1] - offset[:, 1] * direction[0])
+        tags[(height <= reach) & (distance > 0.0) & (distance < length)] = face
     return tags
 
 
@@ -119,12 +117,12 @@ def patch_tag(patch: int) -> int:
     return -2 - patch
 
 
-def _outward(places: Floats) -> Floats:
+def _outward(corners: Floats) -> Floats:
     """Return normals (..., d), of length (d − 1)! times the size, of sides with corners (..., d, d)."""
-    arm = places[..., 1:, :] - places[..., :1, :]
-    if places.shape[-1] == 2:
-        return np.stack([arm[..., 0, 1], -arm[..., 0, 0]], axis=-1)
-    return np.cross(arm[..., 0, :], arm[..., 1, :])
+    edge = corners[..., 1:, :] - corners[..., :1, :]
+    if corners.shape[-1] == 2:
+        return np.stack([edge[..., 0, 1], -edge[..., 0, 0]], axis=-1)
+    return np.cross(edge[..., 0, :], edge[..., 1, :])
 
 
 @dataclass(frozen=True)
@@ -185,8 +183,8 @@ class Mesh:
     def side_nodes(self) -> tuple[Ints, Ints]:
         """Nodes (u, d) of the distinct sides, in ascending order, and the sides (t, d + 1) of each simplex."""
         of_simplices = np.sort(self.simplices[:, _SIDES[self.dimension]].reshape(-1, self.dimension), axis=1)
-        _, first, number = np.unique(self._keys(of_simplices), return_index=True, return_inverse=True)
-        return of_simplices[first], np.asarray(number.reshape(len(self), -1))
+        _, first_use, number = np.unique(self._keys(of_simplices), return_index=True, return_inverse=True)
+        return of_simplices[first_use], np.asarray(number.reshape(len(self), -1))
 
     def _keys(self, nodes: Ints) -> Ints:
         """Return one number (k,) for each row of nodes (k, d), in lexicographic order."""
@@ -208,20 +206,21 @@ class Mesh:
     def sides(self) -> Sides:
         # Where two cells share a side that is on no interface, each cell has one of its own.
         _, number = self.side_nodes
-        flat, each = number.ravel(), number.shape[1]
-        order = np.argsort(flat, kind="stable")
-        place, start, count = np.unique(flat[order], return_index=True, return_counts=True)
-        # the first and the second use of each side, as simplex · each + side of it; −1 without a second
+        side_of_use, per_simplex = number.ravel(), number.shape[1]
+        order = np.argsort(side_of_use, kind="stable")
+        side, start, count = np.unique(side_of_use[order], return_index=True, return_counts=True)
+        # the first and the second use of each side, as simplex · per_simplex + side of it; −1 without a second
         first = order[start]
         second = np.where(count == 2, order[np.minimum(start + 1, len(order) - 1)], -1)
-        tags = self.side_tags[place]
-        apart = (second >= 0) & (tags < 0) & (self.cell[first // each] != self.cell[np.maximum(second, 0) // each])
-        extra = second[apart]
-        second = np.concatenate([np.where(apart, -1, second), np.full(len(extra), -1, dtype=np.int64)])
-        tags = np.concatenate([tags, tags[apart]])
-        first = np.concatenate([first, extra])
-        a, corner_a = first // each, _SIDES[self.dimension][first % each]
-        b = np.where(second >= 0, second // each, -1)
+        tags = self.side_tags[side]
+        split = self.cell[first // per_simplex] != self.cell[np.maximum(second, 0) // per_simplex]
+        split &= (second >= 0) & (tags < 0)
+        second_uses = second[split]
+        second = np.concatenate([np.where(split, -1, second), np.full(len(second_uses), -1, dtype=np.int64)])
+        tags = np.concatenate([tags, tags[split]])
+        first = np.concatenate([first, second_uses])
+        a, corner_a = first // per_simplex, _SIDES[self.dimension][first % per_simplex]
+        b = np.where(second >= 0, second // per_simplex, -1)
         nodes = self.simplices[a[:, None], corner_a]
         corner_b = (self.simplices[np.maximum(b, 0)][:, None, :] == nodes[:, :, None]).argmax(axis=2)
         outward = _outward(self.points[nodes])
@@ -246,18 +245,18 @@ def coarse_mesh(outlines: Outlines) -> Mesh:
                 edges[min(a, b), max(a, b)] = tag
         centre = _centre(outlines.points[ring])
         if centre is not None:
-            new = [(a, b, len(points)) for a, b in zip(nodes, nodes[1:] + nodes[:1], strict=True)]
+            triangles_of_cell = [(a, b, len(points)) for a, b in zip(nodes, nodes[1:] + nodes[:1], strict=True)]
             points.append(centre)
         else:
-            new = []
+            triangles_of_cell = []
             chains = _chains(outlines.points, ring)
             for corners in _delaunay(outlines.points, list(chains)):
                 points.append(np.mean([points[node] for node in corners], axis=0))
                 for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
                     chain = chains[a] if chains[a][-1] == b else [a, b]
-                    new += [(p, q, len(points) - 1) for p, q in pairwise(chain)]
-        triangles += new
-        cells += [cell] * len(new)
+                    triangles_of_cell += [(p, q, len(points) - 1) for p, q in pairwise(chain)]
+        triangles += triangles_of_cell
+        cells += [cell] * len(triangles_of_cell)
     tagged = np.array(list(edges), dtype=np.int64).reshape(-1, 2)
     return Mesh(
         points=np.array(points),
@@ -277,9 +276,10 @@ def _centre(ring: Floats) -> Floats | None:
     corners = ring[turn > _STRAIGHT * size]
     if len(corners) != 4:
         return np.asarray(corners.mean(axis=0))
-    diagonal, other, gap = corners[2] - corners[0], corners[3] - corners[1], corners[1] - corners[0]
-    share = (gap[0] * other[1] - gap[1] * other[0]) / (diagonal[0] * other[1] - diagonal[1] * other[0])
-    return np.asarray(corners[0] + share * diagonal)
+    # intersection of the diagonals p and q
+    p, q, edge = corners[2] - corners[0], corners[3] - corners[1], corners[1] - corners[0]
+    share = (edge[0] * q[1] - edge[1] * q[0]) / (p[0] * q[1] - p[1] * q[0])
+    return np.asarray(corners[0] + share * p)
 
 
 def _chains(points: Floats, ring: Ints) -> dict[int, list[int]]:
@@ -296,9 +296,9 @@ def _chains(points: Floats, ring: Ints) -> dict[int, list[int]]:
 
 def _turns(ring: Floats) -> tuple[Floats, Floats]:
     """Return cross products (k,) of successive edges of a ring (k, 2), and length products."""
-    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
-    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return turn, np.hypot(*before.T) * np.hypot(*after.T)
+    incoming, outgoing = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    turn = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
+    return turn, np.hypot(*incoming.T) * np.hypot(*outgoing.T)
 
 
 def _delaunay(points: Floats, nodes: list[int]) -> list[tuple[int, int, int]]:
@@ -325,15 +325,15 @@ def subdivide(mesh: Mesh, parts: int) -> Mesh:
     node = _grid_nodes(mesh, parts)
     grid = [(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]
     weights = np.array([[parts - i - j, i, j] for i, j in grid if i > 0 and j > 0 and i + j < parts]) / parts
-    inside = np.einsum("gk,tkd->tgd", weights.reshape(-1, 3), mesh.corners)
-    small = [(node[:, i, j], node[:, i + 1, j], node[:, i, j + 1]) for i, j in grid if i + j < parts]
-    small += [(node[:, i + 1, j], node[:, i + 1, j + 1], node[:, i, j + 1]) for i, j in grid if i + j < parts - 1]
-    triangles = np.stack([np.stack(corners, axis=-1) for corners in small], axis=1).reshape(-1, 3)
+    interior = np.einsum("gk,tkd->tgd", weights.reshape(-1, 3), mesh.corners)
+    children = [(node[:, i, j], node[:, i + 1, j], node[:, i, j + 1]) for i, j in grid if i + j < parts]
+    children += [(node[:, i + 1, j], node[:, i + 1, j + 1], node[:, i, j + 1]) for i, j in grid if i + j < parts - 1]
+    triangles = np.stack([np.stack(corners, axis=-1) for corners in children], axis=1).reshape(-1, 3)
     tagged = np.flatnonzero(mesh.side_tags != FREE)
     new_nodes = len(mesh.points) + tagged[:, None] * (parts - 1) + np.arange(parts - 1)
     chain = np.column_stack([unique[tagged, 0], new_nodes, unique[tagged, 1]])
     return Mesh(
-        points=np.concatenate([mesh.points, on_sides.reshape(-1, 2), inside.reshape(-1, 2)]),
+        points=np.concatenate([mesh.points, on_sides.reshape(-1, 2), interior.reshape(-1, 2)]),
         simplices=triangles,
         cell=np.repeat(mesh.cell, parts * parts),
         root=np.repeat(mesh.root, parts * parts),
@@ -354,12 +354,12 @@ def _grid_nodes(mesh: Mesh, parts: int) -> Ints:
     for step in range(1, parts):
         for side, (i, j) in enumerate(((step, 0), (parts - step, step), (0, parts - step))):
             forward = unique[number[:, side], 0] == mesh.simplices[:, side]
-            rank = np.where(forward, step, parts - step) - 1
-            node[:, i, j] = len(mesh.points) + number[:, side] * (parts - 1) + rank
-    inside = [(i, j) for i in range(1, parts) for j in range(1, parts - i)]
+            position = np.where(forward, step, parts - step) - 1
+            node[:, i, j] = len(mesh.points) + number[:, side] * (parts - 1) + position
+    interior = [(i, j) for i in range(1, parts) for j in range(1, parts - i)]
     first = len(mesh.points) + len(unique) * (parts - 1)
-    for place, (i, j) in enumerate(inside):
-        node[:, i, j] = first + np.arange(len(mesh)) * len(inside) + place
+    for rank, (i, j) in enumerate(interior):
+        node[:, i, j] = first + np.arange(len(mesh)) * len(interior) + rank
     return node
 
 
@@ -369,31 +369,31 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
     Each triangle is bisected at its longest edge before its other edges (Plaza & Carey 2000, 4T-LE), so that angles
     stay bounded away from 0; a marked one with a corner `singular` (t,), not −1, is bisected at that corner.
     """
-    unique, number = mesh.side_nodes
-    number = np.roll(number, 1, axis=1)  # column k is the edge from corner k to k + 1
-    ends = mesh.points[unique]
+    edges, edge_of = mesh.side_nodes
+    edge_of = np.roll(edge_of, 1, axis=1)  # column k is the edge from corner k to k + 1
+    ends = mesh.points[edges]
     length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
     # of equal lengths the smaller number is the longest, alike for both triangles of an edge
-    rank = np.empty(len(unique), dtype=np.int64)
-    rank[np.lexsort((-np.arange(len(unique)), np.round(length / length.max(), 9)))] = np.arange(len(unique))
-    longest = np.argmax(rank[number], axis=1)
+    rank = np.empty(len(edges), dtype=np.int64)
+    rank[np.lexsort((-np.arange(len(edges)), np.round(length / length.max(), 9)))] = np.arange(len(edges))
+    longest = np.argmax(rank[edge_of], axis=1)
     if singular is not None:
         longest = np.where(marked & (singular >= 0), (singular + 1) % 3, longest)
-    split = np.zeros(len(unique), dtype=bool)
-    split[number[marked]] = True
+    split = np.zeros(len(edges), dtype=bool)
+    split[edge_of[marked]] = True
     # a triangle with any split edge is split at its longest one too
     while True:
-        lead = number[np.arange(len(mesh)), longest]
-        nonconforming = split[number].any(axis=1) & ~split[lead]
+        longest_edge = edge_of[np.arange(len(mesh)), longest]
+        nonconforming = split[edge_of].any(axis=1) & ~split[longest_edge]
         if not nonconforming.any():
             break
-        split[lead[nonconforming]] = True
-    middle = np.full(len(unique), -1, dtype=np.int64)
+        split[longest_edge[nonconforming]] = True
+    middle = np.full(len(edges), -1, dtype=np.int64)
     middle[split] = len(mesh.points) + np.arange(int(split.sum()))
-    triangles, parent = _bisect(mesh, middle[number], longest)
+    triangles, parent = _bisect(mesh, middle[edge_of], longest)
     tagged = mesh.side_tags != FREE
-    whole, halves = np.flatnonzero(tagged & ~split), np.flatnonzero(tagged & split)
-    pairs = [unique[whole], *(np.column_stack([unique[halves, end], middle[halves]]) for end in (0, 1))]
+    unsplit, halves = np.flatnonzero(tagged & ~split), np.flatnonzero(tagged & split)
+    pairs = [edges[unsplit], *(np.column_stack([edges[halves, end], middle[halves]]) for end in (0, 1))]
     return replace(
         mesh,
         points=np.concatenate([mesh.points, ends[split].mean(axis=1)]),
@@ -401,7 +401,7 @@ def refine(mesh: Mesh, marked: Bools, singular: Ints | None = None) -> Mesh:
         cell=mesh.cell[parent],
         root=mesh.root[parent],
         tagged=np.sort(np.concatenate(pairs), axis=1),
-        tag=np.concatenate([mesh.side_tags[whole], mesh.side_tags[halves], mesh.side_tags[halves]]),
+        tag=np.concatenate([mesh.side_tags[unsplit], mesh.side_tags[halves], mesh.side_tags[halves]]),
     )
 
 
@@ -425,9 +425,9 @@ def _bisect(mesh: Mesh, middle: Ints, first: Ints) -> tuple[list[tuple[int, int,
 
 def corner_angles(corners: Floats) -> Floats:
     """Return the angles (t, 3) of triangles with corners (t, 3, 2)."""
-    one, two = np.roll(corners, -1, axis=1) - corners, np.roll(corners, -2, axis=1) - corners
-    cross = one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0]
-    return np.asarray(np.arctan2(cross, (one * two).sum(axis=2)))
+    following, preceding = np.roll(corners, -1, axis=1) - corners, np.roll(corners, -2, axis=1) - corners
+    cross = following[..., 0] * preceding[..., 1] - following[..., 1] * preceding[..., 0]
+    return np.asarray(np.arctan2(cross, (following * preceding).sum(axis=2)))
 
 
 def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
@@ -437,38 +437,36 @@ def fanned(mesh: Mesh, ends: Sequence[Floats]) -> Mesh:
     # stress field; see docs/method.md (9.5).
     if not len(ends):
         return mesh
-    near = _STRAIGHT * float(np.ptp(mesh.points, axis=0).max())
-    nodes = np.flatnonzero((abs(mesh.points[:, None] - np.array(ends)).max(axis=2) <= near).any(axis=1))
+    reach = _STRAIGHT * float(np.ptp(mesh.points, axis=0).max())
+    nodes = np.flatnonzero((abs(mesh.points[:, None] - np.array(ends)).max(axis=2) <= reach).any(axis=1))
     corners = mesh.corners
     angle = corner_angles(corners)
-    around = np.bincount(mesh.simplices.ravel(), angle.ravel(), minlength=len(mesh.points))
+    angle_sum = np.bincount(mesh.simplices.ravel(), angle.ravel(), minlength=len(mesh.points))
     count = np.bincount(mesh.simplices.ravel(), minlength=len(mesh.points))
     # nodes on straight outlines with fewer than three triangles
-    few = np.zeros(len(mesh.points), dtype=bool)
-    few[nodes] = (abs(around[nodes] - np.pi) <= _STRAIGHT) & (count[nodes] < 3)
-    at = few[mesh.simplices]
-    if not at.any():
+    deficient = np.zeros(len(mesh.points), dtype=bool)
+    deficient[nodes] = (abs(angle_sum[nodes] - np.pi) <= _STRAIGHT) & (count[nodes] < 3)
+    at_corner = deficient[mesh.simplices]
+    if not at_corner.any():
         return mesh
-    # one with two such corners is split at its centroid: to choose between them would be to go by their order
-    with_one, with_two = np.flatnonzero(at.sum(axis=1) < 2), np.flatnonzero(at.sum(axis=1) > 1)
-    centre = len(mesh.points) + np.repeat(np.arange(len(with_two)), 3)
-    ends_of = np.stack([mesh.simplices[with_two], np.roll(mesh.simplices[with_two], -1, axis=1)], axis=-1).reshape(
-        -1, 2
-    )
-    order = np.concatenate([with_one, np.repeat(with_two, 3)])
+    # a triangle with two such corners is split at its centroid: to choose between them would be to go by their order
+    several = at_corner.sum(axis=1) > 1
+    whole, centred = np.flatnonzero(~several), np.flatnonzero(several)
+    centre = len(mesh.points) + np.repeat(np.arange(len(centred)), 3)
+    triangles = mesh.simplices[centred]
+    edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
+    parents = np.concatenate([whole, np.repeat(centred, 3)])
     split = replace(
         mesh,
-        points=np.concatenate([mesh.points, corners[with_two].mean(axis=1)]),
-        simplices=np.concatenate([mesh.simplices[with_one], np.column_stack([ends_of, centre])]),
-        cell=mesh.cell[order],
-        root=mesh.root[order],
+        points=np.concatenate([mesh.points, corners[centred].mean(axis=1)]),
+        simplices=np.concatenate([mesh.simplices[whole], np.column_stack([edges, centre])]),
+        cell=mesh.cell[parents],
+        root=mesh.root[parents],
     )
-    marked = np.append(at[with_one].any(axis=1), np.zeros(3 * len(with_two), dtype=bool))
-    return refine(
-        split,
-        marked,
-        np.where(marked, np.append(at[with_one].argmax(axis=1), np.zeros(len(centre), dtype=np.int64)), -1),
-    )
+    marked, singular = np.zeros(len(split), dtype=bool), np.full(len(split), -1)
+    marked[: len(whole)] = at_corner[whole].any(axis=1)
+    singular[: len(whole)] = np.where(marked[: len(whole)], at_corner[whole].argmax(axis=1), -1)
+    return refine(split, marked, singular)
 
 
 def bisect(mesh: Mesh, marked: Bools, weight: Floats | None = None) -> Mesh:
@@ -478,28 +476,29 @@ def bisect(mesh: Mesh, marked: Bools, weight: Floats | None = None) -> Mesh:
     inherited.
     """
     ends = np.sort(mesh.simplices[:, _EDGES], axis=2)
-    unique, number = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
-    number = number.reshape(-1, 6)
-    length = np.linalg.norm(mesh.points[unique[:, 1]] - mesh.points[unique[:, 0]], axis=1)
-    rank = np.empty(len(unique), dtype=np.int64)
+    edges, edge_of = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    edge_of = edge_of.reshape(-1, 6)
+    length = np.linalg.norm(mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]], axis=1)
+    rank = np.empty(len(edges), dtype=np.int64)
     # of equal lengths the smaller number is the longest, alike for all tetrahedra of an edge
-    order = np.lexsort((-np.arange(len(unique)), np.round(length / length.max(), _DIGITS)))
-    rank[order] = np.arange(len(unique))
-    split = np.zeros(len(unique), dtype=bool)
-    every = np.arange(len(mesh))
+    order = np.lexsort((-np.arange(len(edges)), np.round(length / length.max(), _DIGITS)))
+    rank[order] = np.arange(len(edges))
+    split = np.zeros(len(edges), dtype=bool)
+    tetrahedron = np.arange(len(mesh))
     if weight is not None:
         steep = _ASPECT + abs(weight[:, _EDGES[:, 0]] - weight[:, _EDGES[:, 1]])
-        best = np.argmax(np.round(length[number] * steep / length.max(), _DIGITS) + 1e-12 * rank[number], axis=1)
-        split[number[every, best][marked]] = True
-        return halve_edges(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
-    longest = number[every, np.argmax(rank[number], axis=1)]
+        # the rank decides only between edges that are equal up to rounding
+        merit = np.round(length[edge_of] * steep / length.max(), _DIGITS) + 1e-12 * rank[edge_of]
+        split[edge_of[tetrahedron, np.argmax(merit, axis=1)][marked]] = True
+        return halve_edges(mesh, edges[[edge for edge in order[::-1].tolist() if split[edge]]])
+    longest = edge_of[tetrahedron, np.argmax(rank[edge_of], axis=1)]
     split[longest[marked]] = True
     while True:
-        nonconforming = split[number].any(axis=1) & ~split[longest]
+        nonconforming = split[edge_of].any(axis=1) & ~split[longest]
         if not nonconforming.any():
             break
         split[longest[nonconforming]] = True
-    return halve_edges(mesh, unique[[edge for edge in order[::-1].tolist() if split[edge]]])
+    return halve_edges(mesh, edges[[edge for edge in order[::-1].tolist() if split[edge]]])
 
 
 def split_at_centroids(mesh: Mesh) -> Mesh:
@@ -518,33 +517,33 @@ def split_at_centroids(mesh: Mesh) -> Mesh:
 
 def halve_edges(mesh: Mesh, edges: Ints) -> Mesh:
     """Halve edges (k, 2) one after another, each in all tetrahedra and tagged triangles around it."""
-    solids = [tuple(nodes) for nodes in mesh.simplices.tolist()]
-    parent = list(range(len(solids)))
-    solids_at: dict[int, set[int]] = {}  # tetrahedra at each node
-    for index, nodes in enumerate(solids):
+    tetrahedra = [tuple(nodes) for nodes in mesh.simplices.tolist()]
+    parent = list(range(len(tetrahedra)))
+    tetrahedra_at: dict[int, set[int]] = {}  # tetrahedra at each node
+    for index, nodes in enumerate(tetrahedra):
         for node in nodes:
-            solids_at.setdefault(node, set()).add(index)
+            tetrahedra_at.setdefault(node, set()).add(index)
     tagged = _TaggedTriangles(mesh)
     points = mesh.points.tolist()
     for i, j in edges.tolist():
         middle = len(points)
         points.append([0.5 * (p + q) for p, q in zip(points[i], points[j], strict=True)])
-        solids_at[middle] = set()
-        for index in sorted(solids_at[i] & solids_at[j]):
+        tetrahedra_at[middle] = set()
+        for index in sorted(tetrahedra_at[i] & tetrahedra_at[j]):
             # the half at i keeps the number, the half at j has a new one
-            nodes = solids[index]
-            solids[index] = tuple(middle if node == j else node for node in nodes)
-            other = tuple(middle if node == i else node for node in nodes)
-            solids_at[j].discard(index)
-            for node in other:
-                solids_at[node].add(len(solids))
-            solids_at[middle].add(index)
-            solids.append(other)
+            nodes = tetrahedra[index]
+            tetrahedra[index] = tuple(middle if node == j else node for node in nodes)
+            second_half = tuple(middle if node == i else node for node in nodes)
+            tetrahedra_at[j].discard(index)
+            for node in second_half:
+                tetrahedra_at[node].add(len(tetrahedra))
+            tetrahedra_at[middle].add(index)
+            tetrahedra.append(second_half)
             parent.append(parent[index])
         tagged.halve(i, j, middle)
     return Mesh(
         points=np.array(points),
-        simplices=np.array(solids, dtype=np.int64),
+        simplices=np.array(tetrahedra, dtype=np.int64),
         cell=mesh.cell[parent],
         root=mesh.root[parent],
         tagged=np.array(list(tagged.tags), dtype=np.int64).reshape(-1, mesh.dimension),

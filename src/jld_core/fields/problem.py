@@ -27,19 +27,19 @@ def material_of(assembly: Assembly) -> Material:
     # The tensile strength is reduced to τ / μi, the apex of Mohr–Coulomb, where it is larger.
     assembly.members.refuse("an analysis by fields")
     values = np.column_stack(list(vars(assembly.strengths(_ROUTE).side(dry=False)).values()))
-    named = values[~np.isnan(values[:, :2]).any(axis=1)]
-    if not len(named):
+    stated = values[~np.isnan(values[:, :2]).any(axis=1)]
+    if not len(stated):
         raise InputError(
             "materials.inner",
             "cracks by fields need the strengths of the blocks",
             " and ".join(key_of("inner", side) for side in ("tension", "shear")),
         )
-    plain = np.where(np.isinf(named), -1.0, named)
-    if not (np.ptp(plain, axis=0) <= tolerances.ROUNDING * abs(plain).max(axis=0)).all():
+    comparable = np.where(np.isinf(stated), -1.0, stated)
+    if not (np.ptp(comparable, axis=0) <= tolerances.ROUNDING * abs(comparable).max(axis=0)).all():
         raise InputError(
             "interfaces", "inner strengths differ between faces; fields take one material", "one inner material"
         )
-    tension, shear, friction, crushing = (float(value) for value in named[0])
+    tension, shear, friction, crushing = (float(value) for value in stated[0])
     for key, value in ((key_of("inner", "tension"), tension), (key_of("inner", "shear"), shear)):
         if not value > 0.0:
             raise InputError(f"materials.inner.{key}", f"{value:g} is too small for stress fields", "a stress above 0")
@@ -213,10 +213,12 @@ def require_refinement(assembly: Assembly, labels: Bits | None, gap: float, patc
     if patch is not None and not patch > 0.0:
         raise InputError("patch", f"{patch:g} is wrong", "a length above 0")
     # labels (m,), by default those of the scene; InputError for shape, type, or a dry face without friction
-    given = np.asarray(assembly.labels if labels is None else labels)
-    if given.shape != (len(assembly.interfaces),) or given.dtype != bool:
-        raise InputError("labels", f"shape {given.shape} of {given.dtype}", f"({len(assembly.interfaces)},) of bool")
-    missing = np.flatnonzero(given & np.isnan(assembly.strengths(_ROUTE).friction))
+    checked = np.asarray(assembly.labels if labels is None else labels)
+    if checked.shape != (len(assembly.interfaces),) or checked.dtype != bool:
+        raise InputError(
+            "labels", f"shape {checked.shape} of {checked.dtype}", f"({len(assembly.interfaces)},) of bool"
+        )
+    missing = np.flatnonzero(checked & np.isnan(assembly.strengths(_ROUTE).friction))
     if missing.size:
         raise InputError("materials.dry", f"face {assembly.pair(int(missing[0]))} is dry", "a friction coefficient")
-    return given
+    return checked

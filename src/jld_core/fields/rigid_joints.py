@@ -127,40 +127,44 @@ def _equilibrium_matrix(problem: Problem, blocks: RigidBlocks, rows: Ints, *, at
     sides, count = problem.sides, len(rows)
     corners = problem.mesh.corners[sides.a[rows][:, None], sides.corner_a[rows]]
     # the resultant of a linear pressure with value 1 at one corner acts at (2, 1, 1)/4
-    at = corners if at_nodes else (corners + corners.sum(axis=1, keepdims=True)) / 4.0
-    wrench = _wrenches(at) * (sides.area[rows] / 3.0)[:, None, None, None]  # (k, 3, 6, 3)
+    points = corners if at_nodes else (corners + corners.sum(axis=1, keepdims=True)) / 4.0
+    wrench = _wrenches(points) * (sides.area[rows] / 3.0)[:, None, None, None]  # (k, 3, 6, 3)
     # column 9 k + 3 corner + axis
     columns = np.broadcast_to(
         9 * np.arange(count)[:, None, None, None] + 3 * np.arange(3)[:, None, None] + np.arange(3), wrench.shape
     )
     entries = []
-    for sign, sided, tetrahedra in ((1.0, np.ones(count, dtype=bool), sides.a), (-1.0, sides.b[rows] >= 0, sides.b)):
-        first = 6 * blocks.of_cell[problem.mesh.cell[tetrahedra[rows[sided]]]]
-        row = np.broadcast_to(first[:, None, None, None] + np.arange(6)[:, None], wrench[sided].shape)
-        entries.append((sign * wrench[sided].ravel(), row.ravel(), columns[sided].ravel()))
+    for sign, has_side, tetrahedra in ((1.0, np.ones(count, dtype=bool), sides.a), (-1.0, sides.b[rows] >= 0, sides.b)):
+        first = 6 * blocks.of_cell[problem.mesh.cell[tetrahedra[rows[has_side]]]]
+        row = np.broadcast_to(first[:, None, None, None] + np.arange(6)[:, None], wrench[has_side].shape)
+        entries.append((sign * wrench[has_side].ravel(), row.ravel(), columns[has_side].ravel()))
     value, row, column = (np.concatenate(parts) for parts in zip(*entries, strict=True))
     return sp.csr_array((value, (row, column)), shape=(6 * len(blocks.free), 9 * count))
 
 
-def _wrenches(at: Floats) -> Floats:
+def _wrenches(points: Floats) -> Floats:
     """Return maps (..., 6, 3) from forces at places (..., 3) to wrenches about the origin."""
-    found = np.zeros((*at.shape[:-1], 6, 3))
-    found[..., :3, :] = np.eye(3)
+    maps = np.zeros((*points.shape[:-1], 6, 3))
+    maps[..., :3, :] = np.eye(3)
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        found[..., 3 + i, k], found[..., 3 + i, j] = at[..., j], -at[..., k]
-    return found
+        maps[..., 3 + i, k], maps[..., 3 + i, j] = points[..., j], -points[..., k]
+    return maps
 
 
-def _resultants(problem: Problem, blocks: RigidBlocks, body: Floats, pull: Floats) -> Floats:
+def _resultants(problem: Problem, blocks: RigidBlocks, body: Floats, traction: Floats) -> Floats:
     """Sum body forces (t, 3) and tractions (f, 3, 3) to wrenches (b, 6) of blocks about the origin, scaled."""
     mesh, sides = problem.mesh, problem.sides
     total = np.zeros((len(blocks.free), 6))
     force = body * mesh.volume[:, None]
     np.add.at(total, blocks.of_cell[mesh.cell], np.einsum("tij,tj->ti", _wrenches(mesh.corners.mean(axis=1)), force))
-    rows = np.flatnonzero(pull.any(axis=(1, 2)))
+    rows = np.flatnonzero(traction.any(axis=(1, 2)))
     corner = mesh.corners[sides.a[rows][:, None], sides.corner_a[rows]]
-    push = (pull[rows] + pull[rows].sum(axis=1, keepdims=True)) * (sides.area[rows] / 12.0)[:, None, None]
-    np.add.at(total, blocks.of_cell[mesh.cell[sides.a[rows]]], np.einsum("kcij,kcj->ki", _wrenches(corner), push))
+    corner_force = (traction[rows] + traction[rows].sum(axis=1, keepdims=True)) * (sides.area[rows] / 12.0)[
+        :, None, None
+    ]
+    np.add.at(
+        total, blocks.of_cell[mesh.cell[sides.a[rows]]], np.einsum("kcij,kcj->ki", _wrenches(corner), corner_force)
+    )
     return total
 
 
@@ -173,12 +177,12 @@ def _joint_cones(problem: Problem, rows: Ints) -> tuple[Rows, Rows]:
     # tractions near the strength of the blocks would concentrate where no field can spread them
     strength = min(2.0 * problem.material.intercept / (1.0 - problem.material.sine), problem.material.crushing)
     crush = np.minimum(problem.joints.crushing[face], _PRESSED * strength)
-    crushed = np.flatnonzero(np.isfinite(crush))
+    crushable = np.flatnonzero(np.isfinite(crush))
     linear, threes = Rows(), Rows()
     for corner in range(3):
         columns = 9 * np.arange(len(rows))[:, None] + 3 * corner + np.arange(3)
         linear.add([(columns, normal)], 0.0, len(rows))
-        linear.add([(columns[crushed], -normal[crushed])], crush[crushed], len(crushed))
+        linear.add([(columns[crushable], -normal[crushable])], crush[crushable], len(crushable))
         cone = np.stack([mu[:, None] * normal, *tangents], axis=1)  # head μ σ, then the shear tractions
         right = np.zeros((len(rows), 3))
         right[:, 0] = c
@@ -192,27 +196,27 @@ def _edges_of_loss(problem: Problem, blocks: RigidBlocks, traction: Floats, velo
     # with a small bonus for length.
     sides, rows, mesh = problem.sides, blocks.dry(problem), problem.mesh
     nodes = mesh.simplices[sides.a[rows][:, None], sides.corner_a[rows]]
-    place = mesh.points[nodes]
+    corners = mesh.points[nodes]
     # the transpose of the map of forces to wrenches gives velocities of points by those of blocks
-    move = _wrenches(place)
-    jump = -np.einsum("kcij,ki->kcj", move, velocity[blocks.of_cell[mesh.cell[sides.a[rows]]]])
+    wrench_maps = _wrenches(corners)
+    jump = -np.einsum("kcij,ki->kcj", wrench_maps, velocity[blocks.of_cell[mesh.cell[sides.a[rows]]]])
     two_sided = sides.b[rows] >= 0
     jump[two_sided] += np.einsum(
-        "kcij,ki->kcj", move[two_sided], velocity[blocks.of_cell[mesh.cell[sides.b[rows[two_sided]]]]]
+        "kcij,ki->kcj", wrench_maps[two_sided], velocity[blocks.of_cell[mesh.cell[sides.b[rows[two_sided]]]]]
     )
     force = (traction + traction.sum(axis=1, keepdims=True)) * (sides.area[rows] / 12.0)[:, None, None]
-    lost = np.maximum(-np.einsum("kci,kci->kc", force, jump), 0.0)
-    total = lost.sum(axis=1)
+    lost_power = np.maximum(-np.einsum("kci,kci->kc", force, jump), 0.0)
+    total = lost_power.sum(axis=1)
     if not total.any():
         return np.zeros((0, 2), dtype=np.int64)
     ranked = np.sort(total)[::-1]
     last_marked = ranked[int(np.searchsorted(np.cumsum(ranked), _MARKED * ranked.sum()))]
     marked = np.flatnonzero(total >= (1.0 - _EQUAL) * last_marked)
-    share = lost[marked] / total[marked][:, None]
-    ends = place[marked][:, _EDGES]
+    share = lost_power[marked] / total[marked][:, None]
+    ends = corners[marked][:, _EDGES]
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     steep = length * (_ASPECT + abs(share[:, _EDGES[:, 0]] - share[:, _EDGES[:, 1]]))
-    best = np.argmax(steep >= (1.0 - _EQUAL) * steep.max(axis=1, keepdims=True), axis=1)
-    edges = np.unique(np.sort(nodes[marked[:, None], _EDGES[best]], axis=1), axis=0)
+    edge = np.argmax(steep >= (1.0 - _EQUAL) * steep.max(axis=1, keepdims=True), axis=1)
+    edges = np.unique(np.sort(nodes[marked[:, None], _EDGES[edge]], axis=1), axis=0)
     size = np.linalg.norm(mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]], axis=1)
     return np.asarray(edges[np.argsort(-np.round(size / size.max(), 6), kind="stable")])

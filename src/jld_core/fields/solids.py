@@ -71,8 +71,8 @@ class Surface:
     def free(self, facet: Facet) -> list[shapely.Polygon]:
         """Return the regions of a facet outside its interfaces, without slivers thinner than about `reach`."""
         whole = shapely.Polygon(facet.flat(self.points[facet.ring]))
-        rest = shapely.difference(whole, shapely.union_all(self.covered(facet)))
-        return [part for part in shapely.get_parts(rest) if part.area > self.reach * part.length]
+        uncovered = shapely.difference(whole, shapely.union_all(self.covered(facet)))
+        return _polygons_in(uncovered, self.reach)
 
     def loaded(self, index: int) -> list[shapely.Polygon]:
         """Return the load patches on facet number `index` as polygons in the plane."""
@@ -81,11 +81,8 @@ class Surface:
         return [shapely.Polygon(outer, holes) for outer, *holes in rings]
 
 
-def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats | None = None) -> Surface:
-    """Return the surfaces of the free cells, with nodes at `more` places (k, 3).
-
-    InputError unless convex, with plane faces.
-    """
+def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), extra: Floats | None = None) -> Surface:
+    """Return the surfaces of the free cells, with nodes at `extra` points (k, 3); InputError for any not convex."""
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     facets = facets_of([elements.shape[k] for k in free], [elements.faces[k] for k in free])
@@ -94,27 +91,28 @@ def surface_of(assembly: Assembly, patches: tuple[Patch, ...] = (), more: Floats
     # outlines of facets, then of interfaces, then those of patches
     loops = [facet_loops[0] for facet_loops in facets.loops]
     outlines = [*loops, *faces.polygon, *(ring for patch in patches for ring in patch.rings)]
-    points, number = merged_points(np.concatenate([*outlines, np.zeros((0, 3)) if more is None else more]), reach)
+    points, number = merged_points(np.concatenate([*outlines, np.zeros((0, 3)) if extra is None else extra]), reach)
     nodes = np.split(number, np.cumsum([len(outline) for outline in outlines]))[:-1]
-    near = cKDTree(points)
-    rings = [ring_of(points, near, corners, reach) for corners in nodes]
+    tree = cKDTree(points)
+    rings = [ring_of(points, tree, corners, reach) for corners in nodes]
     of_faces, of_patches = rings[len(loops) : len(loops) + len(faces)], iter(rings[len(loops) + len(faces) :])
     frames = FacetFrames.on(facets)
-    made = []
+    result = []
     for index in range(len(facets)):
         cell = int(free[facets.element[index]])
         origin, normal = facets.origin[index], facets.normal[index]
-        on = []
+        faces_on_facet = []
         for face in np.flatnonzero((faces.a == cell) | (faces.b == cell)).tolist():
             outward = faces.normal[face] if faces.a[face] == cell else -faces.normal[face]
-            off = abs((points[of_faces[face]] - origin) @ normal).max()
-            if outward @ normal > _SAME_WAY and off <= 2.0 * reach:
-                on.append(face)
-        made.append(Facet(cell, origin, normal, frames.e1[index], frames.e2[index], rings[index], tuple(on)))
+            distance = abs((points[of_faces[face]] - origin) @ normal).max()
+            if outward @ normal > _SAME_WAY and distance <= 2.0 * reach:
+                faces_on_facet.append(face)
+        e1, e2 = frames.e1[index], frames.e2[index]
+        result.append(Facet(cell, origin, normal, e1, e2, rings[index], tuple(faces_on_facet)))
     between_supports = elements.support[faces.a] & elements.support[faces.b]
-    stated = tuple(None if skip else ring for ring, skip in zip(of_faces, between_supports, strict=True))
-    placed = tuple((patch.facet, tuple(next(of_patches) for _ in patch.rings)) for patch in patches)
-    return Surface(points, tuple(made), stated, placed, reach)
+    rings_of_faces = tuple(None if skip else ring for ring, skip in zip(of_faces, between_supports, strict=True))
+    patch_nodes = tuple((patch.facet, tuple(next(of_patches) for _ in patch.rings)) for patch in patches)
+    return Surface(points, tuple(result), rings_of_faces, patch_nodes, reach)
 
 
 def _require_convex(assembly: Assembly, facets: Facets, reach: float) -> None:
@@ -177,12 +175,12 @@ def layers_of(surface: Surface, cell: int) -> Layers | None:
     facets = [index for index, facet in enumerate(surface.facets) if facet.cell == cell]
     normals = np.array([surface.facets[index].normal for index in facets])
     cosine = normals @ normals.T
-    across = cosine.argmin(axis=1)
+    opposite = cosine.argmin(axis=1)
     nodes = _nodes(surface, facets)
     planes: list[tuple[Floats, float]] = []
-    for i, j in enumerate(across.tolist()):
+    for i, j in enumerate(opposite.tolist()):
         # facets that are each other's most opposite one
-        if i < j and across[j] == i and cosine[i, j] < _OPPOSITE:
+        if i < j and opposite[j] == i and cosine[i, j] < _OPPOSITE:
             planes += _planes(surface, surface.facets[facets[i]], surface.facets[facets[j]], nodes)
     if not planes:
         return None
@@ -215,7 +213,7 @@ def pieces(
     surface: Surface, index: int, region: shapely.Polygon, layers: dict[int, Layers], face: int | None = None
 ) -> list[shapely.Polygon]:
     """Cut a region along the parts of its cell, and of both cells at an interface; without slivers."""
-    facet, cut = surface.facets[index], [region]
+    facet, result = surface.facets[index], [region]
     on_both_sides = [k for k, facet in enumerate(surface.facets) if face is not None and face in facet.faces]
     for place in on_both_sides or [index]:
         cell = surface.facets[place].cell
@@ -223,23 +221,19 @@ def pieces(
             continue
         outlines = [outline for part in layers[cell].parts for name, outline in part.skin if name == place]
         cutters = [shapely.Polygon(facet.flat(outline)) for outline in outlines]
-        parts = [shapely.intersection(piece, cutter) for piece in cut for cutter in cutters]
-        cut = [
-            _without_straight_corners(piece, surface.reach)
-            for part in parts
-            for piece in shapely.get_parts(part).tolist()
-            if piece.geom_type == "Polygon" and piece.area > surface.reach * piece.length
-        ]
-    return cut
+        parts = [shapely.intersection(piece, cutter) for piece in result for cutter in cutters]
+        polygons = [polygon for part in parts for polygon in _polygons_in(part, surface.reach)]
+        result = [_without_straight_corners(polygon, surface.reach) for polygon in polygons]
+    return result
 
 
 def _without_straight_corners(region: shapely.Polygon, reach: float) -> shapely.Polygon:
-    plain = shapely.simplify(region, reach)
-    corners = shapely.get_coordinates(plain.exterior)[:-1]
-    along = corners[1] - corners[-1]
-    off = abs(float(np.linalg.det([along, corners[0] - corners[-1]]))) / float(np.linalg.norm(along))
+    simplified = shapely.simplify(region, reach)
+    corners = shapely.get_coordinates(simplified.exterior)[:-1]
+    chord = corners[1] - corners[-1]
+    height = abs(float(np.linalg.det([chord, corners[0] - corners[-1]]))) / float(np.linalg.norm(chord))
     # the first corner is never simplified away
-    return shapely.Polygon(corners[1:], plain.interiors) if off <= reach and len(corners) > 3 else plain
+    return shapely.Polygon(corners[1:], simplified.interiors) if height <= reach and len(corners) > 3 else simplified
 
 
 def _nodes(surface: Surface, facets: list[int]) -> Floats:
@@ -265,14 +259,14 @@ def _planes(surface: Surface, start: Facet, end: Facet, nodes: Floats) -> list[t
     width = float((start.origin - middle) @ start.normal + (end.origin - middle) @ end.normal)
     side = max(_smaller_side(surface, start), _smaller_side(surface, end))
     if width >= _THRICE * side:
-        shares = [side / width, 1.0 - side / width]
+        targets = [side / width, 1.0 - side / width]
     else:
-        shares = [0.5] if width >= _TWICE * side else []
+        targets = [0.5] if width >= _TWICE * side else []
     of_nodes = np.unique(np.round(share_of_way(nodes), _DIGITS))
     planes = []
-    for wanted in shares:
-        nearest = float(of_nodes[np.argmin(np.round(abs(of_nodes - wanted), _DIGITS))])
-        share = nearest if abs(nearest - wanted) * width <= _SNAP * side else wanted
+    for target in targets:
+        nearest = float(of_nodes[np.argmin(np.round(abs(of_nodes - target), _DIGITS))])
+        share = nearest if abs(nearest - target) * width <= _SNAP * side else target
         normal = share * end.normal - (1.0 - share) * start.normal
         size = float(np.linalg.norm(normal))
         offset = share * float(end.origin @ end.normal) - (1.0 - share) * float(start.origin @ start.normal)
@@ -308,20 +302,20 @@ def _cut_outline(outline: Floats, normal: Floats, offset: float, reach: float) -
     """Cut a convex outline (c, 3) by a plane: pieces (c, 3) before and beyond it, with their points on it (j, 3)."""
     height = outline @ normal - offset
     height = np.where(abs(height) <= reach, 0.0, height)
-    after, next_height = np.roll(outline, -1, axis=0), np.roll(height, -1)
+    next_corner, next_height = np.roll(outline, -1, axis=0), np.roll(height, -1)
     halves = []
     for sign in (-1.0, 1.0):
         piece, edge = [], []
-        for a, b, h, k in zip(outline, after, height, next_height, strict=True):
-            if sign * h >= 0.0:
+        for a, b, height_a, height_b in zip(outline, next_corner, height, next_height, strict=True):
+            if sign * height_a >= 0.0:
                 piece.append(a)
-                if h == 0.0:
+                if height_a == 0.0:
                     edge.append(a)
-            if h * k < 0.0:
-                piece.append(a + (b - a) * (h / (h - k)))
+            if height_a * height_b < 0.0:
+                piece.append(a + (b - a) * (height_a / (height_a - height_b)))
                 edge.append(piece[-1])
-        inside = bool((sign * height > 0.0).any())
-        halves.append((np.array(piece) if inside else np.zeros((0, 3)), np.array(edge).reshape(-1, 3)))
+        has_corner = bool((sign * height > 0.0).any())
+        halves.append((np.array(piece) if has_corner else np.zeros((0, 3)), np.array(edge).reshape(-1, 3)))
     return halves
 
 
@@ -330,11 +324,11 @@ def _convex(places: Floats, normal: Floats, reach: float) -> Floats:
     e1 = np.cross(normal, np.eye(3)[np.argmin(abs(normal))])
     e1 /= np.linalg.norm(e1)
     e2 = np.cross(normal, e1)
-    away = places - places.mean(axis=0)
-    angle = np.arctan2(away @ e2, away @ e1)
+    offset = places - places.mean(axis=0)
+    angle = np.arctan2(offset @ e2, offset @ e1)
     ordered = places[np.argsort(angle)]
-    apart = np.linalg.norm(ordered - np.roll(ordered, 1, axis=0), axis=1) > reach
-    return ordered[apart] if apart.any() else ordered[:1]
+    distinct = np.linalg.norm(ordered - np.roll(ordered, 1, axis=0), axis=1) > reach
+    return ordered[distinct] if distinct.any() else ordered[:1]
 
 
 # Relative difference between the area of an interface and that of its triangles, above which the mesh does not fit it
@@ -376,18 +370,18 @@ class _Filler:
 
     def _nodes_of(self, facet: Facet, region: shapely.Polygon) -> list[Ints]:
         """Return the nodes (k,) of the outline and the holes of a region; InputError for a corner without a node."""
-        reach, fixed = self.surface.reach, self.surface.points
-        near = cKDTree(facet.flat(fixed))
-        height = abs((fixed - facet.origin) @ facet.normal)
+        reach, points = self.surface.reach, self.surface.points
+        tree = cKDTree(facet.flat(points))
+        height = abs((points - facet.origin) @ facet.normal)
         loops = []
         for ring in (region.exterior, *region.interiors):
             nodes = []
-            for place in np.asarray(ring.coords)[:-1]:
-                close = [k for k in near.query_ball_point(place, 4.0 * reach) if height[k] <= 4.0 * reach]
-                if not close:
+            for corner in np.asarray(ring.coords)[:-1]:
+                candidates = [k for k in tree.query_ball_point(corner, 4.0 * reach) if height[k] <= 4.0 * reach]
+                if not candidates:
                     raise self._refusal(facet)
-                nodes.append(close[int(np.linalg.norm(facet.flat(fixed[close]) - place, axis=1).argmin())])
-            loops.append(ring_of(fixed, self._near, np.array(nodes), reach))
+                nodes.append(candidates[int(np.linalg.norm(facet.flat(points[candidates]) - corner, axis=1).argmin())])
+            loops.append(ring_of(points, self._near, np.array(nodes), reach))
         return loops
 
     def _fan(self, facet: Facet, region: shapely.Polygon, outer: list[int], ringed: bool) -> _Triangles:
@@ -470,26 +464,25 @@ class _Skins:
     def add_surfaces(self, dry: Bools) -> None:
         """Fill the facets of all cells with triangles; dry: (m,) interfaces with a ring."""
         surface = self.surface
-        done: dict[int, _Triangles] = {}
-        patched: dict[int, list[int]] = {}
-        for index, (place, _) in enumerate(surface.patches):
-            patched.setdefault(place, []).append(index)
+        triangles_of_face: dict[int, _Triangles] = {}
+        patches_on: dict[int, list[int]] = {}
+        for index, (facet_index, _) in enumerate(surface.patches):
+            patches_on.setdefault(facet_index, []).append(index)
         for index, facet in enumerate(surface.facets):
             for face, polygon in zip(facet.faces, surface.covered(facet), strict=True):
-                if face in done:
+                if face in triangles_of_face:
                     # the other side of the interface looks at the same triangles from behind
-                    self._put(facet.cell, [(a, c, b) for a, b, c in done[face]])
+                    self._put(facet.cell, [(a, c, b) for a, b, c in triangles_of_face[face]])
                 else:
-                    done[face] = self._filled(index, polygon, face, ringed=bool(dry[face]))
-                    self._put(facet.cell, done[face], face)
+                    triangles_of_face[face] = self._filled(index, polygon, face, ringed=bool(dry[face]))
+                    self._put(facet.cell, triangles_of_face[face], face)
             loaded = surface.loaded(index)
-            for patch, polygon in zip(patched.get(index, []), loaded, strict=True):
+            for patch, polygon in zip(patches_on.get(index, []), loaded, strict=True):
                 self._put(facet.cell, self._filled(index, polygon), patch_tag(patch))
             for region in surface.free(facet):
                 unloaded = shapely.difference(region, shapely.union_all(loaded)) if loaded else region
-                for part in shapely.get_parts(unloaded):
-                    if part.geom_type == "Polygon" and part.area > surface.reach * part.length:
-                        self._put(facet.cell, self._filled(index, part))
+                for part in _polygons_in(unloaded, surface.reach):
+                    self._put(facet.cell, self._filled(index, part))
 
     def add_cuts(self) -> None:
         """Fill the planes between the parts of a cell with triangles, seen from either side."""
@@ -528,9 +521,9 @@ def _require_filled(assembly: Assembly, surface: Surface, mesh: Mesh, cell: int)
     sides = mesh.sides
     in_a, in_b = mesh.cell[sides.a] == cell, (sides.b >= 0) & (mesh.cell[np.maximum(sides.b, 0)] == cell)
     area = float(sides.area[in_a != in_b].sum())
-    whole = sum(shapely.Polygon(f.flat(surface.points[f.ring])).area for f in surface.facets if f.cell == cell)
+    surface_area = sum(shapely.Polygon(f.flat(surface.points[f.ring])).area for f in surface.facets if f.cell == cell)
     volume = float(mesh.volume[mesh.cell == cell].sum())
-    if abs(area - whole) > _COVER * whole or abs(volume / assembly.elements.volume[cell] - 1.0) > _COVER:
+    if abs(area - surface_area) > _COVER * surface_area or abs(volume / assembly.elements.volume[cell] - 1.0) > _COVER:
         raise InputError(f"element {assembly.elements.ids[cell]!r}", "its layers do not fill it", "a plainer element")
 
 
@@ -560,33 +553,33 @@ def loaded_solids(
 
     InputError as `surface_of` and `_region_of`.
     """
-    plain = surface_of(assembly)
+    unpatched = surface_of(assembly)
     pieces: dict[int, list[_Piece]] = {}
-    rest = [
-        _add_pieces(assembly, plain, loads, kind, patch, pieces)
+    remainders = [
+        _add_pieces(assembly, unpatched, loads, kind, patch, pieces)
         for kind, loads in enumerate((assembly.dead_loads, assembly.live_loads))
     ]
     patches, tractions = list[Patch](), list[PatchLoad]()
     for index, on_facet in sorted(pieces.items()):
-        facet = plain.facets[index]
-        for polygon, mean, slope in _overlaid(on_facet, plain.reach):
+        facet = unpatched.facets[index]
+        for polygon, mean, slope in _overlaid(on_facet, unpatched.reach):
             rings = tuple(facet.placed(np.asarray(r.coords)[:-1]) for r in (polygon.exterior, *polygon.interiors))
             patches.append(Patch(index, rings))
             tractions.append(PatchLoad(facet.cell, facet.origin, mean, slope))
     dry = np.zeros(len(assembly.interfaces), dtype=bool) if labels is None else labels
-    surface = surface_of(assembly, tuple(patches)) if patches else plain
-    layers = {cell: one for cell in cut if (one := layers_of(surface, cell)) is not None}
+    surface = surface_of(assembly, tuple(patches)) if patches else unpatched
+    layers = {cell: cut_cell for cell in cut if (cut_cell := layers_of(surface, cell)) is not None}
     if layers:
         surface = surface_of(assembly, tuple(patches), corners_of(surface, layers))
     mesh = coarse_solids(assembly, surface, dry, layers)
-    dead, live = (body_forces(assembly, mesh, one) for one in rest)
+    dead, live = (body_forces(assembly, mesh, remainder) for remainder in remainders)
     return mesh, FieldLoads(dead, live, tuple(tractions))
 
 
 def _add_pieces(
     assembly: Assembly, surface: Surface, loads: Loads, kind: int, patch: float | None, pieces: dict[int, list[_Piece]]
 ) -> Floats:
-    """Add tractions of dead (kind 0) or live loads (1) to the pieces by facet; return the rest (n, 6) of the loads."""
+    """Add tractions of dead (kind 0) or live loads (1) to the pieces by facet; return the loads (n, 6) that remain."""
     for traction in loads.tractions:
         index, polygon = _pressed_facet(assembly, surface, traction)
         pieces.setdefault(index, []).append(_piece(surface.facets[index], polygon, traction, kind))
@@ -689,21 +682,21 @@ def _spread(assembly: Assembly, facet: Facet, region: shapely.Polygon, forces: l
     """Spread forces without a width over a free region as a linear traction; InputError if too small."""
     # If forces of one sign would make it pull and press, it covers only the largest part that is symmetric about the
     # resultant.
-    push = np.array([force.vector @ facet.normal for force in forces])
+    pushes = np.array([force.vector @ facet.normal for force in forces])
     whole = _linear(facet, region, forces)
-    if not abs(push.sum()) >= abs(push).sum() * (1.0 - tolerances.ROUNDING) or not push.any():
+    if not abs(pushes.sum()) >= abs(pushes).sum() * (1.0 - tolerances.ROUNDING) or not pushes.any():
         return region, whole
     corners = np.asarray(region.exterior.coords)
-    pressed = whole.at(facet.placed(corners)) @ facet.normal * np.sign(push.sum())
-    if pressed.min() >= -tolerances.CONTACT * pressed.max():
+    pressure = whole.at(facet.placed(corners)) @ facet.normal * np.sign(pushes.sum())
+    if pressure.min() >= -tolerances.CONTACT * pressure.max():
         return region, whole
-    middle = push @ facet.flat(np.array([force.place for force in forces])) / push.sum()
-    turned = shapely.transform(region, lambda flat: 2.0 * middle - flat)
-    parts = shapely.get_parts(shapely.intersection(region, turned))
-    part = max((one for one in parts if one.geom_type == "Polygon"), key=lambda one: one.area, default=None)
-    if part is None or part.area < _LEAST_PATCH * region.area:
+    middle = pushes @ facet.flat(np.array([force.place for force in forces])) / pushes.sum()
+    mirrored = shapely.transform(region, lambda flat: 2.0 * middle - flat)
+    polygons = _polygons_in(shapely.intersection(region, mirrored), 0.0)
+    symmetric = max(polygons, key=lambda polygon: polygon.area, default=None)
+    if symmetric is None or symmetric.area < _LEAST_PATCH * region.area:
         raise _no_room(assembly, facet, facet.placed(middle[None])[0])
-    return part, _linear(facet, part, forces)
+    return symmetric, _linear(facet, symmetric, forces)
 
 
 def _square_of_width(assembly: Assembly, facet: Facet, region: shapely.Polygon, force: _Force, reach: float) -> _Spread:
@@ -728,12 +721,12 @@ def _linear(facet: Facet, region: shapely.Polygon, forces: list[_Force]) -> Trac
     moment = np.sum([np.cross(force.place - origin, force.vector) for force in forces], axis=0)
     second = _second_moment(region, middle)
     about_e1, about_e2, turn = facet.e1 @ moment, facet.e2 @ moment, facet.normal @ moment
-    lean = np.linalg.solve(second, np.array([-about_e2, about_e1]))
+    gradient = np.linalg.solve(second, np.array([-about_e2, about_e1]))
     n = facet.normal
     spin = np.array([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]]) * (turn / np.trace(second))
-    slope = np.outer(n, lean[0] * facet.e1 + lean[1] * facet.e2) + spin
-    gross = sum(float(np.linalg.norm(force.vector)) for force in forces) / area
-    slope[abs(slope) * np.sqrt(area) <= tolerances.ROUNDING * gross] = 0.0
+    slope = np.outer(n, gradient[0] * facet.e1 + gradient[1] * facet.e2) + spin
+    mean_size = sum(float(np.linalg.norm(force.vector)) for force in forces) / area
+    slope[abs(slope) * np.sqrt(area) <= tolerances.ROUNDING * mean_size] = 0.0
     return Traction(facet.cell, (), origin, total / area, slope)
 
 
@@ -753,21 +746,23 @@ def _second_moment(region: shapely.Polygon, middle: Floats) -> Floats:
 
 def _overlaid(pieces: list[_Piece], reach: float) -> list[_Piece]:
     """Cut overlapping pieces of one facet into disjoint parts, each with the sum of its tractions."""
-    done: list[_Piece] = []
+    disjoint: list[_Piece] = []
     for polygon, mean, slope in pieces:
-        uncovered, new = polygon, []
-        for other in done:
-            shared = _parts(shapely.intersection(other.polygon, uncovered), reach)
-            new += [_Piece(part, other.mean + mean, other.slope + slope) for part in shared]
-            new += [
-                other._replace(polygon=part) for part in _parts(shapely.difference(other.polygon, uncovered), reach)
+        uncovered, next_disjoint = polygon, []
+        for piece in disjoint:
+            shared = _polygons_in(shapely.intersection(piece.polygon, uncovered), reach)
+            next_disjoint += [_Piece(part, piece.mean + mean, piece.slope + slope) for part in shared]
+            next_disjoint += [
+                piece._replace(polygon=part)
+                for part in _polygons_in(shapely.difference(piece.polygon, uncovered), reach)
             ]
-            uncovered = shapely.difference(uncovered, other.polygon)
-        done = new + [_Piece(part, mean, slope) for part in _parts(uncovered, reach)]
-    return done
+            uncovered = shapely.difference(uncovered, piece.polygon)
+        disjoint = next_disjoint + [_Piece(part, mean, slope) for part in _polygons_in(uncovered, reach)]
+    return disjoint
 
 
-def _parts(region: shapely.Geometry, reach: float) -> list[shapely.Polygon]:
+def _polygons_in(region: shapely.Geometry, reach: float) -> list[shapely.Polygon]:
+    """Return the polygons of a geometry, without slivers thinner than about `reach`."""
     parts = shapely.get_parts(region)
     return [part for part in parts if part.geom_type == "Polygon" and part.area > reach * part.length]
 

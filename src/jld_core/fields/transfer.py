@@ -51,9 +51,9 @@ class FieldMechanism:
 
     def costs(self, labels: Bits) -> Floats:
         """Return by how much (m,) the bound rises if one face becomes undecided; inf where a flow rule is violated."""
-        labelled, other = np.where(labels, self.dry, self.inner), np.where(labels, self.inner, self.dry)
+        labelled, relabelled = np.where(labels, self.dry, self.inner), np.where(labels, self.inner, self.dry)
         finite = np.isfinite(labelled)
-        return np.where(finite, np.maximum(other, labelled) - np.where(finite, labelled, 0.0), np.inf)
+        return np.where(finite, np.maximum(relabelled, labelled) - np.where(finite, labelled, 0.0), np.inf)
 
 
 @dataclass(frozen=True)
@@ -94,18 +94,18 @@ def mechanism_bounds(upper: UpperBound, velocity: Floats) -> FieldMechanism | No
         return None
     # dissipation is convex along a side, so its corner values bound it
     corner_share = sides.area / problem.mesh.dimension
-    ends = problem.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
-    inside = corner_share[problem.inside] * ends[problem.inside].sum(axis=1)
-    blocks = problem.mesh.volume * problem.material.dissipation(rates.trace, rates.shear, allowance)
+    crack_power = problem.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
+    in_cells = corner_share[problem.inside] * crack_power[problem.inside].sum(axis=1)
+    in_simplices = problem.mesh.volume * problem.material.dissipation(rates.trace, rates.shear, allowance)
     dead = upper.dead * velocity
-    slack = tolerances.SUMMATION * (float(inside.sum()) + float(blocks.sum()) + float(np.abs(dead).sum()))
-    constant = (float(inside.sum()) + float(blocks.sum()) - float(dead.sum()) + slack) / work
+    slack = tolerances.SUMMATION * (float(in_cells.sum()) + float(in_simplices.sum()) + float(np.abs(dead).sum()))
+    constant = (float(in_cells.sum()) + float(in_simplices.sum()) - float(dead.sum()) + slack) / work
     if not np.isfinite(constant):
         return None
     rows = problem.on_faces
     face, count = problem.face[rows], len(problem.joints.friction)
     joint = corner_share[rows] * upper.joint_power(rates, rows, allowance).sum(axis=1)
-    crack = corner_share[rows] * ends[rows].sum(axis=1)
+    crack = corner_share[rows] * crack_power[rows].sum(axis=1)
     load = problem.units.load
     dry, inner = (np.asarray(np.bincount(face, part, minlength=count) * (load / work)) for part in (joint, crack))
     return FieldMechanism(constant * load, dry.astype(np.float64), inner.astype(np.float64))
@@ -117,5 +117,5 @@ def stresses_of(lower: LowerBound, field: StressField, labels: Bits) -> FieldStr
     rows = problem.on_faces
     fits = lower.joint_room(field.stress, rows).min(axis=1) >= field.charge
     fits &= labels[problem.face[rows]] | ~lower.frictionless[problem.face[rows]]
-    wrong = np.bincount(problem.face[rows], ~fits, minlength=len(problem.joints.friction))
-    return FieldStresses(field.factor * problem.units.load, wrong == 0)
+    misfits = np.bincount(problem.face[rows], ~fits, minlength=len(problem.joints.friction))
+    return FieldStresses(field.factor * problem.units.load, misfits == 0)

@@ -113,7 +113,7 @@ class VelocityProgram:
 
     def solve_all(self, dry: Bools) -> list[Answer]:
         """Solve the programs of k labellings; see `solve`. dry: (k, f)."""
-        off, objective = zip(*(self._for_labels(one) for one in dry), strict=True)
+        off, objective = zip(*(self._for_labels(dry_sides) for dry_sides in dry), strict=True)
         return self._program.solve_all(np.array(off), np.array(objective))
 
     def _for_labels(self, dry: Bools, undecided: Bools | None = None) -> tuple[Bools, Floats]:
@@ -185,8 +185,8 @@ class VelocityProgram:
         trace = strain[:, DIAGONAL].sum(axis=1)
         negative = self._new(np.zeros(6 * count)).reshape(count, 6)
         total = self._multipliers((columns, trace), mesh.volume / size, None)
-        held = [(columns, trace), (negative[:, DIAGONAL], 2.0), *((c, -v) for c, v in total)]
-        self._linear.add(held, 0.0, count)
+        trace_rule = [(columns, trace), (negative[:, DIAGONAL], 2.0), *((c, -v) for c, v in total)]
+        self._linear.add(trace_rule, 0.0, count)
         rows, positive = 6 * count, (negative.ravel(), -1.0)
         self._psd.add([positive], 0.0, rows)
         self._psd.add([(np.repeat(columns, 6, axis=0), -strain.reshape(rows, 12)), positive], 0.0, rows)
@@ -243,12 +243,12 @@ class VelocityProgram:
         count, size = len(tail), tail.shape[1] + 1
         entries: Entries = []
         tails: list[Entries] = [[(columns, tail[:, j])] for j in range(size - 1)]
-        for place, parts in enumerate([head, *tails]):
-            for where, values in parts:
-                flat = where.reshape(count, -1)
-                table = np.zeros((count, size, flat.shape[1]))
-                table[:, place] = -np.broadcast_to(values, where.shape).reshape(count, -1)
-                entries.append((np.repeat(flat, size, axis=0), table.reshape(count * size, -1)))
+        for row, entries_of_row in enumerate([head, *tails]):
+            for columns_of_entry, values in entries_of_row:
+                entry_columns = columns_of_entry.reshape(count, -1)
+                values_by_row = np.zeros((count, size, entry_columns.shape[1]))
+                values_by_row[:, row] = -np.broadcast_to(values, columns_of_entry.shape).reshape(count, -1)
+                entries.append((np.repeat(entry_columns, size, axis=0), values_by_row.reshape(count * size, -1)))
         self._add(group, entries, 0.0, size * count, None if owner is None else np.repeat(owner, size))
 
 
@@ -262,29 +262,29 @@ def opening_motion(problem: Problem) -> Floats | None:
     # move by the gradient of a convex function that is linear on triangles. Such a gradient jumps along the normals of
     # edges: they open without sliding.
     mesh = problem.mesh
-    cells, number = np.unique(mesh.cell, return_inverse=True)
-    area = np.bincount(number, mesh.volume)
+    cell_numbers, cell = np.unique(mesh.cell, return_inverse=True)
+    area = np.bincount(cell, mesh.volume)
     middle = mesh.corners.mean(axis=1)
-    centre = np.column_stack([np.bincount(number, mesh.volume * middle[:, axis]) / area for axis in (0, 1)])
-    motion, apart = _cell_motion(problem, number, centre, len(cells)), _convex_gradients(problem, number)
-    if motion is None or apart is None:
+    centre = np.column_stack([np.bincount(cell, mesh.volume * middle[:, axis]) / area for axis in (0, 1)])
+    motion, gradients = _cell_motion(problem, cell, centre, len(cell_numbers)), _convex_gradients(problem, cell)
+    if motion is None or gradients is None:
         return None
-    values, slack = motion
-    away = mesh.corners - centre[number][:, None]
-    gradient = values[:, 2:6].reshape(-1, 2, 2)[number]
-    velocity = values[number, :2][:, None] + np.einsum("tij,tkj->tki", gradient, away)
+    cell_motions, slack = motion
+    arm = mesh.corners - centre[cell][:, None]
+    gradient = cell_motions[:, 2:6].reshape(-1, 2, 2)[cell]
+    velocity = cell_motions[cell, :2][:, None] + np.einsum("tij,tkj->tki", gradient, arm)
     # jumps of at most a quarter of the slack from each side leave half of it on interfaces
     steep = 1.0 + max(float(problem.joints.friction.max(initial=0.0)), problem.material.friction)
-    share = 0.25 * slack / (steep * float(np.hypot(*apart.T).max(initial=1e-300)))
-    return np.asarray(velocity + share * apart[:, None])
+    share = 0.25 * slack / (steep * float(np.hypot(*gradients.T).max(initial=1e-300)))
+    return np.asarray(velocity + share * gradients[:, None])
 
 
-def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
+def _convex_gradients(problem: Problem, cell: Ints) -> Floats | None:
     """Find gradients (t, 2) of a function linear on triangles and convex in each cell, by a linear program; or None."""
     # One exists for every mesh of fans, trees of triangles and their bisections, which are regular subdivisions.
     mesh, sides = problem.mesh, problem.sides
     # one value of the function for each node of each cell
-    key = number[:, None] * len(mesh.points) + mesh.simplices
+    key = cell[:, None] * len(mesh.points) + mesh.simplices
     unique, node = np.unique(key, return_inverse=True)
     node = node.reshape(-1, 3)
     inside = problem.inside
@@ -308,7 +308,7 @@ def _convex_gradients(problem: Problem, number: Ints) -> Floats | None:
     return np.asarray(np.einsum("tki,tk->ti", mesh.gradient, answer.point[:-1][node]))
 
 
-def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> tuple[Floats, float] | None:
+def _cell_motion(problem: Problem, cell: Ints, centre: Floats, count: int) -> tuple[Floats, float] | None:
     """Find motions of the cells (count, 6), coefficients ≤ 1, of the largest slack in all flow rules; or None."""
     # Columns: velocity (2) and gradient G (2, 2), row by row, of each cell, then the slack.
     width = 6 * count + 1
@@ -317,7 +317,7 @@ def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> 
     for sign in (1.0, -1.0):
         linear.add([(coefficients, sign)], 1.0, len(coefficients))
     linear.add([(np.array([width - 1]), 1.0)], 1.0, 1)
-    _add_joint_rules(linear, problem, number, centre, width)
+    _add_joint_rules(linear, problem, cell, centre, width)
     _add_cell_rules(linear, cones, problem.material.sine, count, width)
     parts = [part for part in (linear, cones) if part.count]
     objective = np.zeros(width)
@@ -329,7 +329,7 @@ def _cell_motion(problem: Problem, number: Ints, centre: Floats, count: int) -> 
     return (answer.point[:-1].reshape(-1, 6), slack) if slack > _LEAST else None
 
 
-def _add_joint_rules(linear: Rows, problem: Problem, number: Ints, centre: Floats, width: int) -> None:
+def _add_joint_rules(linear: Rows, problem: Problem, cell: Ints, centre: Floats, width: int) -> None:
     """Append slack √(1 + μ²) ≤ δn ± μ δs at both ends of edges on interfaces, μ the larger of joint and material."""
     sides, rows = problem.sides, problem.on_faces
     slope = np.maximum(problem.joints.friction, problem.material.friction)[problem.face[rows]]
@@ -338,18 +338,18 @@ def _add_joint_rules(linear: Rows, problem: Problem, number: Ints, centre: Float
     normal = sides.normal[rows]
     tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
     for end in (0, 1):
-        place = problem.mesh.corners[sides.a[rows], sides.corner_a[rows, end]]
+        point = problem.mesh.corners[sides.a[rows], sides.corner_a[rows, end]]
         for sign in (1.0, -1.0):
-            along = normal - sign * slope[:, None] * tangent
+            opening_direction = normal - sign * slope[:, None] * tangent
             entries = [(slack, 1.0 * size)]
             for triangle, weight in ((sides.a[rows], -1.0), (sides.b[rows], 1.0)):
                 # a support has no columns: those of the other side stand in, with values 0
                 moves = triangle >= 0
-                cell = number[np.maximum(triangle, 0)]
-                first = np.where(moves, 6 * cell, 6 * number[sides.a[rows]])
-                arm = place - centre[cell]
+                cell_beside = cell[np.maximum(triangle, 0)]
+                first = np.where(moves, 6 * cell_beside, 6 * cell[sides.a[rows]])
+                arm = point - centre[cell_beside]
                 for axis in (0, 1):
-                    value = -np.where(moves, weight, 0.0) * along[:, axis]
+                    value = -np.where(moves, weight, 0.0) * opening_direction[:, axis]
                     entries.append((first + axis, value))
                     entries += [(first + 2 + 2 * axis + k, value * arm[:, k]) for k in (0, 1)]
             linear.add(entries, 0.0, len(rows))
@@ -358,13 +358,13 @@ def _add_joint_rules(linear: Rows, problem: Problem, number: Ints, centre: Float
 def _add_cell_rules(linear: Rows, cones: Rows, sine: float, count: int, width: int) -> None:
     """Append slack ≤ e and g sin φ ≤ e − slack of each cell, with e and g of docs/method.md (9.2)."""
     # Columns 6 c + 2 … 6 c + 5 are the velocity gradient of cell c, row by row; the last column is the slack.
-    first, slack, ones = 6 * np.arange(count) + 2, np.full(count, width - 1), np.ones(count)
-    trace = [(first, -ones), (first + 3, -ones), (slack, ones)]
+    gradient_column, slack, ones = 6 * np.arange(count) + 2, np.full(count, width - 1), np.ones(count)
+    trace = [(gradient_column, -ones), (gradient_column + 3, -ones), (slack, ones)]
     linear.add(trace, 0.0, count)
     if not sine > 0.0:
         return
-    differences = [(first, -sine * ones), (first + 3, sine * ones)]
-    sums = [(first + 1, -sine * ones), (first + 2, -sine * ones)]
+    differences = [(gradient_column, -sine * ones), (gradient_column + 3, sine * ones)]
+    sums = [(gradient_column + 1, -sine * ones), (gradient_column + 2, -sine * ones)]
     for k in range(count):
         for part in (trace, differences, sums):
             cones.add([(column[k : k + 1], value[k : k + 1]) for column, value in part], 0.0, 1)
@@ -398,10 +398,7 @@ class Settling:
         self._rates = rates.matrix(6 * count)
 
     def settled(self, velocity: Floats, dry: Bools) -> Floats:
-        """Move velocities (t, 3, 2) by about the solver's residual so that active flow rules hold.
-
-        Nothing is proven.
-        """
+        """Move velocities (t, 3, 2) by about the solver's residual so that active flow rules hold; without proof."""
         # A flow rule is active if it is violated, or met with a margin below a small share of the largest velocity.
         moved = velocity.ravel()
         for _ in range(_ROUNDS if self.problem.material.sine or self.problem.joints.friction.any() else 1):
@@ -410,10 +407,10 @@ class Settling:
                 break
             square = sp.csc_matrix(matrix @ matrix.T + _REGULAR * sp.eye_array(matrix.shape[0]))
             solver = splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-            before = moved
+            previous = moved
             for _ in range(4):
                 moved = moved - matrix.T @ solver.solve(matrix @ moved)
-            if float(abs(moved - before).max()) <= tolerances.ROUNDING * float(abs(moved).max()):
+            if float(abs(moved - previous).max()) <= tolerances.ROUNDING * float(abs(moved).max()):
                 break
         return np.asarray(moved.reshape(velocity.shape))
 
@@ -426,36 +423,38 @@ class Settling:
         # of a joint the flow rule is δn ≥ μ|δs|, of the material δn ≥ sin φ √(δn² + δs²), so δn ≥ tan φ |δs|
         slope = np.full(len(face), problem.material.friction)
         slope[joint] = problem.joints.friction[face[joint]]
-        held = np.full(len(face), rigid)  # where crushing does not replace the flow rule
-        held[joint] = np.isinf(problem.joints.crushing[face[joint]])
+        without_crushing = np.full(len(face), rigid)  # where crushing does not replace the flow rule
+        without_crushing[joint] = np.isinf(problem.joints.crushing[face[joint]])
         count = len(problem.mesh)
         # of triangles, and of both ends of edges
-        rules = [(np.full(count, problem.material.sine), np.full(count, rigid)), (slope, held), (slope, held)]
+        at_end = slope, without_crushing
+        rules = [(np.full(count, problem.material.sine), np.full(count, rigid)), at_end, at_end]
         equations = Rows()
-        for (head, *tail), (steep, without_crushing) in zip(self._groups, rules, strict=True):
-            _add_active_rules(equations, rates, head, tail, steep, without_crushing, small)
+        for (openings, *slips), (factor, rule_holds) in zip(self._groups, rules, strict=True):
+            _add_active_rules(equations, rates, openings, slips, factor, rule_holds, small)
         return sp.csr_array(equations.matrix(len(rates)) @ self._rates) if equations.count else None
 
 
 def _add_active_rules(
-    equations: Rows, rates: Floats, head: Ints, tail: list[Ints], slope: Floats, wanted: Bools, small: float
+    equations: Rows, rates: Floats, head: Ints, tail: list[Ints], slope: Floats, applies: Bools, small: float
 ) -> None:
     """Append equations that keep active flow rules rates[head] = slope · |rates[tail]| (k,).
 
-    wanted: (k,) False where crushing replaces the rule; small: rate that counts as zero.
+    head, tail: rows of `rates` with openings and slips; applies: (k,) False where crushing replaces the rule; small:
+    rate that counts as zero.
     """
-    value, parts = rates[head], [rates[part] for part in tail]
-    size = np.sqrt(sum((part**2 for part in parts), np.zeros(len(value))))
-    active = wanted & (value - slope * size <= small)
-    still = active & (size <= small)
-    free = slope == 0.0
+    opening, slips = rates[head], [rates[columns] for columns in tail]
+    slip = np.sqrt(sum((columns**2 for columns in slips), np.zeros(len(opening))))
+    active = applies & (opening - slope * slip <= small)
+    at_rest = active & (slip <= small)
+    frictionless = slope == 0.0
     # opening 0 where nothing resists slip or nothing slips, slip 0 where nothing slips, else the tangent of the cone
-    for rows in (head[(active & free) | still], *(part[still] for part in tail)):
+    for rows in (head[(active & frictionless) | at_rest], *(columns[at_rest] for columns in tail)):
         equations.add([(rows, 1.0)], 0.0, len(rows))
-    sliding = np.flatnonzero(active & ~still & ~free)
+    sliding = np.flatnonzero(active & ~at_rest & ~frictionless)
     if sliding.size:
-        shares = [-(slope * rate)[sliding] / size[sliding] for rate in parts]
-        tangent = [(part[sliding], share) for part, share in zip(tail, shares, strict=True)]
+        shares = [-(slope * rate)[sliding] / slip[sliding] for rate in slips]
+        tangent = [(columns[sliding], share) for columns, share in zip(tail, shares, strict=True)]
         equations.add([(head[sliding], 1.0), *tangent], 0.0, len(sliding))
 
 
@@ -517,17 +516,14 @@ class UpperBound:
 
     def __init__(self, problem: Problem, many: bool = False) -> None:
         self.problem, self._many = problem, many
-        self._motion: Floats | None = None
-        self._settling: Settling | None = None
-        self._tried = False
         self.status = ""
         corners = problem.mesh.dimension + 1
         # strain rates are velocities over heights of simplices
         self._steep = max(1.0, float(abs(problem.mesh.gradient).max()))
         corner = problem.mesh.volume[:, None, None] / corners
-        self.live = np.repeat(problem.live[:, None, :] * corner, corners, axis=1) + self._nodal_forces(problem.pull)
-        self.dead = np.repeat(problem.dead[:, None, :] * corner, corners, axis=1) + self._nodal_forces(
-            problem.dead_pull
+        self.live, self.dead = (
+            np.repeat(volume_force[:, None, :] * corner, corners, axis=1) + self._nodal_forces(pull)
+            for volume_force, pull in ((problem.live, problem.pull), (problem.dead, problem.dead_pull))
         )
 
     def _nodal_forces(self, pull: Floats) -> Floats:
@@ -565,11 +561,11 @@ class UpperBound:
         """Return a mechanism in space that the dead load drives, with positive live work, or None."""
         # The factor of the field is below 0: the blocks collapse under every live load λ ≥ 0. How far below is chance;
         # the factor is at least `_RAY`, and any larger bound holds too.
-        problem, none = self.problem, np.zeros_like(self.dead)
-        answer = VelocityProgram(problem, self.dead, none, _FALLING, labels=labels, driving=self.live).solve()
+        problem, zero = self.problem, np.zeros_like(self.dead)
+        answer = VelocityProgram(problem, self.dead, zero, _FALLING, labels=labels, driving=self.live).solve()
         velocity = self._velocity(answer)
-        found = self._proven(velocity, self.rates(velocity), labels) if answer.usable else None
-        return replace(found, factor=max(found.factor, _RAY)) if found is not None and found.factor < 0.0 else None
+        field = self._proven(velocity, self.rates(velocity), labels) if answer.usable else None
+        return replace(field, factor=max(field.factor, _RAY)) if field is not None and field.factor < 0.0 else None
 
     def bound_all(self, labellings: Bits) -> list[VelocityField | None]:
         """Find velocity fields for labellings (k, m) in the plane, solved together where possible."""
@@ -615,22 +611,25 @@ class UpperBound:
     def _velocity_program(self) -> VelocityProgram:
         return VelocityProgram(self.problem, self.live, self.dead, many=self._many)
 
+    @cached_property
+    def _settling(self) -> Settling:
+        return Settling(self.problem)
+
     def certify(self, velocity: Floats, labels: Bits, expected: float = -math.inf) -> VelocityField | None:
         """Repair velocities (t, 3, 2) until every flow rule holds, and compute their upper bound."""
         opened = self._open_until_valid(velocity, labels)
         if opened is not None and opened.factor - expected <= _CHEAP * abs(opened.factor):
             return opened
-        if self._settling is None:
-            self._settling = Settling(self.problem)
-        near = self._open_until_valid(self._settling.settled(velocity, self.problem.is_dry(labels)), labels)
-        return min((one for one in (near, opened) if one is not None), key=lambda one: one.factor, default=None)
+        settled = self._open_until_valid(self._settling.settled(velocity, self.problem.is_dry(labels)), labels)
+        fields = [field for field in (settled, opened) if field is not None]
+        return min(fields, key=lambda field: field.factor, default=None)
 
     def _open_until_valid(self, velocity: Floats, labels: Bits) -> VelocityField | None:
         """Open velocities (t, 3, 2) until every flow rule holds, and compute their bound; or None."""
         rates = self.rates(velocity)
         worst, share, allowance = self._worst(rates, labels), 0.0, 0.0
         if worst > 0.0:
-            motion = self._opening()
+            motion = self._opening
             if motion is not None:
                 # the room of the motion is at least one in every flow rule, and flow rules are concave
                 share = worst * _MORE
@@ -664,31 +663,29 @@ class UpperBound:
         # Violations up to a share of the fastest velocity are rounding of the solver. The opening motion, which exceeds
         # every flow rule by at least 1, is added as often as the worst of them lacks. Larger ones are no rounding and
         # stay: for the labels whose flow rule they violate the field proves nothing.
-        every = np.ones(len(self.problem.joints.friction), dtype=bool)
-        rates = self.rates(velocity)
-        lacks = np.concatenate([part.ravel() for b in (every, ~every) for part in self.lacking(rates, b)])
+        lacks = np.concatenate([part.ravel() for part in self._lacking_under_either(self.rates(velocity))])
         small = lacks[lacks <= share * float(abs(velocity).max())]
         worst = float(small.max(initial=0.0))
-        motion = self._opening() if worst > 0.0 else None
+        motion = self._opening if worst > 0.0 else None
         return velocity if motion is None else velocity + worst * _MORE * motion
 
     def _worst(self, rates: Rates, labels: Bits) -> float:
         """Return the largest opening that any flow rule lacks, scaled; up to 0 where all hold."""
         return max(float(part.max(initial=-np.inf)) for part in self.lacking(rates, labels))
 
+    @cached_property
     def _opening(self) -> Floats | None:
-        """Return the opening motion (t, 3, 2) with room ≥ 1 in every flow rule, or None."""
-        # Computed at the first call and kept.
-        if not self._tried:
-            self._tried = True
-            motion = opening_motion(self.problem)
-            if motion is not None:
-                rates, every = self.rates(motion), np.ones(len(self.problem.joints.friction), dtype=bool)
-                room = min(
-                    -float(part.max(initial=-np.inf)) for b in (every, ~every) for part in self.lacking(rates, b)
-                )
-                self._motion = motion / room if room > 0.0 else None
-        return self._motion
+        """Opening motion (t, 3, 2) with room ≥ 1 in every flow rule, or None."""
+        motion = opening_motion(self.problem)
+        if motion is None:
+            return None
+        lack = max(float(part.max(initial=-np.inf)) for part in self._lacking_under_either(self.rates(motion)))
+        return motion / -lack if lack < 0.0 else None
+
+    def _lacking_under_either(self, rates: Rates) -> list[Floats]:
+        """Return the opening that flow rules lack, `lacking` with all faces dry and with all inner."""
+        dry = np.ones(len(self.problem.joints.friction), dtype=bool)
+        return [part for labels in (dry, ~dry) for part in self.lacking(rates, labels)]
 
     def rates(self, velocity: Floats) -> Rates:
         """Compute strain rates and jumps of velocities (t, d + 1, d); supports stand still."""

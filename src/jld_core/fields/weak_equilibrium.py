@@ -46,8 +46,8 @@ class WeakEquilibrium:
     def __init__(self, problem: Problem, labels: Bits) -> None:
         self.problem, self._labels = problem, labels
         sides, dry = problem.sides, problem.is_dry(labels)
-        there = (sides.b >= 0) | (problem.face >= 0)
-        self._material: Ints = np.flatnonzero(there & ~dry)
+        jumps = (sides.b >= 0) | (problem.face >= 0)
+        self._material: Ints = np.flatnonzero(jumps & ~dry)
         self._dry: Ints = np.flatnonzero(dry)
         self._panels = len(problem.mesh) + 2 * len(self._material)
         self.width = 4 * self._panels + 4 * len(self._dry) + 1
@@ -58,7 +58,7 @@ class WeakEquilibrium:
         upper = UpperBound(self.problem)
         return upper.live, upper.dead
 
-    def _pairs(self) -> list[tuple[Ints, int, Ints, Ints]]:
+    def _traction_columns(self) -> list[tuple[Ints, int, Ints, Ints]]:
         """Return edges, ends and columns of N and S for each kind of edge end; two of N, to be added, at panels."""
         count, kinds = len(self.problem.mesh), []
         for end in (0, 1):
@@ -86,27 +86,27 @@ class WeakEquilibrium:
         loads = Rows()
         loads.add([(np.full(6 * count, load_column), -live.ravel())], dead.ravel(), 6 * count)
         entries = _Entries()
-        row, base = 6 * np.arange(count), 3 * np.arange(count)
+        row, stress_column = 6 * np.arange(count), 3 * np.arange(count)
         for k in range(3):
             gradient = mesh.volume[:, None] * mesh.gradient[:, k]
             gx, gy = gradient.T
-            for axis, parts in enumerate(((gx, gx, gy), (gy, -gy, gx))):
-                for j, value in enumerate(parts):
-                    entries.add(row + 2 * k + axis, base + j, value)
+            for axis, coefficients in enumerate(((gx, gx, gy), (gy, -gy, gx))):
+                for j, value in enumerate(coefficients):
+                    entries.add(row + 2 * k + axis, stress_column + j, value)
         sides = problem.sides
-        for edges, end, first, shear in self._pairs():
+        for edges, end, first, shear in self._traction_columns():
             half = 0.5 * sides.area[edges]
             nx, ny = sides.normal[edges].T
             normals = [first, first + 1] if edges is self._material else [first]
             for axis, (n, t) in enumerate(((nx, -ny), (ny, nx))):
-                for place, sign, which in self._corners(edges, end, axis):
+                for rows, sign, index in self._corners(edges, end, axis):
                     for column in normals:
-                        entries.add(place, column[which], sign * (half * n)[which])
-                    entries.add(place, shear[which], sign * (half * t)[which])
+                        entries.add(rows, column[index], sign * (half * n)[index])
+                    entries.add(rows, shear[index], sign * (half * t)[index])
         return sp.csr_array(loads.matrix(self.width) + entries.matrix((6 * count, self.width))), loads.right
 
     def _corners(self, edges: Ints, end: int, axis: int) -> list[tuple[Ints, float, Ints]]:
-        """Return rows, signs and places in `edges` (k,) of the triangles on both sides of edges at one end."""
+        """Return rows, signs and positions in `edges` (k,) for the triangles on both sides of edges at one end."""
         sides = self.problem.sides
         two_sided = np.flatnonzero(sides.b[edges] >= 0)
         first = 6 * sides.a[edges] + 2 * sides.corner_a[edges, end] + axis
@@ -122,7 +122,7 @@ class WeakEquilibrium:
         mu, c, crush = problem.joints.friction[face], problem.joints.shear[face], problem.joints.crushing[face]
         size = np.maximum(1.0, mu)
         crushable = np.flatnonzero(np.isfinite(crush))
-        for edges, _, normal, shear in self._pairs():
+        for edges, _, normal, shear in self._traction_columns():
             if edges is not self._dry:
                 continue
             linear.add([(normal, 1.0)], 0.0, len(edges))
@@ -160,24 +160,24 @@ class WeakEquilibrium:
         load = problem.dead + float(point[-1]) * problem.live
         for axis, (sx, sy) in enumerate(((m + d, s), (s, m - d))):
             for k in range(3):
-                place = row + 2 * k + axis
+                rows = row + 2 * k + axis
                 # area times the gradient at corner k is half the opposite edge, turned
-                entries.add_vector(place, nodes[:, (k + 2) % 3], 0.5 * np.column_stack([sy, -sx]))
-                entries.add_vector(place, nodes[:, (k + 1) % 3], -0.5 * np.column_stack([sy, -sx]))
+                entries.add_vector(rows, nodes[:, (k + 2) % 3], 0.5 * np.column_stack([sy, -sx]))
+                entries.add_vector(rows, nodes[:, (k + 1) % 3], -0.5 * np.column_stack([sy, -sx]))
                 for j in range(3):
-                    grown = mesh.volume[:, None] * mesh.gradient[:, j] * (-load[:, axis] / 3.0)[:, None]
-                    entries.add_vector(place, nodes[:, j], grown)
+                    of_load = mesh.volume[:, None] * mesh.gradient[:, j] * (-load[:, axis] / 3.0)[:, None]
+                    entries.add_vector(rows, nodes[:, j], of_load)
         sides = problem.sides
         ends = nodes[sides.a[:, None], sides.corner_a]
-        for edges, end, first, shear in self._pairs():
+        for edges, end, first, shear in self._traction_columns():
             normal = point[first] + (point[first + 1] if edges is self._material else 0.0)
             slide = point[shear]
             for axis, vector in enumerate(((slide, normal), (-normal, slide))):
                 # half a length times the traction is half of the edge times (S, N), (−N, S)
                 half = 0.5 * np.column_stack(vector)
-                for place, sign, which in self._corners(edges, end, axis):
-                    entries.add_vector(place, ends[edges[which], 1], sign * half[which])
-                    entries.add_vector(place, ends[edges[which], 0], -sign * half[which])
+                for rows, sign, index in self._corners(edges, end, axis):
+                    entries.add_vector(rows, ends[edges[index], 1], sign * half[index])
+                    entries.add_vector(rows, ends[edges[index], 0], -sign * half[index])
         return entries.matrix((6 * count, 2 * len(mesh.points)))
 
 

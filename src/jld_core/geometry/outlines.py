@@ -61,9 +61,9 @@ def torsion_length(polygons: Floats) -> Floats:
     p = polygons - centroid(polygons)[:, None]
     edge = np.roll(p, -1, axis=1) - p
     length = np.hypot(edge[..., 0], edge[..., 1])
-    along = edge / np.where(length > 0.0, length, 1.0)[..., None]
-    distance = p[..., 0] * along[..., 1] - p[..., 1] * along[..., 0]
-    start = p[..., 0] * along[..., 0] + p[..., 1] * along[..., 1]
+    direction = edge / np.where(length > 0.0, length, 1.0)[..., None]
+    distance = p[..., 0] * direction[..., 1] - p[..., 1] * direction[..., 0]
+    start = p[..., 0] * direction[..., 0] + p[..., 1] * direction[..., 1]
     total = _radial(distance, start + length) - _radial(distance, start)
     return np.asarray((distance * total).sum(axis=1) / (6.0 * area(polygons)))
 
@@ -73,17 +73,17 @@ _VANISHES: Final = 1e-150  # distance, relative to s, below which its term is 0 
 
 def _radial(d: Floats, s: Floats) -> Floats:
     """Evaluate s √(s² + d²) + d² asinh(s/|d|), whose limit for d → 0 is s |s|."""
-    apart = np.abs(d)
-    through = apart <= _VANISHES * np.abs(s)
-    ratio = s / np.where(through | (apart == 0.0), 1.0, apart)
-    return np.asarray(s * np.hypot(s, d) + np.where(through, 0.0, d * d * np.arcsinh(ratio)))
+    distance = np.abs(d)
+    vanishes = distance <= _VANISHES * np.abs(s)
+    ratio = s / np.where(vanishes | (distance == 0.0), 1.0, distance)
+    return np.asarray(s * np.hypot(s, d) + np.where(vanishes, 0.0, d * d * np.arcsinh(ratio)))
 
 
 def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
     """Compute c_T (n,) of rectangles of sides l1, l2 (n,) in closed form (1.5): 0.382598 for the unit square."""
     diagonal = np.hypot(l1, l2)
-    ends = l1 * l1 / (12.0 * l2) * np.arcsinh(l2 / l1) + l2 * l2 / (12.0 * l1) * np.arcsinh(l1 / l2)
-    return np.asarray(diagonal / 6.0 + ends)
+    logarithms = l1 * l1 / (12.0 * l2) * np.arcsinh(l2 / l1) + l2 * l2 / (12.0 * l1) * np.arcsinh(l1 / l2)
+    return np.asarray(diagonal / 6.0 + logarithms)
 
 
 def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
@@ -91,9 +91,11 @@ def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
     if polygons.shape[1] != 4:
         return np.zeros(len(polygons), dtype=bool)
     first, second = polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1]
-    long, other = np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)
-    middle = np.linalg.norm(polygons[:, 0] + polygons[:, 2] - polygons[:, 1] - polygons[:, 3], axis=1)
-    return np.asarray((middle <= tolerance * long) & (np.abs(long - other) <= tolerance * long))
+    first_length, second_length = np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)
+    misfit = np.linalg.norm(polygons[:, 0] + polygons[:, 2] - polygons[:, 1] - polygons[:, 3], axis=1)
+    return np.asarray(
+        (misfit <= tolerance * first_length) & (np.abs(first_length - second_length) <= tolerance * first_length)
+    )
 
 
 def sizes(polygons: Floats) -> Floats:
@@ -105,12 +107,14 @@ def corners(polygon: Floats, tolerance: float) -> Floats:
     """Remove the corners of a polygon (k, d) that lie in straight edges or are tips of spikes."""
     points = np.asarray(polygon)
     while len(points) > 3:
-        before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
-        off = np.minimum(_off_segment(points, before, after), _off_segment(after, before, points))
-        off = np.minimum(off, _off_segment(before, points, after))
+        previous, following = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
+        distance = np.minimum(
+            _distance_from_segment(points, previous, following), _distance_from_segment(following, previous, points)
+        )
+        distance = np.minimum(distance, _distance_from_segment(previous, points, following))
         # Remove the corner with the smallest distance first, so that the result does not depend on the first corner.
-        flattest = int(np.argmin(off))
-        if off[flattest] > tolerance:
+        flattest = int(np.argmin(distance))
+        if distance[flattest] > tolerance:
             break
         points = np.delete(points, flattest, axis=0)
     return points
@@ -118,35 +122,35 @@ def corners(polygon: Floats, tolerance: float) -> Floats:
 
 def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
     """Join a polygon (k, d) and its holes to one closed outline, by bridges between nearest corners."""
-    outline, waiting = shell, list(holes)
-    while waiting:
-        apart = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in waiting]
-        nearest = int(np.argmin([table.min() for table in apart]))
-        at_outline, at_hole = np.unravel_index(int(np.argmin(apart[nearest])), apart[nearest].shape)
-        hole = waiting.pop(nearest)
-        around = np.concatenate([hole[at_hole:], hole[: at_hole + 1]])
-        outline = np.concatenate([outline[: at_outline + 1], around, outline[at_outline:]])
+    outline, remaining = shell, list(holes)
+    while remaining:
+        distances = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in remaining]
+        nearest = int(np.argmin([of_hole.min() for of_hole in distances]))
+        at_outline, at_hole = np.unravel_index(int(np.argmin(distances[nearest])), distances[nearest].shape)
+        hole = remaining.pop(nearest)
+        hole_from_bridge = np.concatenate([hole[at_hole:], hole[: at_hole + 1]])
+        outline = np.concatenate([outline[: at_outline + 1], hole_from_bridge, outline[at_outline:]])
     return outline
 
 
 def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[Floats]:
     """Remove corners in straight edges and tips of spikes from polygons (k, d)."""
     # Polygons without such corners, the common case, are recognised in stacks and returned unchanged.
-    plain = list(polygons)
-    for chosen, stack in by_corner_count(polygons):
+    cleaned = list(polygons)
+    for positions, stack in by_corner_count(polygons):
         size = np.ptp(stack, axis=1).max(axis=1)
         chord = np.roll(stack, -1, axis=1) - np.roll(stack, 1, axis=1)
         arm = stack - np.roll(stack, 1, axis=1)
         length = np.linalg.norm(chord, axis=2)
-        along = np.einsum("nkj,nkj->nk", arm, chord) / np.where(length > 0.0, length, 1.0)
-        off = np.sqrt(np.maximum(np.einsum("nkj,nkj->nk", arm, arm) - along**2, 0.0))
+        projection = np.einsum("nkj,nkj->nk", arm, chord) / np.where(length > 0.0, length, 1.0)
+        distance = np.sqrt(np.maximum(np.einsum("nkj,nkj->nk", arm, arm) - projection**2, 0.0))
         # A wide first test, so that rounding of the square root does not hide candidates of the exact test.
-        for index in chosen[np.any(off <= 2.0 * max(tolerance, 1e-7) * size[:, None], axis=1)].tolist():
-            plain[index] = corners(polygons[index], tolerance * float(np.ptp(polygons[index], axis=0).max()))
-    return plain
+        for index in positions[np.any(distance <= 2.0 * max(tolerance, 1e-7) * size[:, None], axis=1)].tolist():
+            cleaned[index] = corners(polygons[index], tolerance * float(np.ptp(polygons[index], axis=0).max()))
+    return cleaned
 
 
-def _off_segment(points: Floats, start: Floats, end: Floats) -> Floats:
+def _distance_from_segment(points: Floats, start: Floats, end: Floats) -> Floats:
     """Compute the distances (k,) of points (k, d) from the segments between `start` and `end`."""
     chord, arm = end - start, points - start
     length = np.einsum("ij,ij->i", chord, chord)
@@ -158,23 +162,23 @@ def hull(polygon: Floats) -> Floats:
     """Return the convex hull (h, 2) of points (k, 2), counter-clockwise from its leftmost, lowest corner."""
     ring = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(polygon)))[:-1]
     # Distances of points from an edge below this relative limit are rounding.
-    found = corners(ring if area(ring[None])[0] > 0.0 else ring[::-1], 1e-12 * float(np.ptp(ring, axis=0).max()))
-    return np.roll(found, -int(np.lexsort((found[:, 1], found[:, 0]))[0]), axis=0)
+    kept_corners = corners(ring if area(ring[None])[0] > 0.0 else ring[::-1], 1e-12 * float(np.ptp(ring, axis=0).max()))
+    return np.roll(kept_corners, -int(np.lexsort((kept_corners[:, 1], kept_corners[:, 0]))[0]), axis=0)
 
 
 def hulls(polygons: Sequence[Floats]) -> list[Floats]:
     """Return the convex hulls of counter-clockwise polygons (k, 2)."""
     # Convex polygons, the common case, are recognised in stacks and returned unchanged.
     outlines = list(polygons)
-    for chosen, stack in by_corner_count(polygons):
+    for positions, stack in by_corner_count(polygons):
         edge = np.roll(stack, -1, axis=1) - stack
-        onward = np.roll(edge, -1, axis=1)
-        turn = edge[..., 0] * onward[..., 1] - edge[..., 1] * onward[..., 0]
+        next_edge = np.roll(edge, -1, axis=1)
+        turn = edge[..., 0] * next_edge[..., 1] - edge[..., 1] * next_edge[..., 0]
         size = np.ptp(stack, axis=1).max(axis=1)
         # A star polygon also has left turns only; its turning angle exceeds one revolution.
-        angle = np.arctan2(turn, np.einsum("nkj,nkj->nk", edge, onward)).sum(axis=1)
+        angle = np.arctan2(turn, np.einsum("nkj,nkj->nk", edge, next_edge)).sum(axis=1)
         convex = np.all(turn > 1e-12 * size[:, None] ** 2, axis=1) & (angle < 3.0 * np.pi)
-        for index in chosen[~convex].tolist():
+        for index in positions[~convex].tolist():
             outlines[index] = hull(polygons[index])
     return outlines
 
@@ -208,23 +212,23 @@ def straightened(points: Floats, reach: float) -> Floats:
     """Remove corners of a ring (k, 2) that lie within `reach` of the line of their neighbours."""
     exact = True  # corners in line up to rounding are removed together first: on a grid these are nearly all
     while len(points) > 3:
-        before, after = beside(points)
-        chord = after - before
+        previous, following = beside(points)
+        chord = following - previous
         length = np.hypot(*chord.T)
-        arm = points - before
-        off = abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0]) / np.where(length > 0.0, length, 1.0)
-        idle = off <= reach
+        arm = points - previous
+        distance = abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0]) / np.where(length > 0.0, length, 1.0)
+        idle = distance <= reach
         if not idle.any():
             return points
         if exact:
-            exact, told = False, off <= SNAP * reach
-            if 3 <= len(points) - int(told.sum()) < len(points):
-                points = points[~told]
+            exact, in_line = False, distance <= SNAP * reach
+            if 3 <= len(points) - int(in_line.sum()) < len(points):
+                points = points[~in_line]
                 continue
         # Neighbours may both lie in line: remove one corner at a time, the one with the smallest distance first.
-        kept = np.ones(len(points), dtype=bool)
-        kept[int(np.argmin(np.where(idle, off, np.inf)))] = False
-        points = points[kept]
+        keep = np.ones(len(points), dtype=bool)
+        keep[int(np.argmin(np.where(idle, distance, np.inf)))] = False
+        points = points[keep]
     return points
 
 
@@ -264,16 +268,16 @@ def facets_of(corners: Floats, faces: tuple[tuple[int, ...], ...], step: float) 
 
 def skin(facets: Sequence[Facet], reach: float) -> list[Floats]:
     """Compute the boundary loops (k, 3) of the outer faces of a union of solids."""
-    seen: dict[frozenset[tuple[int, ...]], Facet] = {}
+    unpaired: dict[frozenset[tuple[int, ...]], Facet] = {}
     for facet in facets:
         # two solids that share a whole face have it with opposite normals
-        other = seen.get(facet.corners)
+        other = unpaired.get(facet.corners)
         if other is not None and other.normal @ facet.normal < 0.0:
-            del seen[facet.corners]
+            del unpaired[facet.corners]
         else:
-            seen[facet.corners] = facet
+            unpaired[facet.corners] = facet
     faces: list[Floats] = []
-    for members in _planes(list(seen.values()), reach):
+    for members in _planes(list(unpaired.values()), reach):
         if len(members) > 1:
             faces += _unite_facets(members, reach)
         elif members[0].area > reach * members[0].length:
@@ -307,10 +311,10 @@ def _unite_facets(facets: Sequence[Facet], reach: float) -> list[Floats]:
     flat = np.concatenate([facet.ring @ plane.T for facet in facets])
     number = np.repeat(np.arange(len(facets)), [len(facet.ring) for facet in facets])
     polygons = shapely.polygons(shapely.linearrings(flat, indices=number))
-    turned = np.array([facet.normal @ normal < 0.0 for facet in facets])
-    outer = [shapely.union_all(polygons[~turned], grid_size=grid)]
-    if turned.any():
-        front, back = outer[0], shapely.union_all(polygons[turned], grid_size=grid)
+    is_reversed = np.array([facet.normal @ normal < 0.0 for facet in facets])
+    outer = [shapely.union_all(polygons[~is_reversed], grid_size=grid)]
+    if is_reversed.any():
+        front, back = outer[0], shapely.union_all(polygons[is_reversed], grid_size=grid)
         outer = [shapely.difference(*pair, grid_size=grid) for pair in ((front, back), (back, front))]
     loops_in_space = []
     for part in [part for region in outer for part in shapely.get_parts(region)]:
@@ -369,11 +373,11 @@ def boundary(corners: Floats, faces: Sequence[Sequence[int]] | None = None) -> f
 
 def different_lines(vectors: Floats) -> int:
     """Count the lines among unit vectors (k, d), of either sense, equal within 1e-6."""
-    alike = abs(vectors @ vectors.T) >= 1.0 - 0.5 * _ANGLE**2 - 1e-12
+    is_parallel = abs(vectors @ vectors.T) >= 1.0 - 0.5 * _ANGLE**2 - 1e-12
     # each line takes the least number of those like it; a component of a sparse graph took six times as long
-    number, lower = np.arange(len(vectors)), alike.argmax(axis=1)
+    number, lower = np.arange(len(vectors)), is_parallel.argmax(axis=1)
     while (lower != number).any():
-        number, lower = lower, np.where(alike, lower, len(vectors)).min(axis=1)
+        number, lower = lower, np.where(is_parallel, lower, len(vectors)).min(axis=1)
     return int(np.count_nonzero(number == np.arange(len(vectors))))
 
 
@@ -401,9 +405,9 @@ class Outlines:
             if e not in self._edges:
                 self._edges[e] = _edges(elements.shape[e], SNAP * reach)
                 self._areas[e] = shapely.Polygon(elements.shape[e]).area
-        known = [self._edges[e] for e in members.tolist()]
+        edges = [self._edges[e] for e in members.tolist()]
         areas = [self._areas[e] for e in members.tolist()]
-        return flat_outline([elements.shape[e] for e in members], reach, known, areas)
+        return flat_outline([elements.shape[e] for e in members], reach, edges, areas)
 
 
 def flat_outline(
@@ -419,19 +423,19 @@ def flat_outline(
     if region is None:
         region = shapely.union_all([shapely.Polygon(polygon) for polygon in polygons], grid_size=SNAP * reach)
     centre = shapely.get_coordinates(region.centroid)[0]
-    corners, middles, edges_of, inwards = [], [], [], 0
+    corners, middles, edges_of, reentrant = [], [], [], 0
     for part in shapely.get_parts(region):
         for ring, outer in [(part.exterior, True), *((hole, False) for hole in part.interiors)]:
             points = straightened(shapely.get_coordinates(ring)[:-1], reach)
-            last, following = beside(points)
-            before, after = points - last, following - points
-            turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+            previous, following = beside(points)
+            incoming, outgoing = points - previous, following - points
+            turn = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
             # at an inward corner an outline turns against its sense of rotation, a hole with it
             sense = 1.0 if ring.is_ccw == outer else -1.0
-            inwards += int(np.count_nonzero(sense * turn < 0.0))
+            reentrant += int(np.count_nonzero(sense * turn < 0.0))
             corners.append(points - centre)
-            middles.append(points + 0.5 * after - centre)
-            edges_of.append(after / np.hypot(*after.T)[:, None])
+            middles.append(points + 0.5 * outgoing - centre)
+            edges_of.append(outgoing / np.hypot(*outgoing.T)[:, None])
     box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(region))
     sides = np.hypot(*(box[1:3] - box[:2]).T)
     points = np.concatenate(corners + middles)
@@ -439,7 +443,7 @@ def flat_outline(
     aspect, lines = float(sides.max() / sides.min()), different_lines(np.concatenate(edges_of))
     # Elements do not overlap; the area of a union would hold the rounding of its grid.
     size = math.fsum(areas or [shapely.Polygon(polygon).area for polygon in polygons])
-    return Outline(points, count, size, aspect, inwards, lines)
+    return Outline(points, count, size, aspect, reentrant, lines)
 
 
 def _edges(polygon: Floats, step: float) -> _Edges:
@@ -447,8 +451,8 @@ def _edges(polygon: Floats, step: float) -> _Edges:
     points = [(x, y) for x, y in polygon.tolist()]
     if sum(points[k - 1][0] * y - x * points[k - 1][1] for k, (x, y) in enumerate(points)) < 0.0:
         points.reverse()
-    names = [(math.floor(x / step + PLACE), math.floor(y / step + PLACE)) for x, y in points]
-    return [((names[k - 1], name), (name, names[k - 1]), points[k - 1]) for k, name in enumerate(names)]
+    corners = [(math.floor(x / step + PLACE), math.floor(y / step + PLACE)) for x, y in points]
+    return [((corners[k - 1], corner), (corner, corners[k - 1]), points[k - 1]) for k, corner in enumerate(corners)]
 
 
 def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
@@ -456,18 +460,18 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
     # A tenth of the time of a general union.
     edges: dict[tuple[_Corner, _Corner], tuple[float, float]] = {}
     for polygon in polygons:
-        for edge, back, point in polygon:
+        for edge, reverse, point in polygon:
             # An edge that two polygons share occurs in both directions.
-            if edges.pop(back, None) is None:
+            if edges.pop(reverse, None) is None:
                 edges[edge] = point
-    after = {start: (end, point) for (start, end), point in edges.items()}
-    if len(after) < len(edges):
+    next_corner = {start: (end, point) for (start, end), point in edges.items()}
+    if len(next_corner) < len(edges):
         return None  # the boundaries touch in a corner
     rings = []
-    while after:
-        at, ring = next(iter(after)), []
-        while at in after:
-            at, point = after.pop(at)
+    while next_corner:
+        corner, ring = next(iter(next_corner)), []
+        while corner in next_corner:
+            corner, point = next_corner.pop(corner)
             ring.append(point)
         if len(ring) < 3:
             return None
@@ -475,8 +479,8 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
     outer = [ring for ring in rings if ring.is_ccw]
     if len(outer) != 1:
         return None
-    whole = shapely.Polygon(outer[0], [ring for ring in rings if ring is not outer[0]])
-    return whole if whole.is_valid else None  # some edges overlap only in part
+    united = shapely.Polygon(outer[0], [ring for ring in rings if ring is not outer[0]])
+    return united if united.is_valid else None  # some edges overlap only in part
 
 
 def _solid_outline(
@@ -502,15 +506,15 @@ def _solid_outline(
 
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:
     """Compute longest over shortest side of the smallest box around corners with a side in a hull face."""
-    best, sides_of = np.inf, np.ones(3)
+    least_volume, best_sides = np.inf, np.ones(3)
     for normal in np.unique(np.round(hull.equations[:, :3], 9), axis=0):
         plane = across(normal / np.linalg.norm(normal))
-        high = float(np.ptp(corners @ normal))
+        height = float(np.ptp(corners @ normal))
         box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shapely.multipoints(corners @ plane.T)))
-        sides = np.array([high, *(float(np.hypot(*(b - a))) for a, b in pairwise(box[:3]))])
-        if np.prod(sides) < best:
-            best, sides_of = float(np.prod(sides)), sides
-    return float(sides_of.max() / sides_of.min())
+        sides = np.array([height, *(float(np.hypot(*(b - a))) for a, b in pairwise(box[:3]))])
+        if np.prod(sides) < least_volume:
+            least_volume, best_sides = float(np.prod(sides)), sides
+    return float(best_sides.max() / best_sides.min())
 
 
 # Allowed difference of the moments of congruent shapes, divided by reach times radius. Corners that are each off by
@@ -542,24 +546,24 @@ class Kinds:
         # Corners of one shape are off by twice the reach at most, and so are the mean radii compared here.
         size = math.floor(math.sqrt(float(square.mean())) / (2.0 * self.reach))
         counts = outline.count, len(outline.points)
-        similar = [known for k in (-1, 0, 1) for known in self._kinds.get((*counts, size + k), ())]
+        similar = [candidate for k in (-1, 0, 1) for candidate in self._kinds.get((*counts, size + k), ())]
         moments, new = self._moments(outline.points), len(self._parent)
         linked: set[int] = set()
         if similar:
             # Moments distinguish nearly all shapes of similar size, so that few outlines need the full comparison.
             radius = float(np.sqrt(square.max()))
-            differ = abs(np.array([its_moments for _, its_moments, _ in similar]) - moments).max(axis=1)
-            nearest: list[int] = np.argsort(differ, kind="stable").tolist()
+            difference = abs(np.array([its_moments for _, its_moments, _ in similar]) - moments).max(axis=1)
+            nearest: list[int] = np.argsort(difference, kind="stable").tolist()
             for k in nearest:
-                if differ[k] > _MOMENTS * self.reach * radius:
+                if difference[k] > _MOMENTS * self.reach * radius:
                     break
-                number, _, known = similar[k]
+                number, _, candidate = similar[k]
                 if self._root(number) in linked:
                     continue
-                off = deviation(outline, known, self.reach, rotate=self.rotate, flip=self.flip)
-                if off <= _SAME * self.reach:
+                distance = deviation(outline, candidate, self.reach, rotate=self.rotate, flip=self.flip)
+                if distance <= _SAME * self.reach:
                     return number
-                if off <= 2.0 * self.reach:
+                if distance <= 2.0 * self.reach:
                     linked.add(self._root(number))
         self._kinds.setdefault((*counts, size), []).append((new, moments, outline))
         self._parent.append(new)
@@ -597,29 +601,29 @@ def shape_numbers(outlines: Sequence[Outline], reach: float, *, flip: bool) -> l
     return [order[root] for root in roots]
 
 
-def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> bool:
+def alike(a: Outline, b: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> bool:
     """Return True if two outlines coincide after an allowed move."""
-    return deviation(one, other, reach, rotate=rotate, flip=flip) <= 2.0 * reach
+    return deviation(a, b, reach, rotate=rotate, flip=flip) <= 2.0 * reach
 
 
-def deviation(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> float:
+def deviation(a: Outline, b: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> float:
     """Return the largest distance of paired corners and middles of two outlines after the best move, else inf."""
     # Shifts are always allowed; `rotate` and `flip` allow rotations and mirrors as in `Kinds`. Middles of edges or
     # faces are paired too.
-    near = abs(one.size - other.size) <= 1e-3 * max(one.size, other.size)
-    if not near or one.count != other.count or len(one.points) != len(other.points):
+    same_size = abs(a.size - b.size) <= 1e-3 * max(a.size, b.size)
+    if not same_size or a.count != b.count or len(a.points) != len(b.points):
         return math.inf
-    best = _off(one.points, one.count, other, reach, turn=False)
-    if best > _SAME * reach and (rotate or flip):
-        turns = _turns(one, other, reach, flip) if rotate else _axis_mirrors(one.points.shape[1])
+    least = _distance_after_fit(a.points, a.count, b, reach, rotate=False)
+    if least > _SAME * reach and (rotate or flip):
+        turns = _turns(a, b, reach, flip) if rotate else _axis_mirrors(a.points.shape[1])
         for matrix in turns:
-            best = min(best, _off(one.points @ matrix.T, one.count, other, reach, turn=rotate))
-            if best <= _SAME * reach:
+            least = min(least, _distance_after_fit(a.points @ matrix.T, a.count, b, reach, rotate=rotate))
+            if least <= _SAME * reach:
                 break
-    return best
+    return least
 
 
-def _off(points: Floats, count: int, other: Outline, reach: float, *, turn: bool) -> float:
+def _distance_after_fit(points: Floats, count: int, other: Outline, reach: float, *, rotate: bool) -> float:
     """Return the largest distance of points, `count` corners and middles, to partners on an outline; inf without."""
     from scipy.spatial import cKDTree  # local import: slow to import and seldom needed
 
@@ -628,12 +632,12 @@ def _off(points: Floats, count: int, other: Outline, reach: float, *, turn: bool
         if start == end:
             continue
         distance, nearest = cKDTree(other.points[start:end]).query(points[start:end])
-        limit = _PAIRED if turn else 2.0
+        limit = _PAIRED if rotate else 2.0
         if float(np.max(distance)) > limit * reach or len(np.unique(nearest)) != end - start:
             return math.inf
         pairs.append(start + nearest)
     partners = other.points[np.concatenate(pairs)]
-    if turn:
+    if rotate:
         # the rotation of least squares (Kabsch)
         u, _, v = np.linalg.svd(points.T @ partners)
         sign = np.ones(points.shape[1])
@@ -648,12 +652,12 @@ def _axis_mirrors(dimension: int) -> list[Floats]:
     return [np.diag(sign) for sign in signs if min(sign) < 0.0]
 
 
-def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Floats]:
+def _turns(a: Outline, b: Outline, reach: float, flip: bool) -> list[Floats]:
     """Return the orthogonal matrices (d, d) that may map one outline onto the other."""
     # Rotations and, with `flip`, also rotations combined with a mirror. Each maps a far corner, in space two, onto
     # corners at the same distance from the centroid.
-    d = one.points.shape[1]
-    corners, images = one.points[: one.count], other.points[: other.count]
+    d = a.points.shape[1]
+    corners, images = a.points[: a.count], b.points[: b.count]
     radius, image_radius = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)
     first = int(np.argmax(radius))
     slack = _PAIRED * reach
@@ -666,8 +670,8 @@ def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Float
                 c, s = np.cos(angle), np.sin(angle)
                 matrices.append(np.array([[c, -s], [s, c]]) @ np.diag([1.0, sign]))
         return matrices
-    away = np.linalg.norm(np.cross(corners, corners[first]), axis=1)
-    second = int(np.argmax(away))
+    offset = np.linalg.norm(np.cross(corners, corners[first]), axis=1)
+    second = int(np.argmax(offset))
     gram = float(corners[first] @ corners[second])
     base = frame(corners[[first, second]])
     for p in np.flatnonzero(abs(image_radius - radius[first]) <= slack).tolist():
@@ -692,8 +696,8 @@ def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Ge
     boxes = np.nan_to_num(np.stack([shapely.bounds(regions_1), shapely.bounds(regions_2)])).reshape(2, -1, 2, 2)
     middle = 0.5 * (boxes[:, :, 0].max(axis=0) + boxes[:, :, 1].min(axis=0))
     size = (boxes[:, :, 1] - boxes[:, :, 0]).max(axis=2).min(axis=0)
-    reach = abs(boxes - middle[None, :, None]).max(axis=(0, 2, 3))
-    unit = np.maximum(size, reach / _MOST)
+    farthest = abs(boxes - middle[None, :, None]).max(axis=(0, 2, 3))
+    unit = np.maximum(size, farthest / _MOST)
     unit[unit == 0.0] = 1.0
     scaled = [_scale_and_shift(regions, -middle / unit[:, None], 1.0 / unit) for regions in (regions_1, regions_2)]
     return _scale_and_shift(shapely.intersection(*scaled, grid_size=_GRID), middle, unit)
@@ -746,12 +750,12 @@ def _polygons(region: shapely.Geometry) -> list[shapely.Polygon]:
 
 def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]:
     """Split a polygon at necks narrower than half of `reach`; [] if all of it is narrower."""
-    wide = _polygons(shapely.buffer(part, -0.25 * reach, join_style="mitre"))
-    if len(wide) < 2:
-        return [part] if wide else []
-    grown = [shapely.buffer(one, 0.5 * reach, join_style="mitre") for one in wide]
-    halves = [_polygons(half) for half in intersections([part] * len(grown), grown)]
-    return [max(half, key=lambda piece: piece.area) for half in halves if half]
+    wide_parts = _polygons(shapely.buffer(part, -0.25 * reach, join_style="mitre"))
+    if len(wide_parts) < 2:
+        return [part] if wide_parts else []
+    enlarged = [shapely.buffer(wide_part, 0.5 * reach, join_style="mitre") for wide_part in wide_parts]
+    candidates = [_polygons(pieces) for pieces in intersections([part] * len(enlarged), enlarged)]
+    return [max(pieces, key=lambda piece: piece.area) for pieces in candidates if pieces]
 
 
 def _ring(ring: shapely.LinearRing) -> Floats:

@@ -31,13 +31,13 @@ class PlanarContact:
 
 
 def without_repeats(polygons: list[Floats]) -> list[Floats]:
-    kept = list(polygons)
-    for chosen, stack in measures.by_corner_count(polygons):
+    cleaned = list(polygons)
+    for positions, stack in measures.by_corner_count(polygons):
         step = np.linalg.norm(stack - np.roll(stack, 1, axis=1), axis=2)
-        new = step > tolerances.ROUNDING * np.ptp(stack, axis=1).max(axis=1)[:, None]
-        for row in np.flatnonzero(~new.all(axis=1)).tolist():
-            kept[chosen[row]] = stack[row][new[row]]
-    return kept
+        is_new = step > tolerances.ROUNDING * np.ptp(stack, axis=1).max(axis=1)[:, None]
+        for row in np.flatnonzero(~is_new.all(axis=1)).tolist():
+            cleaned[positions[row]] = stack[row][is_new[row]]
+    return cleaned
 
 
 _NO_AREA: Final = 1e-14  # area of a polygon, over the square of its extent, up to which it has none
@@ -46,23 +46,23 @@ _NO_AREA: Final = 1e-14  # area of a polygon, over the square of its extent, up 
 def check_polygons(ids: list[str], polygons: list[Floats], within: float = 0.0) -> tuple[str, ...]:
     """Raise InputError for polygons not simple, without area, or overlapping; warn of overlaps up to `within`."""
     count = np.array([len(polygon) for polygon in polygons])
-    for few in np.flatnonzero(count < 3)[:1].tolist():
-        raise InputError(f"element {ids[few]!r}", "its polygon has no area", "three corners not in a line")
+    for index in np.flatnonzero(count < 3)[:1].tolist():
+        raise InputError(f"element {ids[index]!r}", "its polygon has no area", "three corners not in a line")
     least_area = _NO_AREA * _spans(polygons) ** 2
     hull = shapely.convex_hull(
         shapely.multipoints(np.concatenate(polygons), indices=np.repeat(np.arange(len(count)), count))
     )
-    for thin in np.flatnonzero(~(shapely.area(hull) > least_area))[:1].tolist():
-        raise InputError(f"element {ids[thin]!r}", "its polygon has no area", "three corners not in a line")
+    for index in np.flatnonzero(~(shapely.area(hull) > least_area))[:1].tolist():
+        raise InputError(f"element {ids[index]!r}", "its polygon has no area", "three corners not in a line")
     shapes = _shapes(polygons)
     size = shapely.area(shapes)
     valid = shapely.is_valid(shapes)
-    for bad in np.flatnonzero(~valid | ~(size > least_area))[:1].tolist():
-        if valid[bad]:
-            raise InputError(f"element {ids[bad]!r}", "its polygon has no area", "a polygon with an area")
-        reason = shapely.is_valid_reason(shapes[bad]).split("[")[0].strip().lower() or "not simple"
+    for index in np.flatnonzero(~valid | ~(size > least_area))[:1].tolist():
+        if valid[index]:
+            raise InputError(f"element {ids[index]!r}", "its polygon has no area", "a polygon with an area")
+        reason = shapely.is_valid_reason(shapes[index]).split("[")[0].strip().lower() or "not simple"
         raise InputError(
-            f"element {ids[bad]!r}", f"its polygon is wrong ({reason})", "an outline that does not meet itself"
+            f"element {ids[index]!r}", f"its polygon is wrong ({reason})", "an outline that does not meet itself"
         )
     return _refuse_overlaps(ids, shapes, size, within)
 
@@ -72,16 +72,16 @@ def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats, within: float) -
     first, second = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     first, second = first[first < second], second[first < second]
     # Pairs that only touch share no area: excluding them here saves intersections.
-    apart = shapely.touches(shapes[first], shapes[second])
-    first, second = first[~apart], second[~apart]
+    only_touch = shapely.touches(shapes[first], shapes[second])
+    first, second = first[~only_touch], second[~only_touch]
     allowed = tolerances.OVERLAP * np.minimum(size[first], size[second])
     # Test in floating point first, which is fast; confirm apparent overlaps on a grid.
-    over = shapely.area(shapely.intersection(shapes[first], shapes[second])) > allowed
-    first, second, allowed = first[over], second[over], allowed[over]
+    overlaps = shapely.area(shapely.intersection(shapes[first], shapes[second])) > allowed
+    first, second, allowed = first[overlaps], second[overlaps], allowed[overlaps]
     regions = intersections(shapes[first], shapes[second])
-    over = np.flatnonzero(shapely.area(regions) > allowed)
+    overlaps = np.flatnonzero(shapely.area(regions) > allowed)
     pairs = []
-    for k in sorted(over.tolist(), key=lambda k: (first[k], second[k])):
+    for k in sorted(overlaps.tolist(), key=lambda k: (first[k], second[k])):
         box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(regions[k]))
         sides = np.hypot(*(box[1:3] - box[:2]).T) if len(box) > 3 else np.zeros(1)
         place = shapely.get_coordinates(shapely.point_on_surface(regions[k]))[0]
@@ -114,9 +114,9 @@ def _near(shapes: Any, reach: Floats) -> Ints:
 
 def _spans(polygons: list[Floats]) -> Floats:
     """Return the diagonals (n,) of bounding boxes, which no edge exceeds."""
-    every = np.concatenate(polygons)
+    corners = np.concatenate(polygons)
     start = np.cumsum([0, *(len(p) for p in polygons[:-1])])
-    return np.asarray(np.hypot(*(np.maximum.reduceat(every, start) - np.minimum.reduceat(every, start)).T))
+    return np.asarray(np.hypot(*(np.maximum.reduceat(corners, start) - np.minimum.reduceat(corners, start)).T))
 
 
 def _shapes(polygons: list[Floats]) -> Any:
@@ -143,9 +143,9 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     count = np.array([len(polygon) for polygon in polygons])
     first = np.concatenate([[0], np.cumsum(count)])
     start = np.concatenate(polygons)
-    onward = np.arange(len(start)) + 1
-    onward[first[1:] - 1] = first[:-1]
-    edge = start[onward] - start
+    following = np.arange(len(start)) + 1
+    following[first[1:] - 1] = first[:-1]
+    edge = start[following] - start
     length = np.hypot(*edge.T)
     unit = edge / length[:, None]
     outward = np.column_stack([unit[:, 1], -unit[:, 0]])
@@ -158,34 +158,36 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     reach = share * np.minimum(length[i], length[j])
     # ends of edge j along edge i from its start, and their signed distances from it
     offset = start[j] - start[i]
-    along0, off0 = np.einsum("ij,ij->i", offset, unit[i]), np.einsum("ij,ij->i", offset, outward[i])
-    along1 = along0 + np.einsum("ij,ij->i", unit[i], edge[j])
-    off1 = off0 + np.einsum("ij,ij->i", outward[i], edge[j])
-    low = np.maximum(along1, 0.0)
-    high = np.minimum(along0, length[i])
+    start_along, start_height = np.einsum("ij,ij->i", offset, unit[i]), np.einsum("ij,ij->i", offset, outward[i])
+    end_along = start_along + np.einsum("ij,ij->i", unit[i], edge[j])
+    end_height = start_height + np.einsum("ij,ij->i", outward[i], edge[j])
+    low = np.maximum(end_along, 0.0)
+    high = np.minimum(start_along, length[i])
     # Distances are measured within the overlap: a long edge at a very small angle is thus judged by the contact, not by
     # its far end.
-    slope = (off1 - off0) / np.where(along1 == along0, 1.0, along1 - along0)
-    ends_off = np.stack([off0 + slope * (low - along0), off0 + slope * (high - along0)])
-    apart = abs(ends_off).max(axis=0)
-    hit = np.flatnonzero((high - low > reach) & (apart <= reach))
-    pair, i, j = pair[hit], i[hit], j[hit]
-    ends = np.stack([start[i] + low[hit, None] * unit[i], start[i] + high[hit, None] * unit[i]], axis=1)
-    first_off, last_off = ends_off[:, hit]
-    smaller_off = np.where(first_off * last_off < 0.0, 0.0, abs(ends_off[:, hit]).min(axis=0))
-    between, larger_off = _half_way(ends, outward[i], first_off, last_off)
-    return _FacingEdges(pair, ends, outward[i], larger_off, smaller_off, np.minimum(length[i], length[j]), between)
+    slope = (end_height - start_height) / np.where(end_along == start_along, 1.0, end_along - start_along)
+    end_heights = np.stack([start_height + slope * (low - start_along), start_height + slope * (high - start_along)])
+    distance = abs(end_heights).max(axis=0)
+    facing = np.flatnonzero((high - low > reach) & (distance <= reach))
+    pair, i, j = pair[facing], i[facing], j[facing]
+    ends = np.stack([start[i] + low[facing, None] * unit[i], start[i] + high[facing, None] * unit[i]], axis=1)
+    first_height, last_height = end_heights[:, facing]
+    smaller_height = np.where(first_height * last_height < 0.0, 0.0, abs(end_heights[:, facing]).min(axis=0))
+    between, larger_height = _half_way(ends, outward[i], first_height, last_height)
+    shorter = np.minimum(length[i], length[j])
+    return _FacingEdges(pair, ends, outward[i], larger_height, smaller_height, shorter, between)
 
 
-def _half_way(ends: Floats, outward: Floats, first_off: Floats, last_off: Floats) -> tuple[Floats, Floats]:
+def _half_way(ends: Floats, outward: Floats, first_height: Floats, last_height: Floats) -> tuple[Floats, Floats]:
     """Return points (k, 2) between overlaps (k, 2, 2) and edges at these distances (k,), and the larger distances."""
-    at_first = abs(first_off) >= abs(last_off)
-    far, close = np.where(at_first, first_off, last_off), np.where(at_first, last_off, first_off)
+    at_first = abs(first_height) >= abs(last_height)
+    larger, smaller = np.where(at_first, first_height, last_height), np.where(at_first, last_height, first_height)
     # Edges that cross near their middle have no room there: the point moves towards the end that is farther apart.
-    towards_far = np.where(close * np.sign(far) >= -0.5 * abs(far), 0.5, 0.75)
-    place = np.where(at_first, 1.0 - towards_far, towards_far)[:, None]
-    half_way = 0.5 * (close + towards_far * (far - close))
-    return np.asarray(ends[:, 0] + place * (ends[:, 1] - ends[:, 0]) + half_way[:, None] * outward), np.asarray(far)
+    share = np.where(smaller * np.sign(larger) >= -0.5 * abs(larger), 0.5, 0.75)
+    position = np.where(at_first, 1.0 - share, share)[:, None]
+    half_way = 0.5 * (smaller + share * (larger - smaller))
+    on_edge = ends[:, 0] + position * (ends[:, 1] - ends[:, 0])
+    return np.asarray(on_edge + half_way[:, None] * outward), np.asarray(larger)
 
 
 def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
@@ -206,17 +208,17 @@ def near_misses(polygons: list[Floats]) -> list[NearMiss]:
     facing = _facing_edges(polygons, near, tolerances.WEDGE)
     gap, length = abs(facing.offset), facing.length
     touching = facing.least <= tolerances.CONTACT * length
-    close = (gap > tolerances.CONTACT * length) & (touching | (gap <= tolerances.NEAR * length))
-    kept = np.flatnonzero(close)
-    middle = facing.between[kept]
+    nearly_touching = (gap > tolerances.CONTACT * length) & (touching | (gap <= tolerances.NEAR * length))
+    rows = np.flatnonzero(nearly_touching)
+    middles = facing.between[rows]
     # A middle within an element is no gap: a plate lies between, or both overlap by less than what is refused.
-    covered = np.zeros(len(kept), dtype=bool)
-    covered[shapely.STRtree(shapes).query(shapely.points(middle), predicate="within")[0]] = True
-    kept, middle = kept[~covered], middle[~covered]
-    across = np.hypot(*(facing.ends[kept, 1] - facing.ends[kept, 0]).T)
-    angle = np.where(touching[kept], np.degrees(np.arctan2(gap[kept], across)), 0.0).tolist()
-    first, second = near[facing.pair[kept]].T.tolist()
-    misses = [NearMiss(*values) for values in zip(first, second, gap[kept].tolist(), middle, angle, strict=True)]
+    covered = np.zeros(len(rows), dtype=bool)
+    covered[shapely.STRtree(shapes).query(shapely.points(middles), predicate="within")[0]] = True
+    rows, middles = rows[~covered], middles[~covered]
+    overlap = np.hypot(*(facing.ends[rows, 1] - facing.ends[rows, 0]).T)
+    angle = np.where(touching[rows], np.degrees(np.arctan2(gap[rows], overlap)), 0.0).tolist()
+    first, second = near[facing.pair[rows]].T.tolist()
+    misses = [NearMiss(*values) for values in zip(first, second, gap[rows].tolist(), middles, angle, strict=True)]
     return sorted(misses, key=lambda miss: (miss.a, miss.b))
 
 
@@ -226,22 +228,24 @@ def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Flo
         return pieces
     joined: list[tuple[Floats, Floats]] = []
     for ends, normal in pieces:
-        for index, (others, other) in enumerate(joined):
-            reach = tolerances.CONTACT * max(np.hypot(*(ends[1] - ends[0])), np.hypot(*(others[1] - others[0])))
+        for index, (joined_ends, joined_normal) in enumerate(joined):
+            longer = max(np.hypot(*(ends[1] - ends[0])), np.hypot(*(joined_ends[1] - joined_ends[0])))
+            reach = tolerances.CONTACT * longer
             # Compare the sine of the kink: its cosine would accept angles up to the square root of the tolerance.
-            if normal @ other <= 0.0 or abs(normal[0] * other[1] - normal[1] * other[0]) > tolerances.CONTACT:
+            sine = normal[0] * joined_normal[1] - normal[1] * joined_normal[0]
+            if normal @ joined_normal <= 0.0 or abs(sine) > tolerances.CONTACT:
                 continue
-            if np.hypot(*(others[1] - ends[0])) <= reach:
-                joined[index] = (np.array([others[0], ends[1]]), other)
+            if np.hypot(*(joined_ends[1] - ends[0])) <= reach:
+                joined[index] = (np.array([joined_ends[0], ends[1]]), joined_normal)
                 break
-            if np.hypot(*(ends[1] - others[0])) <= reach:
-                joined[index] = (np.array([ends[0], others[1]]), other)
+            if np.hypot(*(ends[1] - joined_ends[0])) <= reach:
+                joined[index] = (np.array([ends[0], joined_ends[1]]), joined_normal)
                 break
         else:
             joined.append((ends, normal))
     if len(joined) < len(pieces) and len(joined) > 1:  # the last piece may close the ring onto the first
-        again = _join_in_line(joined)
-        return again if len(again) < len(joined) else joined
+        closed = _join_in_line(joined)
+        return closed if len(closed) < len(joined) else joined
     return joined
 
 
@@ -270,11 +274,11 @@ def planar_interfaces(contacts: list[PlanarContact], thickness: float) -> Interf
 def certain_contacts(vertices: list[Floats], faces: list[Faces], support: Bools) -> int:
     """Return a lower bound on contacts between polyhedra: faces of equal corners, or boxes along the axes."""
     surface = lay_out(vertices, faces)
-    begin = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1]
-    lower = np.minimum.reduceat(surface.points, begin)
-    upper = np.maximum.reduceat(surface.points, begin)
-    found = (_equal_faces(surface, upper - lower), _touching_boxes(surface, lower, upper, vertices))
-    return max(int(np.count_nonzero(~(support[one] & support[two]))) for one, two in found)
+    first_vertex = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1]
+    lower = np.minimum.reduceat(surface.points, first_vertex)
+    upper = np.maximum.reduceat(surface.points, first_vertex)
+    pairs = (_equal_faces(surface, upper - lower), _touching_boxes(surface, lower, upper, vertices))
+    return max(int(np.count_nonzero(~(support[first] & support[second]))) for first, second in pairs)
 
 
 def _equal_faces(surface: Surface, sides: Floats) -> tuple[Ints, Ints]:
@@ -282,12 +286,12 @@ def _equal_faces(surface: Surface, sides: Floats) -> tuple[Ints, Ints]:
     node = merge_points(surface.points, tolerances.FACE * float(sides.max(axis=1).min()))[surface.vertex]
     pairs = []
     for corners in np.unique(surface.count).tolist():
-        which = np.flatnonzero(surface.count == corners)
-        keys = np.sort(node[surface.start[which, None] + np.arange(corners)], axis=1)
+        faces = np.flatnonzero(surface.count == corners)
+        keys = np.sort(node[surface.start[faces, None] + np.arange(corners)], axis=1)
         order = np.lexsort(keys.T)
-        same = np.flatnonzero(np.all(keys[order[1:]] == keys[order[:-1]], axis=1))
-        owner = surface.element[which[order]]
-        pairs.append(np.sort(np.stack([owner[same], owner[same + 1]], axis=1), axis=1))
+        equal = np.flatnonzero(np.all(keys[order[1:]] == keys[order[:-1]], axis=1))
+        owner = surface.element[faces[order]]
+        pairs.append(np.sort(np.stack([owner[equal], owner[equal + 1]], axis=1), axis=1))
     all_pairs = np.concatenate(pairs)
     first, second = np.unique(all_pairs[all_pairs[:, 0] < all_pairs[:, 1]], axis=0).T
     return first, second
@@ -297,12 +301,12 @@ def _touching_boxes(surface: Surface, lower: Floats, upper: Floats, vertices: Se
     """Return the pairs (p,) of boxes along the axes that touch along an area; corners (n, 3)."""
     size = (upper - lower).max(axis=1)
     owner = np.repeat(np.arange(len(size)), [len(v) for v in vertices])
-    off = np.minimum(np.abs(surface.points - lower[owner]), np.abs(upper[owner] - surface.points)).max(axis=1)
-    wrong = np.bincount(owner, weights=off > tolerances.FACE * size[owner], minlength=len(size))
+    distance = np.minimum(np.abs(surface.points - lower[owner]), np.abs(upper[owner] - surface.points)).max(axis=1)
+    off_box = np.bincount(owner, weights=distance > tolerances.FACE * size[owner], minlength=len(size))
     # Six faces whose corners are all corners of the bounding box, eight of them: a box.
-    six = np.bincount(surface.element, minlength=len(size)) == 6
-    eight = np.bincount(owner, minlength=len(size)) == 8
-    box = np.flatnonzero((wrong == 0.0) & six & eight)
+    has_six_faces = np.bincount(surface.element, minlength=len(size)) == 6
+    has_eight_corners = np.bincount(owner, minlength=len(size)) == 8
+    box = np.flatnonzero((off_box == 0.0) & has_six_faces & has_eight_corners)
     if len(box) < 2:
         return box[:0], box[:0]
     reach = tolerances.FACE * size

@@ -118,16 +118,16 @@ def solids(
     """
     vertices, faces = list(vertices), list(faces)
     surface = lay_out(vertices, faces)
-    torn = np.flatnonzero(~_is_closed(surface, len(ids)))
-    for index in torn:
+    open_elements = np.flatnonzero(~_is_closed(surface, len(ids)))
+    for index in open_elements:
         faces[index] = _close_surface(ids[index], vertices[index], faces[index])
-    if torn.size:
+    if open_elements.size:
         surface = lay_out(vertices, faces)
     volume, centroid = _divergence(surface, vertices)
     spans = np.array([np.ptp(v, axis=0).max() for v in vertices])
-    flat = np.flatnonzero(~(np.abs(volume) > 1e-12 * spans**3))
-    if flat.size:
-        raise InputError(f"element {ids[flat[0]]!r}", "its faces enclose no volume", "a polyhedron with a volume")
+    empty = np.flatnonzero(~(np.abs(volume) > 1e-12 * spans**3))
+    if empty.size:
+        raise InputError(f"element {ids[empty[0]]!r}", "its faces enclose no volume", "a polyhedron with a volume")
     for index in np.flatnonzero(volume < 0.0):
         faces[index] = tuple(loop[::-1] for loop in faces[index])
     return vertices, faces, np.abs(volume), centroid
@@ -140,10 +140,10 @@ def _is_closed(surface: Surface, count: int) -> Bools:
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
     _, edge = np.unique(low * width + high, return_inverse=True)
     balance = np.bincount(edge, weights=np.where(surface.vertex < surface.after, 1.0, -1.0))
-    good = np.ones(count, dtype=bool)
-    owner = surface.element[surface.face]
-    good[owner[(balance[edge] != 0.0) | (low == high)]] = False
-    return good
+    closed = np.ones(count, dtype=bool)
+    element = surface.element[surface.face]
+    closed[element[(balance[edge] != 0.0) | (low == high)]] = False
+    return closed
 
 
 _SAME: Final = 1e-2  # share of `tolerances.FACE` of the size of an element up to which its vertices coincide
@@ -164,16 +164,16 @@ def _weld_vertices(vertices: Floats, faces: Faces) -> list[tuple[int, ...]]:
     from scipy.spatial import cKDTree  # local imports here and below: slow to import, and used by spatial scenes only
 
     tree = cKDTree(vertices)
-    near = tree.query_pairs(_SAME * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray")
-    group = components(len(vertices), near[:, 0], near[:, 1])
+    pairs = tree.query_pairs(_SAME * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray")
+    group = components(len(vertices), pairs[:, 0], pairs[:, 1])
     first = np.full(len(vertices), len(vertices), dtype=np.int64)
     np.minimum.at(first, group, np.arange(len(vertices)))
     loops = []
     for loop in faces:
-        firsts = [int(first[group[index]]) for index in loop]
-        kept = tuple(index for position, index in enumerate(firsts) if index != firsts[position - 1])
-        if len(kept) > 2:
-            loops.append(kept)
+        welded_loop = [int(first[group[index]]) for index in loop]
+        welded = tuple(index for position, index in enumerate(welded_loop) if index != welded_loop[position - 1])
+        if len(welded) > 2:
+            loops.append(welded)
     return loops
 
 
@@ -185,30 +185,30 @@ def _oriented_alike(loops: list[tuple[int, ...]]) -> Faces | None:
             users.setdefault((min(u, v), max(u, v)), []).append((position, u < v))
     if not loops or any(len(pair) != 2 for pair in users.values()):
         return None
-    pairs = np.array([[one[0], other[0]] for one, other in users.values()])
+    pairs = np.array([[first[0], second[0]] for first, second in users.values()])
     # two faces agree if they run along their edge in opposite senses
-    agree = {(one[0], other[0]): one[1] != other[1] for one, other in users.values()}
+    agree = {(first[0], second[0]): first[1] != second[1] for first, second in users.values()}
     graph = csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(loops), len(loops)))
     _, shell = connected_components(graph, directed=False)
-    turned = np.zeros(len(loops), dtype=bool)
+    is_reversed = np.zeros(len(loops), dtype=bool)
     for root in np.unique(shell, return_index=True)[1]:
         order, parent = breadth_first_order(graph, int(root), directed=False)
         for child in order[1:]:
-            above = int(parent[child])
-            same = agree.get((above, int(child)), agree.get((int(child), above)))
-            turned[child] = turned[above] if same else not turned[above]
-    return tuple(loop[::-1] if turn else loop for loop, turn in zip(loops, turned, strict=True))
+            parent_loop = int(parent[child])
+            agrees = agree.get((parent_loop, int(child)), agree.get((int(child), parent_loop)))
+            is_reversed[child] = is_reversed[parent_loop] if agrees else not is_reversed[parent_loop]
+    return tuple(loop[::-1] if reverse else loop for loop, reverse in zip(loops, is_reversed, strict=True))
 
 
 def _divergence(surface: Surface, vertices: list[Floats]) -> tuple[Floats, Floats]:
     """Compute signed volumes (n,) and centroids (n, 3) by the divergence theorem."""
     base = np.array([v[0] for v in vertices])
     owner = surface.element[surface.face]
-    about = base[owner]
+    origin = base[owner]
     # the mean of its corners, so that a warped face bounds both its elements alike, wherever its loops begin
     middle = np.add.reduceat(surface.points[surface.vertex], surface.start) / surface.count[:, None]
-    first = middle[surface.face] - about
-    start, end = surface.points[surface.vertex] - about, surface.points[surface.after] - about
+    first = middle[surface.face] - origin
+    start, end = surface.points[surface.vertex] - origin, surface.points[surface.after] - origin
     share = np.einsum("ij,ij->i", first, np.cross(start, end)) / 6.0
     count = len(vertices)
     volume = np.bincount(owner, weights=share, minlength=count)
@@ -242,32 +242,32 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
     vector = np.zeros((count, 3))
     np.add.at(vector, surface.face, 0.5 * doubled)
     extent = np.maximum.reduceat(corner, surface.start) - np.minimum.reduceat(corner, surface.start)
-    group, alone = _join_coplanar(surface, vector, np.asarray(extent.max(axis=1)))
+    group, is_single = _join_coplanar(surface, vector, np.asarray(extent.max(axis=1)))
     # A face that repeats a vertex has a hole, joined to its outline by an edge that occurs in both directions.
-    alone &= ~_repeats(surface)
+    is_single &= ~_repeats(surface)
     total = np.zeros((int(group.max()) + 1, 3))
     np.add.at(total, group, vector)
-    flat = np.linalg.norm(total, axis=1) > 0.0
-    loops = _loops_of_groups(surface, group, alone, total)
+    has_area = np.linalg.norm(total, axis=1) > 0.0
+    loops = _loops_of_groups(surface, group, is_single, total)
     element = np.zeros(len(total), dtype=np.int64)
     element[group] = surface.element
-    kept = [index for index in range(len(loops)) if flat[index] and loops[index]]
-    outer = np.concatenate([loops[index][0] for index in kept])
-    counts = np.array([len(loops[index][0]) for index in kept])
-    begin = np.concatenate([[0], np.cumsum(counts)])[:-1]
-    lower, upper = np.minimum.reduceat(outer, begin), np.maximum.reduceat(outer, begin)
+    facet_groups = [index for index in range(len(loops)) if has_area[index] and loops[index]]
+    outer = np.concatenate([loops[index][0] for index in facet_groups])
+    counts = np.array([len(loops[index][0]) for index in facet_groups])
+    first_corner = np.concatenate([[0], np.cumsum(counts)])[:-1]
+    lower, upper = np.minimum.reduceat(outer, first_corner), np.maximum.reduceat(outer, first_corner)
     return Facets(
-        element=element[kept],
-        normal=total[kept] / np.linalg.norm(total[kept], axis=1)[:, None],
-        origin=np.add.reduceat(outer, begin) / counts[:, None],
+        element=element[facet_groups],
+        normal=total[facet_groups] / np.linalg.norm(total[facet_groups], axis=1)[:, None],
+        origin=np.add.reduceat(outer, first_corner) / counts[:, None],
         size=(upper - lower).max(axis=1),
         lower=lower,
         upper=upper,
-        loops=tuple(loops[index] for index in kept),
+        loops=tuple(loops[index] for index in facet_groups),
     )
 
 
-def _loops_of_groups(surface: Surface, group: Ints, alone: Bools, area: Floats) -> list[tuple[Floats, ...]]:
+def _loops_of_groups(surface: Surface, group: Ints, is_single: Bools, area: Floats) -> list[tuple[Floats, ...]]:
     """Return the loops (k, 3) of joined faces, group by group; area: (groups, 3) area vectors."""
     corner = surface.points[surface.vertex]
     members = np.argsort(group, kind="stable")
@@ -275,7 +275,7 @@ def _loops_of_groups(surface: Surface, group: Ints, alone: Bools, area: Floats) 
     loops: list[tuple[Floats, ...]] = []
     for index, (begin, end) in enumerate(pairwise(first.tolist())):
         face = members[begin]
-        if alone[face]:
+        if is_single[face]:
             loops.append((corner[surface.start[face] : surface.start[face] + surface.count[face]],))
         else:
             loops.append(_boundary(surface, members[begin:end], area[index]))
@@ -286,10 +286,10 @@ def _repeats(surface: Surface) -> Bools:
     """Return a mask of faces that contain a vertex more than once."""
     order = np.lexsort((surface.vertex, surface.face))
     face, vertex = surface.face[order], surface.vertex[order]
-    again = np.flatnonzero((face[1:] == face[:-1]) & (vertex[1:] == vertex[:-1]))
-    found = np.zeros(len(surface.count), dtype=bool)
-    found[face[again]] = True
-    return found
+    repeated = np.flatnonzero((face[1:] == face[:-1]) & (vertex[1:] == vertex[:-1]))
+    repeats = np.zeros(len(surface.count), dtype=bool)
+    repeats[face[repeated]] = True
+    return repeats
 
 
 _STRAIGHT: Final = 0.99  # cosine between neighbouring faces below which they are not compared further
@@ -302,11 +302,11 @@ def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints
     key = low * width + high
     order = np.argsort(key, kind="stable")
     neighbours = np.flatnonzero(key[order][1:] == key[order][:-1])
-    face, beside = surface.face[order[neighbours]], surface.face[order[neighbours + 1]]
+    face, neighbour = surface.face[order[neighbours]], surface.face[order[neighbours + 1]]
     norm = np.linalg.norm(vector, axis=1)
     # Test coplanarity with the normal of the larger face: its rounding error is smaller.
-    swap = norm[face] < norm[beside]
-    larger, smaller = np.where(swap, beside, face), np.where(swap, face, beside)
+    swap = norm[face] < norm[neighbour]
+    larger, smaller = np.where(swap, neighbour, face), np.where(swap, face, neighbour)
     cosine = np.einsum("ij,ij->i", vector[larger], vector[smaller])
     straight = cosine > _STRAIGHT * norm[larger] * norm[smaller]
     larger, smaller = larger[straight], smaller[straight]
@@ -316,14 +316,10 @@ def _join_coplanar(surface: Surface, vector: Floats, size: Floats) -> tuple[Ints
         base = larger[owner]
         arm = surface.points[surface.vertex[position]] - surface.points[surface.vertex[surface.start[base]]]
         height = np.abs(np.einsum("ij,ij->i", arm, vector[base])) / norm[base]
-        off = np.maximum.reduceat(height, np.concatenate([[0], np.cumsum(surface.count[smaller])])[:-1])
-        plane = off <= tolerances.FACE * np.maximum(size[larger], size[smaller])
-        larger, smaller = larger[plane], smaller[plane]
-    label = components(count, larger, smaller)
-    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    group = rank[inverse]
+        distance = np.maximum.reduceat(height, np.concatenate([[0], np.cumsum(surface.count[smaller])])[:-1])
+        in_plane = distance <= tolerances.FACE * np.maximum(size[larger], size[smaller])
+        larger, smaller = larger[in_plane], smaller[in_plane]
+    group = components(count, larger, smaller)
     return group, np.bincount(group)[group] == 1
 
 
@@ -333,17 +329,17 @@ def _boundary(surface: Surface, members: Ints, vector: Floats) -> tuple[Floats, 
     _, position = spread(surface.start[members], surface.count[members])
     edges = list(zip(surface.vertex[position].tolist(), surface.after[position].tolist(), strict=True))
     inside = set(edges)
-    onward: dict[int, list[int]] = {}
+    followers: dict[int, list[int]] = {}
     for u, v in edges:
         if (v, u) not in inside:
-            onward.setdefault(u, []).append(v)
+            followers.setdefault(u, []).append(v)
     loops_by_area: list[tuple[float, Floats]] = []
-    for begin in list(onward):
-        while onward[begin]:
-            loop, node = [begin], onward[begin].pop()
+    for begin in list(followers):
+        while followers[begin]:
+            loop, node = [begin], followers[begin].pop()
             while node != begin:
                 loop.append(node)
-                node = onward[node].pop()
+                node = followers[node].pop()
             points = surface.points[loop]
             loops_by_area.append((float(area_vector(points) @ vector), points))
     loops_by_area.sort(key=lambda entry: -entry[0])
@@ -386,16 +382,16 @@ def longest_edge(polygons: Floats) -> Floats:
     return unit_vectors(edge[np.arange(len(edge)), first])
 
 
-def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: Ints) -> Sequence[shapely.Geometry]:
-    """Return the facets `which` (k,) as valid polygons in the planes of facets `plane` (k,)."""
-    shells = [facets.loops[index][0] for index in which]
+def regions_in_planes(facets: Facets, frames: FacetFrames, chosen: Ints, plane: Ints) -> Sequence[shapely.Geometry]:
+    """Return the facets `chosen` (k,) as valid polygons in the planes of facets `plane` (k,)."""
+    shells = [facets.loops[index][0] for index in chosen]
     count = np.array([len(shell) for shell in shells])
-    owner = np.repeat(np.arange(len(which)), count)
+    owner = np.repeat(np.arange(len(chosen)), count)
     flat = project(np.concatenate(shells), facets, frames, plane[owner])
     regions = shapely.polygons(shapely.linearrings(flat, indices=owner))
-    for position in [k for k, index in enumerate(which) if len(facets.loops[index]) > 1]:
-        at = plane[position]
-        rings = [project(loop, facets, frames, np.full(len(loop), at)) for loop in facets.loops[which[position]]]
+    for position in [k for k, index in enumerate(chosen) if len(facets.loops[index]) > 1]:
+        facet = plane[position]
+        rings = [project(loop, facets, frames, np.full(len(loop), facet)) for loop in facets.loops[chosen[position]]]
         regions[position] = shapely.Polygon(rings[0], rings[1:])
     for position in np.flatnonzero(~shapely.is_valid(regions)).tolist():
         # Remaining lines and points have no area, and shapely does not intersect them together with polygons.
@@ -421,17 +417,17 @@ def distance_to(shape: Floats, faces: _Loops, point: Floats) -> float:
     """Return the distance of a point (d,) from an outline (k, 2) or a solid (k, 3), 0 inside."""
     if shape.shape[1] == 2:
         ends = np.roll(shape, -1, axis=0)
-        starts, after = shape - point, ends - point
-        turn = np.arctan2(starts[:, 0] * after[:, 1] - starts[:, 1] * after[:, 0], np.einsum("ij,ij->i", starts, after))
-        return 0.0 if abs(turn.sum()) > np.pi else float(_off_segments(point, shape, ends).min())
+        p, q = shape - point, ends - point
+        angles = np.arctan2(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0], np.einsum("ij,ij->i", p, q))
+        return 0.0 if abs(angles.sum()) > np.pi else float(_distances_from_segments(point, shape, ends).min())
     corners = np.array([[loop[0], *pair] for loop in faces for pair in pairwise(loop[1:])])
     triangles = shape[corners] - point
     # Solid angle of each triangle seen from the point; see van Oosterom and Strackee 1983, eq. (8).
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
-    angle = 2.0 * np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), below)
-    return 0.0 if abs(angle.sum()) > 2.0 * np.pi else min(_off_triangle(triangle) for triangle in triangles)
+    denominator = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+    angle = 2.0 * np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), denominator)
+    return 0.0 if abs(angle.sum()) > 2.0 * np.pi else min(_distance_from_triangle(triangle) for triangle in triangles)
 
 
 def point_in_face(faces: Interfaces, face: int) -> Floats:
@@ -456,20 +452,20 @@ def _region(faces: Interfaces, face: int) -> shapely.MultiPolygon:
     return area_of(shapely.Polygon(arm @ np.array([faces.e1[face], faces.e2[face]]).T))
 
 
-def _off_segments(point: Floats, start: Floats, end: Floats) -> Floats:
+def _distances_from_segments(point: Floats, start: Floats, end: Floats) -> Floats:
     """Return the distances (k,) of a point from segments with ends (k, d)."""
-    along = end - start
-    length = np.maximum(np.einsum("ij,ij->i", along, along), np.finfo(float).tiny)
-    share = np.clip(np.einsum("ij,ij->i", point - start, along) / length, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(start + share[:, None] * along - point, axis=1))
+    edge = end - start
+    length = np.maximum(np.einsum("ij,ij->i", edge, edge), np.finfo(float).tiny)
+    share = np.clip(np.einsum("ij,ij->i", point - start, edge) / length, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(start + share[:, None] * edge - point, axis=1))
 
 
-def _off_triangle(triangle: Floats) -> float:
-    edge = float(_off_segments(np.zeros(3), triangle, np.roll(triangle, -1, axis=0)).min())
+def _distance_from_triangle(triangle: Floats) -> float:
+    from_edges = float(_distances_from_segments(np.zeros(3), triangle, np.roll(triangle, -1, axis=0)).min())
     normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
     size = float(np.linalg.norm(normal))
     if size == 0.0:
-        return edge
-    foot = (triangle[0] @ normal) / size**2 * normal
-    sides = [np.cross(triangle[k - 2] - triangle[k], foot - triangle[k]) @ normal for k in range(3)]
-    return min(edge, abs(float(triangle[0] @ normal)) / size) if min(sides) >= 0.0 else edge
+        return from_edges
+    projection = (triangle[0] @ normal) / size**2 * normal
+    turns = [np.cross(triangle[k - 2] - triangle[k], projection - triangle[k]) @ normal for k in range(3)]
+    return min(from_edges, abs(float(triangle[0] @ normal)) / size) if min(turns) >= 0.0 else from_edges

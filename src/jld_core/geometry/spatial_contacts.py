@@ -59,15 +59,15 @@ class _SlicedBoxes(NamedTuple):
         layers = np.ptp(np.concatenate([low, high]), axis=0) / np.maximum((high - low).mean(axis=0), 1e-300)
         x, y = sorted(np.argsort(layers, kind="stable")[1:])
         z = 3 - x - y
-        bottom, span = low[:, z].min(), np.ptp(np.concatenate([low[:, z], high[:, z]]))
-        step = max(2.0 * float((high - low)[:, z].mean()), float(span) / len(low)) or 1.0
+        bottom, height = low[:, z].min(), np.ptp(np.concatenate([low[:, z], high[:, z]]))
+        step = max(2.0 * float((high - low)[:, z].mean()), float(height) / len(low)) or 1.0
         first = np.floor((low[:, z] - bottom) / step).astype(np.int64)
         count = np.floor((high[:, z] - bottom) / step).astype(np.int64) - first + 1
         owner, sheet = spread(first, count)
         width = float(np.ptp(np.concatenate([low[:, x], high[:, x]])))
-        aside = 2.0 * width * sheet
-        rounding = 1e-12 * (float(aside.max()) + float(abs(low[:, x]).max()) + width)
-        left, right = low[owner, x] + aside - rounding, high[owner, x] + aside + rounding
+        shift = 2.0 * width * sheet
+        rounding = 1e-12 * (float(shift.max()) + float(abs(low[:, x]).max()) + width)
+        left, right = low[owner, x] + shift - rounding, high[owner, x] + shift + rounding
         return cls(shapely.box(left, low[owner, y], right, high[owner, y]), owner, sheet, first)
 
 
@@ -82,16 +82,16 @@ def near_pairs(
     boxes = _SlicedBoxes.of(low, high)
     tree, pairs = shapely.STRtree(boxes.flat), [np.empty((2, 0), dtype=np.int64)]
     for begin in range(0, len(boxes.flat), _AT_ONCE):
-        asked, met = tree.query(boxes.flat[begin : begin + _AT_ONCE])
-        left, right = boxes.owner[asked + begin], boxes.owner[met]
+        queried, hit = tree.query(boxes.flat[begin : begin + _AT_ONCE])
+        left, right = boxes.owner[queried + begin], boxes.owner[hit]
         # a pair that meets in several slices is taken in the first of them
-        once = (left < right) & (boxes.sheet[met] == np.maximum(boxes.first[left], boxes.first[right]))
-        left, right = left[once], right[once]
-        near = np.all((low[left] <= high[right]) & (low[right] <= high[left]), axis=1)
-        left, right = left[near], right[near]
+        in_first_slice = (left < right) & (boxes.sheet[hit] == np.maximum(boxes.first[left], boxes.first[right]))
+        left, right = left[in_first_slice], right[in_first_slice]
+        touching = np.all((low[left] <= high[right]) & (low[right] <= high[left]), axis=1)
+        left, right = left[touching], right[touching]
         if keep is not None:
-            chosen = keep(left, right)
-            left, right = left[chosen], right[chosen]
+            accepted = keep(left, right)
+            left, right = left[accepted], right[accepted]
         pairs.append(np.stack([left, right]))
     left, right = np.concatenate(pairs, axis=1)
     order = np.lexsort((right, left))
@@ -102,8 +102,8 @@ def nearer_pairs(lower: Floats, upper: Floats, reach: Floats, pairs: tuple[Ints,
     """Select the pairs (p,) of boxes that touch or overlap within a shorter reach."""
     low, high = lower - reach[:, None], upper + reach[:, None]
     left, right = pairs
-    near = np.all((low[left] <= high[right]) & (low[right] <= high[left]), axis=1)
-    return left[near], right[near]
+    touching = np.all((low[left] <= high[right]) & (low[right] <= high[left]), axis=1)
+    return left[touching], right[touching]
 
 
 def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[SpatialContact]:
@@ -117,16 +117,16 @@ def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[Spat
     frames = FacetFrames.on(facets)
     rectangle = frames.rectangle[facet_a] & frames.rectangle[facet_b]
     contacts: list[tuple[int, SpatialContact]] = []
-    quick = np.flatnonzero(rectangle)
-    settled = np.zeros(len(facet_a), dtype=bool)
-    if quick.size:
-        aligned, hits = _cut_rectangles(facets, frames, facet_a[quick], facet_b[quick])
-        settled[quick[aligned]] = True
-        contacts += [(int(quick[position]), contact) for position, contact in hits]
-    others = np.flatnonzero(~settled)
+    rectangular = np.flatnonzero(rectangle)
+    is_cut = np.zeros(len(facet_a), dtype=bool)
+    if rectangular.size:
+        aligned, hits = _cut_rectangles(facets, frames, facet_a[rectangular], facet_b[rectangular])
+        is_cut[rectangular[aligned]] = True
+        contacts += [(int(rectangular[position]), contact) for position, contact in hits]
+    uncut = np.flatnonzero(~is_cut)
     contacts += [
-        (int(others[position]), contact)
-        for position, contact in _cut_polygons(facets, frames, facet_a[others], facet_b[others])
+        (int(uncut[position]), contact)
+        for position, contact in _cut_polygons(facets, frames, facet_a[uncut], facet_b[uncut])
     ]
     contacts.sort(key=lambda entry: entry[0])
     return [contact for _, contact in contacts]
@@ -145,37 +145,37 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
     if not len(facet_a):
         return []
     frames = FacetFrames.on(facets)
-    first, second = (regions_in_planes(facets, frames, which, facet_a) for which in (facet_a, facet_b))
+    first, second = (regions_in_planes(facets, frames, chosen, facet_a) for chosen in (facet_a, facet_b))
     shared = intersections(first, second)
     overlapping = np.flatnonzero(shapely.area(shared) > (tolerances.NEAR * size) ** 2).tolist()
     misses = (_near_miss(facets, frames, facet_a[k], facet_b[k], shared[k], size[k]) for k in overlapping)
     return sorted((miss for miss in misses if miss is not None), key=lambda miss: (miss.a, miss.b))
 
 
-def _touches_throughout(facets: Facets, one: Ints, two: Ints, size: Floats) -> Bools:
+def _touches_throughout(facets: Facets, first: Ints, second: Ints, size: Floats) -> Bools:
     """Return a mask (p,) of facet pairs without a gap; size: of the smaller facet."""
     # All four corners of the second facet lie within half the tolerance of the plane of the first. The mask is False if
     # the second facet has holes or not four corners.
-    touches = np.zeros(len(one), dtype=bool)
+    touches = np.zeros(len(first), dtype=bool)
     row, stack = facets.four
-    four = np.flatnonzero(row[two] >= 0)
-    if len(four):
-        corners = stack[row[two[four]]]
-        arm = corners - facets.origin[one[four], None]
-        height = np.abs(np.einsum("nki,ni->nk", arm, facets.normal[one[four]])).max(axis=1)
+    four_cornered = np.flatnonzero(row[second] >= 0)
+    if len(four_cornered):
+        corners = stack[row[second[four_cornered]]]
+        arm = corners - facets.origin[first[four_cornered], None]
+        height = np.abs(np.einsum("nki,ni->nk", arm, facets.normal[first[four_cornered]])).max(axis=1)
         # Half of the tolerance leaves room for rounding.
-        touches[four] = height <= 0.5 * tolerances.FACE * size[four]
+        touches[four_cornered] = height <= 0.5 * tolerances.FACE * size[four_cornered]
     return touches
 
 
 def _near_miss(
-    facets: Facets, frames: FacetFrames, one: int, two: int, shared: shapely.Geometry, size: float
+    facets: Facets, frames: FacetFrames, first: int, second: int, shared: shapely.Geometry, size: float
 ) -> NearMiss | None:
     """Measure the gap between two facets over a region; None for a contact or a wide gap."""
-    axes, normal, slope = np.array([frames.e1[one], frames.e2[one]]), facets.normal[one], facets.normal[two]
+    axes, normal, slope = np.array([frames.e1[first], frames.e2[first]]), facets.normal[first], facets.normal[second]
     flat = np.concatenate([shapely.get_coordinates(shapely.point_on_surface(shared)), shapely.get_coordinates(shared)])
-    points = facets.origin[one] + flat @ axes
-    gap = (facets.origin[two] - points) @ slope / (slope @ normal)
+    points = facets.origin[first] + flat @ axes
+    gap = (facets.origin[second] - points) @ slope / (slope @ normal)
     crossing = gap[1:].min() * gap[1:].max() < 0.0
     widest, narrowest = float(abs(gap[1:]).max()), 0.0 if crossing else float(abs(gap[1:]).min())
     touching = narrowest <= tolerances.FACE * size
@@ -183,7 +183,7 @@ def _near_miss(
         return None
     angle = float(np.degrees(np.arccos(min(1.0, -float(normal @ slope))))) if touching else 0.0
     place = points[0] + 0.5 * gap[0] * normal
-    return NearMiss(int(facets.element[one]), int(facets.element[two]), widest, place, angle)
+    return NearMiss(int(facets.element[first]), int(facets.element[second]), widest, place, angle)
 
 
 def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances.FACE) -> tuple[Ints, Ints]:
@@ -200,49 +200,53 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
     def within(element: Ints, other: Ints) -> tuple[Ints, Ints]:
         """Return pair positions and facets of elements that meet the box of the other element."""
         owner, facet = spread(start[element], count[element])
-        inside = np.all((low[facet] <= box_high[other[owner]]) & (high[facet] >= box_low[other[owner]]), axis=1)
-        return owner[inside], facet[inside]
+        meets = np.all((low[facet] <= box_high[other[owner]]) & (high[facet] >= box_low[other[owner]]), axis=1)
+        return owner[meets], facet[meets]
 
     def facing(a: Ints, b: Ints) -> Ints:
         """Return the opposite facets (2, r) of a batch of element pairs (p,)."""
         owner_a, facet_a = within(a, b)
         owner_b, facet_b = within(b, a)
         # all facets of b for each facet of a of the same pair
-        first = np.searchsorted(owner_b, np.arange(len(a)))
-        amount = np.bincount(owner_b, minlength=len(a))
-        repeat, position = spread(first[owner_a], amount[owner_a])
-        one, two = facet_a[repeat], facet_b[position]
-        kept = np.einsum("ij,ij->i", facets.normal[one], facets.normal[two]) < _OPPOSITE
-        one, two = one[kept], two[kept]
-        boxes = np.all((low[one] <= high[two]) & (low[two] <= high[one]), axis=1)
-        one, two = one[boxes], two[boxes]
-        apart = facets.origin[two] - facets.origin[one]
-        off = np.abs(np.einsum("ij,ij->i", apart, facets.normal[one]))
+        first_b, count_b = np.searchsorted(owner_b, np.arange(len(a))), np.bincount(owner_b, minlength=len(a))
+        repeat, position = spread(first_b[owner_a], count_b[owner_a])
+        first, second = facet_a[repeat], facet_b[position]
+        opposite = np.einsum("ij,ij->i", facets.normal[first], facets.normal[second]) < _OPPOSITE
+        first, second = first[opposite], second[opposite]
+        boxes = np.all((low[first] <= high[second]) & (low[second] <= high[first]), axis=1)
+        first, second = first[boxes], second[boxes]
+        offset = facets.origin[second] - facets.origin[first]
+        distance = np.abs(np.einsum("ij,ij->i", offset, facets.normal[first]))
         # A wide limit that covers the misalignment accepted above; the gap itself is checked where the facets overlap.
-        level = off <= _LEVEL * (np.linalg.norm(apart, axis=1) + np.minimum(facets.size[one], facets.size[two]))
-        return np.stack([one[level], two[level]])
+        reach = _LEVEL * (np.linalg.norm(offset, axis=1) + np.minimum(facets.size[first], facets.size[second]))
+        return np.stack([first[distance <= reach], second[distance <= reach]])
 
-    parts = [facing(a[k : k + _AT_ONCE], b[k : k + _AT_ONCE]) for k in range(0, len(a), _AT_ONCE)]
-    one, two = np.concatenate([np.empty((2, 0), dtype=np.int64), *parts], axis=1)
-    return one, two
+    batches = [facing(a[k : k + _AT_ONCE], b[k : k + _AT_ONCE]) for k in range(0, len(a), _AT_ONCE)]
+    first, second = np.concatenate([np.empty((2, 0), dtype=np.int64), *batches], axis=1)
+    return first, second
 
 
 def _cut_rectangles(
-    facets: Facets, frames: FacetFrames, one: Ints, two: Ints
+    facets: Facets, frames: FacetFrames, first_facet: Ints, second_facet: Ints
 ) -> tuple[Bools, list[tuple[int, SpatialContact]]]:
     """Intersect pairs (p,) of parallel rectangles; return their mask (p,) and contacts by position."""
     row, stack = facets.four
-    first, second = stack[row[one]], stack[row[two]]
-    origin, e1, e2, normal = facets.origin[one], frames.e1[one], frames.e2[one], facets.normal[one]
-    side = np.abs(np.einsum("ij,ij->i", e1, frames.e1[two]))
-    skew = np.minimum(side, np.abs(np.einsum("ij,ij->i", e2, frames.e1[two])))
-    aligned = (skew <= PARALLEL) & (np.einsum("ij,ij->i", normal, facets.normal[two]) < PARALLEL - 1.0)
+    first, second = stack[row[first_facet]], stack[row[second_facet]]
+    origin, e1, e2, normal = (
+        facets.origin[first_facet],
+        frames.e1[first_facet],
+        frames.e2[first_facet],
+        facets.normal[first_facet],
+    )
+    side = np.abs(np.einsum("ij,ij->i", e1, frames.e1[second_facet]))
+    skew = np.minimum(side, np.abs(np.einsum("ij,ij->i", e2, frames.e1[second_facet])))
+    aligned = (skew <= PARALLEL) & (np.einsum("ij,ij->i", normal, facets.normal[second_facet]) < PARALLEL - 1.0)
 
     def extent(stack: Floats, axis: Floats) -> tuple[Floats, Floats]:
-        along = np.einsum("nkj,nj->nk", stack - origin[:, None], axis)
-        return along.min(axis=1), along.max(axis=1)
+        coordinate = np.einsum("nkj,nj->nk", stack - origin[:, None], axis)
+        return coordinate.min(axis=1), coordinate.max(axis=1)
 
-    size = np.minimum(facets.size[one], facets.size[two])
+    size = np.minimum(facets.size[first_facet], facets.size[second_facet])
     # sides of the overlap in the frame of the first rectangle, and heights of the second one above it
     (low_1, high_1), (low_2, high_2) = extent(first, e1), extent(second, e1)
     x0, x1 = np.maximum(low_1, low_2), np.minimum(high_1, high_2)
@@ -250,32 +254,38 @@ def _cut_rectangles(
     y0, y1 = np.maximum(low_1, low_2), np.minimum(high_1, high_2)
     low, high = extent(second, normal)
     reach = tolerances.FACE * size
-    hit = aligned & (x1 - x0 > reach) & (y1 - y0 > reach) & (np.maximum(abs(low), abs(high)) <= reach)
-    half = 0.5 * (low + high)
+    in_contact = aligned & (x1 - x0 > reach) & (y1 - y0 > reach) & (np.maximum(abs(low), abs(high)) <= reach)
+    mean_height = 0.5 * (low + high)
     corners = np.stack(
         [
-            origin + x[:, None] * e1 + y[:, None] * e2 + half[:, None] * normal
+            origin + x[:, None] * e1 + y[:, None] * e2 + mean_height[:, None] * normal
             for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
         ],
         axis=1,
     )
-    element_a, element_b = facets.element[one].tolist(), facets.element[two].tolist()
+    element_a, element_b = facets.element[first_facet].tolist(), facets.element[second_facet].tolist()
     hits = [
-        (k, SpatialContact(element_a[k], element_b[k], corners[k], normal[k])) for k in np.flatnonzero(hit).tolist()
+        (k, SpatialContact(element_a[k], element_b[k], corners[k], normal[k]))
+        for k in np.flatnonzero(in_contact).tolist()
     ]
     return aligned, hits
 
 
-def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> list[tuple[int, SpatialContact]]:
+def _cut_polygons(
+    facets: Facets, frames: FacetFrames, first_facet: Ints, second_facet: Ints
+) -> list[tuple[int, SpatialContact]]:
     """Intersect pairs of facets (p,) of any shape in the plane of the first, with positions."""
-    if not len(one):
+    if not len(first_facet):
         return []
-    first, second = regions_in_planes(facets, frames, one, one), regions_in_planes(facets, frames, two, one)
+    first, second = (
+        regions_in_planes(facets, frames, first_facet, first_facet),
+        regions_in_planes(facets, frames, second_facet, first_facet),
+    )
     shared = intersections(first, second)
-    size = np.minimum(facets.size[one], facets.size[two])
+    size = np.minimum(facets.size[first_facet], facets.size[second_facet])
     contacts = []
     for position in np.flatnonzero(shapely.area(shared) > 0.0).tolist():
-        a, b, reach = one[position], two[position], tolerances.FACE * size[position]
+        a, b, reach = first_facet[position], second_facet[position], tolerances.FACE * size[position]
         normal, origin = facets.normal[a], facets.origin[a]
         slope = facets.normal[b] / (facets.normal[b] @ normal)
         axes = np.array([frames.e1[a], frames.e2[a]])
@@ -337,9 +347,9 @@ def _clusters(points: Floats, tolerance: float) -> Ints:
     for shift in itertools.product((0.0, 0.5), repeat=points.shape[1]):
         box = np.floor(scaled + np.array(shift))
         order = np.lexsort(box.T)
-        same = np.flatnonzero(np.all(box[order[1:]] == box[order[:-1]], axis=1))
-        firsts.append(order[same])
-        seconds.append(order[same + 1])
+        equal = np.flatnonzero(np.all(box[order[1:]] == box[order[:-1]], axis=1))
+        firsts.append(order[equal])
+        seconds.append(order[equal + 1])
     return components(len(points), np.concatenate(firsts), np.concatenate(seconds))
 
 
@@ -350,14 +360,14 @@ def _first_within(points: Floats, tolerance: float) -> Ints:
     # Boxes are as wide as the tolerance, so that all candidates lie in neighbouring boxes: no search is needed.
     boxes: dict[tuple[int, ...], list[int]] = {}
     joined = np.arange(len(points))
-    around = np.array(np.meshgrid(*[[-1, 0, 1]] * points.shape[1])).reshape(points.shape[1], -1).T
+    steps = np.array(np.meshgrid(*[[-1, 0, 1]] * points.shape[1])).reshape(points.shape[1], -1).T
     for index, point in enumerate(points):
         with np.errstate(over="ignore"):
             box = np.floor(point / width)
-        near = [k for step in around for k in boxes.get(tuple(box + step), ())]
-        close = [k for k in near if np.linalg.norm(points[k] - point) <= tolerance]
-        if close:
-            joined[index] = min(close)
+        candidates = [k for step in steps for k in boxes.get(tuple(box + step), ())]
+        within = [k for k in candidates if np.linalg.norm(points[k] - point) <= tolerance]
+        if within:
+            joined[index] = min(within)
         else:
             boxes.setdefault(tuple(box), []).append(index)
     return joined
@@ -374,8 +384,12 @@ class _Heights:
     def of(self, facet: Ints, element: Ints) -> tuple[Floats, Floats]:
         """Return the least and the greatest height (k,) of an element's vertices above each facet's plane."""
         owner, corner = spread(self._first[element], self._count[element])
-        above = facet[owner]
-        height = np.einsum("ij,ij->i", self._points[corner] - self._facets.origin[above], self._facets.normal[above])
+        facet_of_corner = facet[owner]
+        height = np.einsum(
+            "ij,ij->i",
+            self._points[corner] - self._facets.origin[facet_of_corner],
+            self._facets.normal[facet_of_corner],
+        )
         begin = np.concatenate([[0], np.cumsum(self._count[element])])[:-1]
         return np.minimum.reduceat(height, begin), np.maximum.reduceat(height, begin)
 
@@ -402,8 +416,8 @@ def check_overlaps(
     span = (upper - lower).max(axis=1)
     a, b = pairs
     reach = tolerances.FACE * np.minimum(span[a], span[b])
-    deep = np.all(np.minimum(upper[a], upper[b]) - np.maximum(lower[a], lower[b]) > reach[:, None], axis=1)
-    a, b, reach = a[deep], b[deep], reach[deep]
+    boxes_overlap = np.all(np.minimum(upper[a], upper[b]) - np.maximum(lower[a], lower[b]) > reach[:, None], axis=1)
+    a, b, reach = a[boxes_overlap], b[boxes_overlap], reach[boxes_overlap]
     if not len(a):
         return ()
     heights = _Heights(vertices, facets)
@@ -414,13 +428,13 @@ def check_overlaps(
     a, b, reach = a[both_convex], b[both_convex], reach[both_convex]
     overlaps = []
     for part in np.array_split(np.arange(len(a)), 1 + len(a) // _PAIRS_AT_ONCE):
-        apart = np.zeros(len(part), dtype=bool)
+        is_separate = np.zeros(len(part), dtype=bool)
         for element, other in ((a[part], b[part]), (b[part], a[part])):
             if len(part):
                 owner, facet = spread(start[element], count[element])
                 lowest = heights.of(facet, other[owner])[0]
-                apart |= np.bincount(owner, weights=lowest >= -reach[part][owner], minlength=len(part)) > 0.0
-        for index in part[~apart].tolist():
+                is_separate |= np.bincount(owner, weights=lowest >= -reach[part][owner], minlength=len(part)) > 0.0
+        for index in part[~is_separate].tolist():
             planes = np.flatnonzero((facets.element == a[index]) | (facets.element == b[index]))
             radius, place = _ball(facets, planes)
             if radius > 0.5 * reach[index]:
@@ -431,14 +445,14 @@ def check_overlaps(
 def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
     """Return radius and centre of the largest ball behind all planes."""
     # The radius is negative where no such ball exists.
-    normal, middle = facets.normal[planes], facets.origin[planes].mean(axis=0)
-    behind = np.einsum("ij,ij->i", facets.origin[planes] - middle, normal)
+    normal, centre = facets.normal[planes], facets.origin[planes].mean(axis=0)
+    distances = np.einsum("ij,ij->i", facets.origin[planes] - centre, normal)
     rows = np.column_stack([normal, np.ones(len(planes))])
     from scipy.optimize import linprog  # loaded on first use: it takes longer than reading most scenes
 
-    answer = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=behind, bounds=[(None, None)] * 4)
-    place = middle if answer.x is None else middle + answer.x[:3]
-    return -float(answer.fun or 0.0), np.asarray(place)
+    answer = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=distances, bounds=[(None, None)] * 4)
+    ball_centre = centre if answer.x is None else centre + answer.x[:3]
+    return -float(answer.fun or 0.0), np.asarray(ball_centre)
 
 
 def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
@@ -447,16 +461,16 @@ def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
     count = len(contacts)
     normal = np.array([c.normal for c in contacts]).reshape(-1, 3)
     polygons = [measures.keyhole(c.polygon, c.holes) for c in contacts]
-    solid = np.array([not c.holes for c in contacts], dtype=bool)
+    without_holes = np.array([not c.holes for c in contacts], dtype=bool)
     e1, rectangle = np.empty((count, 3)), np.zeros(count, dtype=bool)
-    plain = measures.without_idle_corners([c.polygon for c in contacts], tolerances.FACE)
-    for chosen, stack in measures.by_corner_count(plain):
-        e1[chosen] = longest_edge(stack)
-        rectangle[chosen] = measures.is_rectangle(stack, tolerances.FACE) & solid[chosen]
+    cleaned = measures.without_idle_corners([c.polygon for c in contacts], tolerances.FACE)
+    for positions, stack in measures.by_corner_count(cleaned):
+        e1[positions] = longest_edge(stack)
+        rectangle[positions] = measures.is_rectangle(stack, tolerances.FACE) & without_holes[positions]
     e1 = unit_vectors(e1 - np.einsum("ij,ij->i", e1, normal)[:, None] * normal)
     e2 = np.cross(normal, e1)
     sections = _sections(polygons, e1, e2, normal)
-    _set_rectangle_sizes(sections, plain, rectangle, e1)
+    _set_rectangle_sizes(sections, cleaned, rectangle, e1)
     return Interfaces(
         a=np.array([c.a for c in contacts], dtype=np.int64),
         b=np.array([c.b for c in contacts], dtype=np.int64),
@@ -489,33 +503,33 @@ def _sections(polygons: list[Floats], e1: Floats, e2: Floats, normal: Floats) ->
     count, polygons = len(polygons), list(polygons)
     origin = np.empty((count, 3))
     l1, l2, area, c_t = (np.empty(count) for _ in range(4))
-    for chosen, stack in measures.by_corner_count(polygons):
+    for positions, stack in measures.by_corner_count(polygons):
         base = stack[:, :1]
-        frame = np.stack([e1[chosen], e2[chosen], normal[chosen]], axis=1)
+        frame = np.stack([e1[positions], e2[positions], normal[positions]], axis=1)
         local = np.einsum("nkj,nij->nki", stack - base, frame)
         signed = measures.area(local[..., :2])
-        turned = signed < 0.0
-        local[turned] = local[turned][:, ::-1]
+        is_clockwise = signed < 0.0
+        local[is_clockwise] = local[is_clockwise][:, ::-1]
         flat = local[..., :2]
-        middle = np.column_stack([measures.centroid(flat), local[..., 2].mean(axis=1)])
-        origin[chosen] = base[:, 0] + np.einsum("ni,nij->nj", middle, frame)
-        area[chosen] = np.abs(signed)
-        c_t[chosen] = measures.torsion_length(flat)
-        l1[chosen], l2[chosen] = measures.sizes(flat).T
-        for index in chosen[turned]:
+        local_centroid = np.column_stack([measures.centroid(flat), local[..., 2].mean(axis=1)])
+        origin[positions] = base[:, 0] + np.einsum("ni,nij->nj", local_centroid, frame)
+        area[positions] = np.abs(signed)
+        c_t[positions] = measures.torsion_length(flat)
+        l1[positions], l2[positions] = measures.sizes(flat).T
+        for index in positions[is_clockwise]:
             polygons[index] = polygons[index][::-1]
     return _Sections(origin, l1, l2, area, c_t, polygons)
 
 
-def _set_rectangle_sizes(sections: _Sections, plain: list[Floats], rectangle: Bools, e1: Floats) -> None:
-    """Replace extents of rectangles (m,) by means of opposite sides; plain: corners without those in straight edges."""
-    for chosen, stack in measures.by_corner_count([plain[i] for i in np.flatnonzero(rectangle)]):
-        which = np.flatnonzero(rectangle)[chosen]
+def _set_rectangle_sizes(sections: _Sections, cleaned: list[Floats], rectangle: Bools, e1: Floats) -> None:
+    """Replace extents of rectangles (m,) by means of opposite sides; cleaned: corners but those in straight edges."""
+    for positions, stack in measures.by_corner_count([cleaned[i] for i in np.flatnonzero(rectangle)]):
+        faces = np.flatnonzero(rectangle)[positions]
         # sums of two opposite sides
         first = stack[:, 1] - stack[:, 0] + stack[:, 2] - stack[:, 3]
         second = stack[:, 2] - stack[:, 1] + stack[:, 3] - stack[:, 0]
-        along_e1 = np.abs(np.einsum("nj,nj->n", first, e1[which])) > np.abs(np.einsum("nj,nj->n", second, e1[which]))
+        along_e1 = np.abs(np.einsum("nj,nj->n", first, e1[faces])) > np.abs(np.einsum("nj,nj->n", second, e1[faces]))
         first_size, second_size = (0.5 * np.linalg.norm(side, axis=1) for side in (first, second))
-        sections.l1[which] = np.where(along_e1, first_size, second_size)
-        sections.l2[which] = np.where(along_e1, second_size, first_size)
-        sections.c_t[which] = measures.rectangle_torsion_length(sections.l1[which], sections.l2[which])
+        sections.l1[faces] = np.where(along_e1, first_size, second_size)
+        sections.l2[faces] = np.where(along_e1, second_size, first_size)
+        sections.c_t[faces] = measures.rectangle_torsion_length(sections.l1[faces], sections.l2[faces])

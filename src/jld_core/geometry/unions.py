@@ -10,12 +10,12 @@ import numpy as np
 import shapely
 
 from jld_core import tolerances
-from jld_core.arrays import Floats, Ints
+from jld_core.arrays import Floats
 from jld_core.geometry.outlines import area_of
 from jld_core.geometry.polyhedra import Faces, Facets, facets_of
 from jld_core.geometry.snapping import snap_polygons, straight, without_spikes
 from jld_core.geometry.vectors import across
-from jld_core.linalg import components
+from jld_core.linalg import merged_points
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -63,8 +63,8 @@ def region_of(part: shapely.Polygon) -> Region:
     part = shapely.Polygon(part.exterior, part.interiors)
     shell, *holes = [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
     shell = shell if part.exterior.is_ccw else shell[::-1]
-    turned = [h[::-1] if ring.is_ccw else h for h, ring in zip(holes, part.interiors, strict=True)]
-    return Region(straight(shell), tuple(straight(hole) for hole in turned))
+    clockwise = [hole[::-1] if ring.is_ccw else hole for hole, ring in zip(holes, part.interiors, strict=True)]
+    return Region(straight(shell), tuple(straight(hole) for hole in clockwise))
 
 
 def extrude(region: Region, depth: float) -> Surface:
@@ -75,28 +75,36 @@ def extrude(region: Region, depth: float) -> Surface:
     cap = triangulate_region(flat, _number_corners(rings))
     points = np.concatenate([np.column_stack([flat[:, 0], np.full(count, y), flat[:, 1]]) for y in (0.0, depth)])
     # Seen from −y with x to the right and z up, counter-clockwise rings face outward; sides run from there along +y.
-    front = [tuple(t) for t in cap]
+    front = [tuple(triangle) for triangle in cap]
     back = [(a + count, c + count, b + count) for a, b, c in cap]
     sides: list[tuple[int, ...]] = []
-    begin = 0
+    first_corner = 0
     for ring in rings:
         size = len(ring)
         sides += [
-            (begin + k, begin + count + k, begin + count + (k + 1) % size, begin + (k + 1) % size) for k in range(size)
+            (
+                first_corner + k,
+                first_corner + count + k,
+                first_corner + count + (k + 1) % size,
+                first_corner + (k + 1) % size,
+            )
+            for k in range(size)
         ]
-        begin += size
+        first_corner += size
     caps: list[tuple[int, ...]] = [*front, *back]
     if not region.holes:
         caps = [tuple(range(count)), tuple(range(2 * count - 1, count - 1, -1))]
-    split = [t for side in sides for t in ((side[0], side[1], side[2]), (side[0], side[2], side[3]))]
-    return Surface(points, (*caps, *sides), (*front, *back, *split))  # type: ignore[arg-type]
+    side_triangles = [
+        triangle for side in sides for triangle in ((side[0], side[1], side[2]), (side[0], side[2], side[3]))
+    ]
+    return Surface(points, (*caps, *sides), (*front, *back, *side_triangles))  # type: ignore[arg-type]
 
 
 def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
     """Compute the outer surface of polyhedra that touch along parts of their faces."""
-    every = np.concatenate(list(vertices))
-    size = float(np.ptp(every, axis=0).max())
-    corners = every[np.unique(_weld(every, _NEAR_SOLID * size), return_index=True)[1]]
+    all_corners = np.concatenate(list(vertices))
+    size = float(np.ptp(all_corners, axis=0).max())
+    corners, _ = merged_points(all_corners, _NEAR_SOLID * size)
     facets = facets_of(list(vertices), list(faces))
     pieces = [piece for plane in _planes(facets, _NEAR_SOLID * size) for piece in _outside(facets, plane, size)]
     from scipy.spatial import cKDTree  # local imports here and below: slow to import and seldom needed
@@ -105,14 +113,13 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
     # loops of each piece, with corners of the solids in the place of those near them
     rings: list[list[Floats]] = []
     for _, loops in pieces:
-        placed = []
+        snapped_loops = []
         for loop in loops:
             distance, nearest = (np.asarray(values) for values in tree.query(loop))
-            placed.append(np.where((distance <= _NEAR_SOLID * size)[:, None], corners[nearest], loop))
-        rings.append(placed)
-    flat = np.concatenate([loop for loops in rings for loop in loops])
-    node = _weld(flat, _NEAR_SOLID * size)
-    points = flat[np.unique(node, return_index=True)[1]]
+            snapped_loops.append(np.where((distance <= _NEAR_SOLID * size)[:, None], corners[nearest], loop))
+        rings.append(snapped_loops)
+    loop_points = np.concatenate([loop for loops in rings for loop in loops])
+    points, node = merged_points(loop_points, _NEAR_SOLID * size)
     numbers = iter(np.split(node, np.cumsum([len(loop) for loops in rings for loop in loops])[:-1]))
     surface: list[tuple[int, ...]] = []
     triangles: list[tuple[int, int, int]] = []
@@ -125,10 +132,10 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
         if not closed:
             continue
         flat_points = points @ -across(normal).T
-        cut = triangulate_region(flat_points, closed)
-        triangles += cut
+        piece_triangles = triangulate_region(flat_points, closed)
+        triangles += piece_triangles
         # a face with holes is stated by its triangles
-        surface += [tuple(closed[0])] if len(closed) == 1 else cut
+        surface += [tuple(closed[0])] if len(closed) == 1 else piece_triangles
     return Surface(points, tuple(surface), tuple(triangles))
 
 
@@ -138,28 +145,19 @@ def _planes(facets: Facets, reach: float) -> list[list[int]]:
     # the first facet of each group
     first = np.zeros(len(facets), dtype=np.int64)
     for k in range(len(facets)):
-        known = first[: len(groups)]
-        apart = np.abs(np.einsum("ij,ij->i", facets.origin[k] - facets.origin[known], facets.normal[known]))
-        same = (np.abs(facets.normal[known] @ facets.normal[k]) > 1.0 - _PARALLEL) & (apart <= reach)
-        if same.any():
-            groups[int(np.argmax(same))].append(k)
+        first_of_groups = first[: len(groups)]
+        distance = np.abs(
+            np.einsum("ij,ij->i", facets.origin[k] - facets.origin[first_of_groups], facets.normal[first_of_groups])
+        )
+        is_in_plane = (np.abs(facets.normal[first_of_groups] @ facets.normal[k]) > 1.0 - _PARALLEL) & (
+            distance <= reach
+        )
+        if is_in_plane.any():
+            groups[int(np.argmax(is_in_plane))].append(k)
         else:
             first[len(groups)] = k
             groups.append([k])
     return groups
-
-
-def _weld(points: Floats, reach: float) -> Ints:
-    """Assign points (n, 3) to nodes (n,); points within `reach` of one another share a node."""
-    # Nodes are numbered by first appearance; chains of near points become one node.
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
-    label = components(len(points), pairs[:, 0], pairs[:, 1])
-    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse]
 
 
 _GRID: Final = 1e-9  # grid of unions, relative to the size of the solids
@@ -178,36 +176,36 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
 
     sides = [[region(k) for k in plane if facets.normal[k] @ normal * sign > 0.0] for sign in (1.0, -1.0)]
     grid = _GRID * size
-    up, down = (shapely.union_all(side, grid_size=grid) if side else shapely.Polygon() for side in sides)
-    outside = []
-    for sign, region_up, region_down in ((1.0, up, down), (-1.0, down, up)):
+    facing, opposite = (shapely.union_all(side, grid_size=grid) if side else shapely.Polygon() for side in sides)
+    regions = []
+    for sign, region_up, region_down in ((1.0, facing, opposite), (-1.0, opposite, facing)):
         uncovered = shapely.difference(region_up, region_down, grid_size=grid)
         for part in shapely.get_parts(uncovered):
             if part.geom_type != "Polygon" or part.area <= (_NEAR_SOLID * size) * part.length:
                 continue
-            clean = region_of(part)
-            loops = [ring @ frame + origin for ring in (clean.shell, *clean.holes)]
-            outside.append((sign * normal, loops if sign > 0.0 else [loop[::-1] for loop in loops]))
-    return outside
+            region_cleaned = region_of(part)
+            loops = [ring @ frame + origin for ring in (region_cleaned.shell, *region_cleaned.holes)]
+            regions.append((sign * normal, loops if sign > 0.0 else [loop[::-1] for loop in loops]))
+    return regions
 
 
 def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) -> list[int]:
     """Insert the points (n, 3) that lie within `reach` of the edges of a loop as its corners."""
-    full: list[int] = []
+    result: list[int] = []
     for a, b in zip(loop, [*loop[1:], loop[0]], strict=True):
         if a == b:
             continue
-        full.append(a)
-        along = points[b] - points[a]
-        length = float(np.linalg.norm(along))
-        near = [k for k in tree.query_ball_point(0.5 * (points[a] + points[b]), 0.5 * length) if k not in (a, b)]
-        on = []
-        for k in near:
-            share = float((points[k] - points[a]) @ along) / length**2
-            if np.linalg.norm(points[k] - points[a] - share * along) <= reach and 0.0 < share < 1.0:
-                on.append((share, k))
-        full += [k for _, k in sorted(on)]
-    return full
+        result.append(a)
+        edge = points[b] - points[a]
+        length = float(np.linalg.norm(edge))
+        candidates = [k for k in tree.query_ball_point(0.5 * (points[a] + points[b]), 0.5 * length) if k not in (a, b)]
+        on_edge = []
+        for k in candidates:
+            share = float((points[k] - points[a]) @ edge) / length**2
+            if np.linalg.norm(points[k] - points[a] - share * edge) <= reach and 0.0 < share < 1.0:
+                on_edge.append((share, k))
+        result += [k for _, k in sorted(on_edge)]
+    return result
 
 
 def _number_corners(rings: Sequence[Floats]) -> list[list[int]]:
@@ -219,7 +217,7 @@ def _number_corners(rings: Sequence[Floats]) -> list[list[int]]:
 def triangulate_region(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
     """Triangulate a shell and its holes in points (k, 2), counter-clockwise and without new points."""
     rings = [points[list(loop)] for loop in loops]
-    if len(loops) == 1 and _fans(rings[0]):
+    if len(loops) == 1 and _is_strictly_convex(rings[0]):
         (loop,) = loops
         return [(loop[0], loop[k], loop[k + 1]) for k in range(1, len(loop) - 1)]
     # A hole may touch the shell in a corner, which the triangulation refuses: shrink holes slightly.
@@ -232,15 +230,15 @@ def triangulate_region(points: Floats, loops: Sequence[Sequence[int]]) -> list[t
         a, b, c = shapely.get_coordinates(triangle)[:3]
         if (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0] < 0.0:
             b, c = c, b
-        named = (number[tuple(a.tolist())], number[tuple(b.tolist())], number[tuple(c.tolist())])
-        if len(set(named)) == 3:
-            triangles.append(named)
+        nodes = (number[tuple(a.tolist())], number[tuple(b.tolist())], number[tuple(c.tolist())])
+        if len(set(nodes)) == 3:
+            triangles.append(nodes)
     return triangles
 
 
-def _fans(ring: Floats) -> bool:
+def _is_strictly_convex(ring: Floats) -> bool:
     """Return True if a counter-clockwise outline (k, 2) is strictly convex at every corner."""
-    after = np.roll(ring, -1, axis=0) - ring
-    before = np.roll(after, 1, axis=0)
-    bend = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return bool((bend > 1e-9 * np.abs(bend).max()).all())
+    outgoing = np.roll(ring, -1, axis=0) - ring
+    incoming = np.roll(outgoing, 1, axis=0)
+    turn = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
+    return bool((turn > 1e-9 * np.abs(turn).max()).all())

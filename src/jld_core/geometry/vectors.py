@@ -36,12 +36,14 @@ def resultants(count: int, owner: Ints, loads: Floats, arm: Floats) -> Floats:
     d = arm.shape[1]
     moment = moment_about(arm, loads[:, :d])
     # |arm × force| alone would miss the rounding of components of forces that cancel within it
-    terms = np.linalg.norm(arm, axis=1)[:, None] * np.linalg.norm(loads[:, :d], axis=1)[:, None]
-    gross = np.column_stack([np.repeat(np.linalg.norm(loads[:, :d], axis=1)[:, None], d, axis=1), abs(loads[:, d:])])
-    gross[:, d:] += terms
+    moment_magnitudes = np.linalg.norm(arm, axis=1)[:, None] * np.linalg.norm(loads[:, :d], axis=1)[:, None]
+    magnitudes = np.column_stack(
+        [np.repeat(np.linalg.norm(loads[:, :d], axis=1)[:, None], d, axis=1), abs(loads[:, d:])]
+    )
+    magnitudes[:, d:] += moment_magnitudes
     total, size = np.zeros((count, loads.shape[1])), np.zeros((count, loads.shape[1]))
     np.add.at(total, owner, np.column_stack([loads[:, :d], loads[:, d:] + moment]))
-    np.add.at(size, owner, gross)
+    np.add.at(size, owner, magnitudes)
     return without_rounding(total, size)
 
 
@@ -80,9 +82,9 @@ def area_vector(corners: Floats) -> Floats:
     """
     # Coordinates relative to a corner: far from the origin, absolute ones lose digits.
     arm = corners - corners[..., :1, :]
-    after = np.concatenate((arm[..., 1:, :], arm[..., :1, :]), axis=-2)
+    following = np.concatenate((arm[..., 1:, :], arm[..., :1, :]), axis=-2)
     # `numpy.cross` takes three times as long for a few corners
-    x, y, z, u, v, w = (side[..., axis] for side in (arm, after) for axis in range(3))
+    x, y, z, u, v, w = (side[..., axis] for side in (arm, following) for axis in range(3))
     return np.asarray(0.5 * np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1).sum(axis=-2))
 
 
@@ -102,9 +104,9 @@ def across(normal: Floats) -> Floats:
     # written out: the general cross product of numpy takes ten times as long for single vectors
     x, y, z = normal.tolist()
     smallest = int(np.argmin(abs(normal)))
-    one = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))[smallest]
-    length = math.sqrt(one[0] ** 2 + one[1] ** 2 + one[2] ** 2)
-    a, b, c = one[0] / length, one[1] / length, one[2] / length
+    perpendicular = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))[smallest]
+    length = math.sqrt(perpendicular[0] ** 2 + perpendicular[1] ** 2 + perpendicular[2] ** 2)
+    a, b, c = perpendicular[0] / length, perpendicular[1] / length, perpendicular[2] / length
     return np.array([(a, b, c), (y * c - z * b, z * a - x * c, x * b - y * a)])
 
 

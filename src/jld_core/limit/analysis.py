@@ -24,7 +24,7 @@ from jld_core.limit.bounds import (
     Proof,
     Prover,
     State,
-    apart,
+    are_disjoint,
     load_scale,
     offer_results,
     relative_width,
@@ -40,16 +40,15 @@ from jld_core.solvers.base import EARLY
 from jld_core.solvers.schur import SchurSolver
 from jld_core.threads import one_thread
 
-_GROWS: Final = 1e3  # Scaled λ above which a state without an upper bound may be unbounded.
-_SIMPLEX: Final = 6000  # Number of columns up to which a dual simplex is tried.
-_VERTEX: Final = 600  # Number of columns up to which it is tried for digits alone: .05 s.
-_SCHUR: Final = (
-    900  # Equations from which Schur complements take less time than a dual simplex: 0.3 against 4 s at 1452.
-)
+_LARGE_LOAD: Final = 1e3  # Scaled λ above which a state without an upper bound may be unbounded.
+_SIMPLEX_COLUMNS: Final = 6000  # Number of columns up to which a dual simplex is tried.
+_VERTEX_COLUMNS: Final = 600  # Number of columns up to which it is tried for digits alone: .05 s.
+# Equations from which Schur complements take less time than a dual simplex: 0.3 against 4 s at 1452.
+_SCHUR_EQUATIONS: Final = 900
 EARLY_FROM: Final = 5000  # number of equations from which a solver may stop at a bracket of relative width `EARLY`
 
 # Batch solvers of assemblies in use, by their id: a search analyses one for its λ, for what stands and for mechanisms.
-_made: Final[dict[int, dict[tuple[str, bool], BatchSolver]]] = {}
+_batch_solvers: Final[dict[int, dict[tuple[str, bool], BatchSolver]]] = {}
 
 
 class Analysis(Protocol):
@@ -104,23 +103,23 @@ class AttemptState:
         if unloaded is not None:
             self.proof.offer_state(unloaded)
 
-    def adopt(self, found: Proof) -> None:
+    def adopt(self, other: Proof) -> None:
         """Adopt a finished proof of the same labelling, unless the brackets are disjoint."""
         # If they are disjoint, only its solve log is kept; of a proof that is open, its bounds are kept where they are
         # better.
         proof = self.proof
-        proof.solve_log += found.solve_log
-        proof.solves += found.solves
-        if apart((found.low, found.high), (proof.low, proof.high)):
+        proof.solve_log += other.solve_log
+        proof.solves += other.solves
+        if are_disjoint((other.low, other.high), (proof.low, proof.high)):
             return
-        if self.analysis.is_open(found):
-            if found.state is not None:
-                proof.offer_state(found.state)
-            if found.motion is not None:
-                proof.offer_motion(found.motion)
+        if self.analysis.is_open(other):
+            if other.state is not None:
+                proof.offer_state(other.state)
+            if other.motion is not None:
+                proof.offer_motion(other.motion)
         else:
-            found.solve_log, found.solves = proof.solve_log, proof.solves
-            self.proof, self.settled = found, True
+            other.solve_log, other.solves = proof.solve_log, proof.solves
+            self.proof, self.settled = other, True
 
     @property
     def open(self) -> bool:
@@ -141,7 +140,7 @@ class AttemptState:
     def may_be_unbounded(self) -> bool:
         """Return True if λ may be unbounded: large (scaled, above 1000), without an upper bound."""
         state = self.proof.state
-        return self.open and self.proof.motion is None and state is not None and state.load > _GROWS
+        return self.open and self.proof.motion is None and state is not None and state.load > _LARGE_LOAD
 
     @property
     def reported_unbounded(self) -> bool:
@@ -166,13 +165,13 @@ class AttemptState:
     def is_small_linear(self) -> bool:
         """Return True if the program is linear and small enough for a dual simplex."""
         structure = self.template.structure
-        return not structure.cones and structure.shape[1] <= _SIMPLEX
+        return not structure.cones and structure.shape[1] <= _SIMPLEX_COLUMNS
 
     @property
     def inaccurate_at_medium_size(self) -> bool:
         """Return True if Clarabel ended early on a linear program that Schur complements solve fast."""
         structure, raw = self.template.structure, self.raw
-        medium = not structure.cones and structure.equalities >= _SCHUR and not is_large(structure)
+        medium = not structure.cones and structure.equalities >= _SCHUR_EQUATIONS and not is_large(structure)
         return self.open and medium and raw is not None and raw.status is RawStatus.ALMOST
 
     @property
@@ -208,12 +207,8 @@ class AttemptState:
         """Return True if the collapse bracket of a single labelling is wider than `tolerances.DIGITS`."""
         # A narrower bracket makes the reported λ independent of the order of elements.
         analysis = self.analysis
-        if (
-            not analysis.single_labelling
-            or not self._narrow
-            or self.settled_by_batch
-            or is_large(self.template.structure)
-        ):
+        improvable = self._narrow and not self.settled_by_batch and not is_large(self.template.structure)
+        if not (analysis.single_labelling and improvable):
             return False
         return self._width(analysis.load_scale) > tolerances.DIGITS
 
@@ -226,7 +221,7 @@ class AttemptState:
         return relative_width(self.proof.low, self.proof.high, load_scale)
 
 
-_NARROW: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which the simplest opening motion is taken.
+_SMALL_RISE: Final = 1e-10  # Rise of an upper bound, relative to λ, up to which the simplest opening motion is taken.
 
 
 class ProofAttempt(AttemptState):
@@ -249,11 +244,11 @@ class ProofAttempt(AttemptState):
         else:
             self._offer_batch_results(self.batch_results)
 
-    def _offer_batch_results(self, found: BatchResults) -> None:
+    def _offer_batch_results(self, results: BatchResults) -> None:
         """Offer the bounds, or the instability, that the batch solver's results prove."""
-        if found.verdict[0] == FALLS and found.velocity is not None:
-            self._offer_instability(found.velocity[0])
-        offer_results(found, self.labels, self.proof, self.prover, self.repair.opening)
+        if results.verdict[0] == FALLS and results.velocity is not None:
+            self._offer_instability(results.velocity[0])
+        offer_results(results, self.labels, self.proof, self.prover, self.repair.opening)
 
     def try_batch_solver_first(self) -> None:
         """Solve by the batch solver first, and drop a wide bracket, as the next solver converges better without."""
@@ -266,9 +261,9 @@ class ProofAttempt(AttemptState):
 
     def solve_by_first_solver(self) -> None:
         """Solve by the solver of the analysis, set up on its reference labelling; see `solve_by`."""
-        route, template, analysis = self.analysis.first_solver, self.template, self.analysis
-        route.prepare(template.structure, lambda: template.program(analysis.reference, analysis.margin))
-        self.solve_by(route, analysis.margin)
+        solver, template, analysis = self.analysis.first_solver, self.template, self.analysis
+        solver.prepare(template.structure, lambda: template.program(analysis.reference, analysis.margin))
+        self.solve_by(solver, analysis.margin)
 
     def solve_until_narrow(self) -> None:
         """Solve by Schur complements up to the first iterate of close bounds: later ones may lose in one of them."""
@@ -277,7 +272,7 @@ class ProofAttempt(AttemptState):
         if self.raw is not None and self.raw.status is not RawStatus.OPTIMAL:
             self.raw = earlier
 
-    def solve_by(self, route: Solver, margin: float, *, early: bool = False) -> None:
+    def solve_by(self, solver: Solver, margin: float, *, early: bool = False) -> None:
         """Solve by one solver, and offer the bounds that the raw answer proves without repairs."""
         # The answer is kept in `raw`. If the solver reports an infeasible program, its multipliers are offered as a
         # proof of instability. If it reports an unbounded one, its point becomes the ray of the proof if it is one;
@@ -285,11 +280,11 @@ class ProofAttempt(AttemptState):
         # are close enough.
         program = self.template.program(self.labels, margin)
         early = early or program.structure.equalities >= EARLY_FROM
-        raw = self.raw = route.solve_until(program, self._suffices if early else None)
+        raw = self.raw = solver.solve_until(program, self._suffices if early else None)
         self.mechanism_found = False
         proof = self.proof
         proof.solves += 1
-        proof.solve_log.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
+        proof.solve_log.append(solver.name if raw.status is RawStatus.OPTIMAL else f"{solver.name} ({raw.status})")
         if raw.status in (RawStatus.INFEASIBLE, RawStatus.NEARLY_INFEASIBLE):
             self._offer_instability(raw.dual)
         elif raw.status is RawStatus.UNBOUNDED:
@@ -306,12 +301,9 @@ class ProofAttempt(AttemptState):
         if not state.admissible:
             return False
         motion = self.prover.motion(dual, self.labels)
-        width = relative_width(state.load, motion.bound, 0.0)
-        return (
-            motion.margin >= 0.0
-            and motion.work > 0.0
-            and width <= min(EARLY, EARLY / tolerances.GAP * self.analysis.gap)
-        )
+        enough = min(EARLY, EARLY / tolerances.GAP * self.analysis.gap)
+        narrow = relative_width(state.load, motion.bound, 0.0) <= enough
+        return motion.margin >= 0.0 and motion.work > 0.0 and narrow
 
     def _offer_instability(self, dual: Floats) -> None:
         """Offer a proof that no λ ≥ 0 is admissible (docs/method.md (3.15))."""
@@ -320,32 +312,32 @@ class ProofAttempt(AttemptState):
         size = float(abs(velocity).max())
         if not (np.isfinite(size) and size > 0.0):
             return
-        motion = given = self.prover.motion(velocity / size, self.labels, normalise=False)
+        motion = unopened = self.prover.motion(velocity / size, self.labels, normalise=False)
         if motion.margin < 0.0:
             motion = self._add_opening(motion, normalise=False)
         if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
             # Negative live work proves nothing about large λ, unless the work is zero up to rounding.
-            idle = -1e-3 * tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
-            if motion.work < idle:
+            least_work = -1e-3 * tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
+            if motion.work < least_work:
                 motion = self.repair.make_work_positive(motion, self.labels)
-            if motion.work < idle:
+            if motion.work < least_work:
                 # Where a ray carries the live load, the live work cannot be positive: it is zero, and so are the ray's
                 # jumps.
                 self.proof.solve_log.append("facial reduction")
                 self.reduction_tried = True
-                motion = self.repair.reduced(given, self.labels, normalise=False) or motion
-            fine = motion.margin >= 0.0 and motion.work >= idle
-            if fine and motion.bound < -max(tolerances.ROUNDING, motion.noise):
+                motion = self.repair.reduced(unopened, self.labels, normalise=False) or motion
+            admissible = motion.margin >= 0.0 and motion.work >= least_work
+            if admissible and motion.bound < -max(tolerances.ROUNDING, motion.noise):
                 self.proof.collapse_below_zero = motion
 
     def _add_opening(self, motion: Motion, normalise: bool = True) -> Motion:
         """Add an opening motion to a motion until its dissipation is finite, else reduce faces."""
         # Facial reduction serves confined assemblies, which have no opening motion.
-        simple = self.repair.expansion()
-        if simple is not None:
-            opened = self.prover.add_opening(motion, simple, self.labels)
-            raised = opened.bound - motion.bound
-            if opened.margin >= 0.0 and raised <= _NARROW * max(abs(opened.bound), self.analysis.load_scale):
+        expansion = self.repair.expansion()
+        if expansion is not None:
+            opened = self.prover.add_opening(motion, expansion, self.labels)
+            rise = opened.bound - motion.bound
+            if opened.margin >= 0.0 and rise <= _SMALL_RISE * max(abs(opened.bound), self.analysis.load_scale):
                 self.proof.solve_log.append("opened")
                 return opened
         opening = self.repair.opening()
@@ -369,7 +361,7 @@ class ProofAttempt(AttemptState):
             self.proof.solve_log.append("positive multipliers")
             self.proof.offer_motion(projected)
             scale = max(abs(projected.bound), self.analysis.load_scale)
-            self.mechanism_found = projected.bound - motion.bound <= _NARROW * scale
+            self.mechanism_found = projected.bound - motion.bound <= _SMALL_RISE * scale
 
     def repair_answer(self) -> None:
         """Repair the last raw answer of a solver, and offer the bounds that the repair proves."""
@@ -462,7 +454,7 @@ class ProofAttempt(AttemptState):
             self.solve_with_less_margin()
             return
         self._solve_refined(tolerances.LINEAR.residual, 0.0)
-        small = self.is_small_linear and self.template.structure.shape[1] <= _VERTEX
+        small = self.is_small_linear and self.template.structure.shape[1] <= _VERTEX_COLUMNS
         if small and self._width(self.analysis.load_scale) > tolerances.DIGITS:
             self.solve_by_dual_simplex()
 
@@ -602,8 +594,8 @@ def insert_before(fallbacks: tuple[Fallback, ...], name: str, inserted: Fallback
     names = [fallback.name for fallback in fallbacks]
     if name not in names:
         raise ValueError(f"there is no fallback {name!r}; expected one of {', '.join(names)}")
-    place = names.index(name)
-    return (*fallbacks[:place], inserted, *fallbacks[place:])
+    position = names.index(name)
+    return (*fallbacks[:position], inserted, *fallbacks[position:])
 
 
 def run_fallbacks(attempt: ProofAttempt, fallbacks: tuple[Fallback, ...]) -> Proof:
@@ -686,17 +678,17 @@ class LimitAnalysis:
             return None
         if not self._own_template:
             return self._new_batch()
-        if id(self.assembly) not in _made:
-            weakref.finalize(self.assembly, _made.pop, id(self.assembly), None)
-        made = _made.setdefault(id(self.assembly), {})
+        if id(self.assembly) not in _batch_solvers:
+            weakref.finalize(self.assembly, _batch_solvers.pop, id(self.assembly), None)
+        cache = _batch_solvers.setdefault(id(self.assembly), {})
         key = f"{chosen()} {self.options.inner_bending}", self.single_labelling
-        if key not in made:
-            made[key] = self._new_batch()
-        return made[key]
+        if key not in cache:
+            cache[key] = self._new_batch()
+        return cache[key]
 
     def _new_batch(self) -> BatchSolver:
-        plain = self.repair.expansion() if self.single_labelling else None
-        opening = self.repair.opening() if plain is None else plain
+        expansion = self.repair.expansion() if self.single_labelling else None
+        opening = self.repair.opening() if expansion is None else expansion
         return BatchSolver(
             self.template,
             None if opening is None else opening.velocity,
@@ -752,8 +744,8 @@ class LimitAnalysis:
         """Return the exact state without forces at λ = 0, or None if there is dead load."""
         if self.template.dead.any():
             return None
-        nothing = np.zeros(self.template.scaling.face.shape)
-        return State(nothing, 0.0, float(self.template.yield_set.slack(nothing, labels).min()), 0.0)
+        zeros = np.zeros(self.template.scaling.face.shape)
+        return State(zeros, 0.0, float(self.template.yield_set.slack(zeros, labels).min()), 0.0)
 
     def stands(self, labels: Bits, known: State | None = None) -> bool | None:
         """Decide whether λ = 0 is admissible: True without dead load; None if neither state nor motion decides."""
@@ -761,16 +753,11 @@ class LimitAnalysis:
         # programs for single labellings.
         if not self.template.dead.any():
             return True
-        if (
-            known is not None
-            and known.load >= 0.0
-            and self.single_labelling
-            and self.batch_is_faster
-            and self.batch is not None
-        ):
-            found = self.batch.reversed().solve(labels[None], thresholds=np.zeros(1), vectors=True)
-            if found.forces is not None and found.low[0] >= 0.0:
-                state = self.prover.state(np.append(found.forces[0], -found.low[0]), labels)
+        batch = self.batch if self.single_labelling and self.batch_is_faster else None
+        if batch is not None and known is not None and known.load >= 0.0:
+            results = batch.reversed().solve(labels[None], thresholds=np.zeros(1), vectors=True)
+            if results.forces is not None and results.low[0] >= 0.0:
+                state = self.prover.state(np.append(results.forces[0], -results.low[0]), labels)
                 if state.admissible and state.load <= 0.0:
                     return True
         return self.repair.stands(labels)

@@ -37,12 +37,12 @@ def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> Co
     # t is the last column, and t ≤ 1 the last linear row.
     structure = program.structure
     matrix = program.matrix.tocsr()
-    column = np.zeros(structure.shape[0])
-    column[slack_rows(structure)] = 1.0
-    kept = matrix[:, :-1] if load_fixed else matrix
+    slack_column = np.zeros(structure.shape[0])
+    slack_column[slack_rows(structure)] = 1.0
+    unknowns = matrix[:, :-1] if load_fixed else matrix
     first_cone = structure.equalities + structure.linear
-    slack_at_most_one = sp.csr_array(([1.0], ([0], [kept.shape[1]])), shape=(1, kept.shape[1] + 1))
-    with_slack = sp.hstack([kept, sp.csr_array(column[:, None])]).tocsr()
+    slack_at_most_one = sp.csr_array(([1.0], ([0], [unknowns.shape[1]])), shape=(1, unknowns.shape[1] + 1))
+    with_slack = sp.hstack([unknowns, sp.csr_array(slack_column[:, None])]).tocsr()
     rows = sp.vstack([with_slack[:first_cone], slack_at_most_one, with_slack[first_cone:]])
     rhs = np.concatenate([program.rhs[:first_cone], [1.0], program.rhs[first_cone:]])
     objective = np.zeros(with_slack.shape[1])
@@ -59,23 +59,23 @@ def largest_slack_program(program: ConicProgram, load_fixed: bool = False) -> Co
     )
 
 
-def restrict_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
-    """Return the program of the columns `kept` (columns,), without empty rows; cones stay or go as a whole."""
+def restrict_columns(program: ConicProgram, columns_kept: Bools) -> ConicProgram:
+    """Return the program of some columns (columns,), without empty rows; cones stay or go as a whole."""
     structure = program.structure
-    matrix = program.matrix.tocsr()[:, np.flatnonzero(kept)]
-    asks = np.diff(matrix.indptr) > 0
-    asks[: structure.equalities + 1] = True
+    matrix = program.matrix.tocsr()[:, np.flatnonzero(columns_kept)]
+    row_kept = np.diff(matrix.indptr) > 0
+    row_kept[: structure.equalities + 1] = True
     start = structure.equalities + structure.linear
     ends = start + np.cumsum(structure.cones, dtype=np.int64)
-    cones = tuple(size for size, end in zip(structure.cones, ends, strict=True) if asks[end - size : end].any())
+    cones = tuple(size for size, end in zip(structure.cones, ends, strict=True) if row_kept[end - size : end].any())
     for size, end in zip(structure.cones, ends, strict=True):
-        asks[end - size : end] = asks[end - size : end].any()
-    rows = np.flatnonzero(asks)
-    linear = int(asks[structure.equalities : start].sum())
+        row_kept[end - size : end] = row_kept[end - size : end].any()
+    rows = np.flatnonzero(row_kept)
+    linear = int(row_kept[structure.equalities : start].sum())
     return pack(
         matrix[rows],
         program.rhs[rows],
-        program.objective[kept],
+        program.objective[columns_kept],
         structure.equalities,
         linear,
         cones,
@@ -120,18 +120,17 @@ def largest_support(
     rhs = np.zeros(structure.shape[0])
     if target is not None:
         rhs[: structure.equalities] = target
-    stated = _slack_sum_program(program, rhs, columns, 1.0, largest, heads=True)
+    slack_program = _slack_sum_program(program, rhs, columns, 1.0, largest, heads=True)
     # Where the cones have no interior point, full accuracy is out of reach. Half the digits suffice to separate 0 from
     # 1.
     raw = (
-        solve_auxiliary(stated)
+        solve_auxiliary(slack_program)
         if is_large(structure)
-        else ClarabelSolver(1e-7, iterative_refinement_enable=True).solve(stated)
+        else ClarabelSolver(1e-7, iterative_refinement_enable=True).solve(slack_program)
     )
     point = np.where(np.isfinite(raw.point), raw.point, 0.0)
-    tips = len(slack_rows(structure))
-    y = point[:columns]
-    return LargestSupport(y, point[columns : columns + tips], -(program.matrix[:, :columns] @ y))
+    slack = point[columns : columns + len(slack_rows(structure))]
+    return LargestSupport(point[:columns], slack, -(program.matrix[:, :columns] @ point[:columns]))
 
 
 def polygonal_support(program: ConicProgram, columns: int, target: Floats | None = None) -> LargestSupport | None:
@@ -145,17 +144,18 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
     matrix = program.matrix.tocsr()
     start, count = structure.equalities + structure.linear, len(structure.cones)
     angle = (np.arange(_SIDES) + 0.5) * 2.0 * np.pi / _SIDES
-    sides = np.column_stack([np.full(_SIDES, np.cos(np.pi / _SIDES)), -np.cos(angle), -np.sin(angle)])
-    flat = sp.kron(sp.eye_array(count), sp.csr_array(sides / sides[0, 0])) @ matrix[start:]
-    rows = sp.vstack([matrix[:start], matrix[structure.heads], flat])
+    side_rows = np.column_stack([np.full(_SIDES, np.cos(np.pi / _SIDES)), -np.cos(angle), -np.sin(angle)])
+    polygon_rows = sp.kron(sp.eye_array(count), sp.csr_array(side_rows / side_rows[0, 0])) @ matrix[start:]
+    rows = sp.vstack([matrix[:start], matrix[structure.heads], polygon_rows])
     rhs = np.zeros(rows.shape[0])
     if target is not None:
         rhs[: structure.equalities] = target
     linear = structure.linear + count * (1 + _SIDES)
-    plain = pack(rows, np.zeros(rows.shape[0]), program.objective, structure.equalities, linear, (), structure.places)
+    zeros = np.zeros(rows.shape[0])
+    polygonal = pack(rows, zeros, program.objective, structure.equalities, linear, (), structure.places)
     # Simplex takes 33 s for 7 400 columns of stiff cubes, an interior point with crossover 2 s for the same vertex.
     solver = HighsSolver("highs" if structure.shape[1] <= _SMALL else "highs-ipm")
-    raw = solver.solve(_slack_sum_program(plain, rhs, columns, 1.0))
+    raw = solver.solve(_slack_sum_program(polygonal, rhs, columns, 1.0))
     if raw.status is not RawStatus.OPTIMAL:
         return None
     point = raw.point[:columns]
@@ -168,33 +168,33 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
 
 
 def project_onto_faces(
-    program: ConicProgram, found: LargestSupport, target: Floats, snap: float, tight: float = 0.5
+    program: ConicProgram, support: LargestSupport, target: Floats, snap: float, tight: float = 0.5
 ) -> Floats:
     """Project a point of largest support (columns,) onto the faces of the cones it lies on."""
     # The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
     # whose tip the point lies. In a cone on whose boundary the point lies, the rows after the first keep their
     # direction.
-    structure, columns = program.structure, len(found.point)
+    structure, columns = program.structure, len(support.point)
     matrix = program.matrix.tocsr()[:, :columns]
     linear = structure.linear - 1
-    rows = [matrix[: structure.equalities], matrix[slack_rows(structure)[:linear][found.slack[:linear] < tight]]]
-    for start, size, slack in zip(structure.heads, structure.cones, found.slack[linear:], strict=True):
+    rows = [matrix[: structure.equalities], matrix[slack_rows(structure)[:linear][support.slack[:linear] < tight]]]
+    for start, size, slack in zip(structure.heads, structure.cones, support.slack[linear:], strict=True):
         if slack > tight:
             continue
-        of_cone, way = matrix[start : start + size], found.boundary_direction(start, size, tight)
-        if way is None:
+        of_cone, direction = matrix[start : start + size], support.boundary_direction(start, size, tight)
+        if direction is None:
             rows.append(of_cone)
         else:
-            rows.append(of_cone[1:] - sp.csr_array(without_small_components(way, snap)[:, None]) @ of_cone[:1])
+            rows.append(of_cone[1:] - sp.csr_array(without_small_components(direction, snap)[:, None]) @ of_cone[:1])
     equations = sp.csr_array(sp.vstack(rows))
     rhs = np.concatenate([target, np.zeros(equations.shape[0] - structure.equalities)])
-    return ConsistentProjector(equations).project(found.point, rhs)
+    return ConsistentProjector(equations).project(support.point, rhs)
 
 
-def without_small_components(way: Floats, snap: float) -> Floats:
+def without_small_components(direction: Floats, snap: float) -> Floats:
     """Return a unit vector (k,) without components below `snap`, normalised again."""
-    fine = np.where(abs(way) < snap, 0.0, way)
-    return np.asarray(fine / np.linalg.norm(fine))
+    large_components = np.where(abs(direction) < snap, 0.0, direction)
+    return np.asarray(large_components / np.linalg.norm(large_components))
 
 
 def _slack_sum_program(
@@ -203,30 +203,30 @@ def _slack_sum_program(
     """Return the program that maximises the sum of slacks; heads: also those of first rows of cones."""
     structure = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
-    tips = slack_rows(structure)
+    measured = slack_rows(structure)
     # columns: point, slacks, slacks of first rows of cones
-    count, heads_count = len(tips), len(structure.cones) if heads else 0
-    pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(structure.shape[0], count + heads_count))
+    count, heads_count = len(measured), len(structure.cones) if heads else 0
+    shape = structure.shape[0], count + heads_count
+    slack_entries = sp.csr_array((np.ones(count), (measured, np.arange(count))), shape=shape)
     first_cone = structure.equalities + structure.linear
-    with_slacks = sp.hstack([matrix, pick]).tocsr()
+    with_slacks = sp.hstack([matrix, slack_entries]).tocsr()
     bound = sp.hstack([sp.csr_array((count + heads_count, columns)), sp.eye_array(count + heads_count)])
-    above = (
-        [sp.hstack([matrix[structure.heads], sp.csr_array((heads_count, count)), sp.eye_array(heads_count)])]
-        if heads_count
-        else []
-    )
-    box = []
+    head_rows = []
+    if heads_count:
+        head_columns = [sp.csr_array((heads_count, count)), sp.eye_array(heads_count)]
+        head_rows = [sp.hstack([matrix[structure.heads], *head_columns])]
+    box_rows = []
     if np.isfinite(largest):
         point = sp.hstack([sp.eye_array(columns), sp.csr_array((columns, count + heads_count))])
-        box = [point, -point]
-    rows = sp.vstack([with_slacks[:first_cone], bound, -bound, *above, *box, with_slacks[first_cone:]])
-    ends = [rhs[:first_cone], np.full(count, cap), np.ones(heads_count), np.zeros(count + 2 * heads_count)]
-    ends += [np.full(len(box) * columns, largest), rhs[first_cone:]]
+        box_rows = [point, -point]
+    rows = sp.vstack([with_slacks[:first_cone], bound, -bound, *head_rows, *box_rows, with_slacks[first_cone:]])
+    right_sides = [rhs[:first_cone], np.full(count, cap), np.ones(heads_count), np.zeros(count + 2 * heads_count)]
+    right_sides += [np.full(len(box_rows) * columns, largest), rhs[first_cone:]]
     objective = np.concatenate([np.zeros(columns), -np.ones(count + heads_count)])
-    inequalities = structure.linear + 2 * count + 3 * heads_count + len(box) * columns
+    inequalities = structure.linear + 2 * count + 3 * heads_count + len(box_rows) * columns
     return pack(
         rows,
-        np.concatenate(ends),
+        np.concatenate(right_sides),
         objective,
         structure.equalities,
         inequalities,

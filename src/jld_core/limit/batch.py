@@ -38,10 +38,7 @@ class BatchBounds:
     high: Floats
 
     def status(self, position: int) -> Status | None:
-        """Return the status of one labelling.
-
-        Result: status; None where the batch solver left it open.
-        """
+        """Return the status of one labelling; None where the batch solver left it open."""
         if not self.settled[position]:
             return None
         if self.falls[position]:
@@ -87,10 +84,9 @@ class BatchAnalysis:
         if self._prover is not None and results.forces is not None:
             locked[:] = False  # what crushes may have a finite λ
             for k, labels in enumerate(labellings):
-                state = (
-                    self._prover.state(np.append(results.forces[k], low[k]), labels) if np.isfinite(low[k]) else None
-                )
-                low[k] = state.load if state is not None and state.admissible else -np.inf
+                if np.isfinite(low[k]):
+                    state = self._prover.state(np.append(results.forces[k], low[k]), labels)
+                    low[k] = state.load if state.admissible else -np.inf
         return self.judged(low, high, np.where(locked, LOCKED, np.where(falls, FALLS, 0)))
 
     def judged(self, low: Floats, high: Floats, verdict: Ints) -> BatchBounds:
@@ -151,28 +147,28 @@ class SampleAnalysis:
     def __init__(self, analysis: LimitAnalysis, labels: Bits) -> None:
         self.analysis, self._labels = analysis, labels
         self._assembly = analysis.assembly
-        stated = self._assembly.face_strengths.criteria
-        self._plain = None if stated else self._rows(self._assembly.strengths(_SAMPLE_ROUTE), 1)
-        self.batched = analysis.batch is not None and self._plain is not None
+        criteria = self._assembly.face_strengths.criteria
+        self._rows_of_one = None if criteria else self._rows(self._assembly.strengths(_SAMPLE_ROUTE), 1)
+        self.batched = analysis.batch is not None and self._rows_of_one is not None
 
     @cached_property
     def _stacked(self) -> FrictionSet:
         """Yield sets of the faces of all samples of a call, to receive their strengths."""
         faces = np.tile(np.arange(len(self._labels)), SAMPLES_OF_A_CALL)
-        many = replace(
+        repeated = replace(
             self._assembly,
             interfaces=self._assembly.interfaces.take(faces),
             face_strengths=self._assembly.face_strengths.take(faces),
         )
-        return yield_set(many, self.analysis.template.scaling).associative
+        return yield_set(repeated, self.analysis.template.scaling).associative
 
     def _rows(self, strengths: Strengths, count: int) -> BatchRows | None:
         """Return the yield rows of one sample, or of those of a whole call."""
         template = self.analysis.template
         unit = self._assembly.interfaces.area / template.scaling.force
-        own = self._stacked if count > 1 else template.yield_set.associative
+        sets = self._stacked if count > 1 else template.yield_set.associative
         scaled = scaled_strengths(strengths, np.tile(unit, count))
-        return rows_of_samples(own.with_strengths(scaled), np.tile(self._labels, (count, 1)), self._assembly.dimension)
+        return rows_of_samples(sets.with_strengths(scaled), np.tile(self._labels, (count, 1)), self._assembly.dimension)
 
     def solve(
         self,
@@ -201,35 +197,36 @@ class SampleAnalysis:
         BatchResults
             Scaled bounds and verdicts.
         """
-        count, m, size = len(dead), len(self._labels), SAMPLES_OF_A_CALL
+        count, m, samples_of_call = len(dead), len(self._labels), SAMPLES_OF_A_CALL
         assert self.analysis.batch is not None
         free, scaling = self._assembly.elements.free, self.analysis.template.scaling
         dead, live = (load[:, free].reshape(count, -1) / scaling.row.ravel() for load in (dead, live))
-        parts = []
-        for start in range(0, count, size):
+        results = []
+        for start in range(0, count, samples_of_call):
             # a call takes a whole number of samples: the last one is repeated
-            rows_of_part = np.minimum(np.arange(start, start + size), count - 1)
+            samples = np.minimum(np.arange(start, start + samples_of_call), count - 1)
             if strengths is None:
                 rows = self._repeated
             else:
-                rows = self._rows(strengths.take((rows_of_part[:, None] * m + np.arange(m)).ravel()), size)
+                rows = self._rows(strengths.take((samples[:, None] * m + np.arange(m)).ravel()), samples_of_call)
             assert rows is not None
-            needed = None if thresholds is None else thresholds[rows_of_part]
+            needed_loads = None if thresholds is None else thresholds[samples]
             bounds = self.analysis.batch.solve_samples(
-                rows, dead[rows_of_part], scaling.load * live[rows_of_part], needed, vectors=vectors
+                rows, dead[samples], scaling.load * live[samples], needed_loads, vectors=vectors
             )
-            parts.append(bounds.take(slice(0, min(size, count - start))))
-        return BatchResults.joined(parts)
+            results.append(bounds.take(slice(0, min(samples_of_call, count - start))))
+        return BatchResults.joined(results)
 
     @cached_property
     def _repeated(self) -> BatchRows | None:
-        rows = self._plain
+        rows = self._rows_of_one
         if rows is None:
             return None
-        arrays = {one: getattr(rows, one) for one in ("rows", "keep", "parabolas")}
-        size = SAMPLES_OF_A_CALL
-        many: dict[str, Any] = {k: None if one is None else np.repeat(one, size, axis=0) for k, one in arrays.items()}
-        return replace(rows, **many)
+        repeated: dict[str, Any] = {}
+        for name in ("rows", "keep", "parabolas"):
+            array = getattr(rows, name)
+            repeated[name] = None if array is None else np.repeat(array, SAMPLES_OF_A_CALL, axis=0)
+        return replace(rows, **repeated)
 
     def bounds(self, found: BatchResults) -> BatchBounds:
         """Judge bounds as those of a labelling are judged.

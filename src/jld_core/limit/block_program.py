@@ -62,12 +62,12 @@ class YieldSetFaces:
         count = len(self.strengths)
         labels = np.full(count, self.dry)
         order = np.argsort(faces, kind="stable")
-        turn = np.arange(len(faces)) - np.searchsorted(faces[order], faces[order])
-        for each in range(int(turn.max(initial=-1)) + 1):
-            of_turn = order[turn == each]
-            table = np.zeros((count, jumps.shape[1]))
-            table[faces[of_turn]] = jumps[of_turn]
-            values[of_turn] = measure(table, labels)[faces[of_turn]]
+        occurrence = np.arange(len(faces)) - np.searchsorted(faces[order], faces[order])
+        for pass_number in range(int(occurrence.max(initial=-1)) + 1):
+            selected = order[occurrence == pass_number]
+            by_face = np.zeros((count, jumps.shape[1]))
+            by_face[faces[selected]] = jumps[selected]
+            values[selected] = measure(by_face, labels)[faces[selected]]
         return values
 
 
@@ -85,13 +85,13 @@ class CappedWedge:
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
         """Return the dissipation (k,) of jumps (k, 3) at faces (k,), inf where it is not finite."""
         # sup over N ≤ c of −J·F ≤ κ c + D(J + κ e_N) for any κ ≥ 0; the least κ with a finite D is taken
-        short = -self.wedge.margin(jumps, faces)
-        short = np.where(short > 0.0, short + tolerances.ROUNDING * abs(jumps).sum(axis=1), 0.0)
-        opened = jumps.copy()
-        opened[:, 0] += short
+        shortfall = -self.wedge.margin(jumps, faces)
+        shortfall = np.where(shortfall > 0.0, shortfall + tolerances.ROUNDING * abs(jumps).sum(axis=1), 0.0)
+        opened_jumps = jumps.copy()
+        opened_jumps[:, 0] += shortfall
         cost = np.zeros(len(faces))
-        np.multiply(short, self.caps[faces], out=cost, where=short > 0.0)
-        return np.asarray(self.wedge.dissipation(opened, faces) + cost)
+        np.multiply(shortfall, self.caps[faces], out=cost, where=shortfall > 0.0)
+        return np.asarray(self.wedge.dissipation(opened_jumps, faces) + cost)
 
     def strength(self, faces: Ints) -> Floats:
         """Return the largest growth (k,) of the dissipation of faces (k,) per unit of jump size."""
@@ -139,12 +139,12 @@ class BlockParts:
     def jumps(self, velocity: Floats, wall: Floats) -> tuple[Floats, Floats]:
         """Compute half jumps (s, q) between parts and the faces beside them, and jumps (j, q) at joints."""
         still = np.vstack([wall, np.zeros((1, wall.shape[1]))])  # Index −1 stands for supports, which do not move.
-        half = self.own(velocity) + self.sign[:, None] * still[self.side_shared]
+        half = self.jumps_of_parts(velocity) + self.sign[:, None] * still[self.side_shared]
         inner = np.einsum("kij,ki->kj", self.arm_a, velocity[self.joint_a])
         inner += np.einsum("kij,ki->kj", self.arm_b, velocity[self.joint_b])
         return half, inner
 
-    def own(self, velocity: Floats) -> Floats:
+    def jumps_of_parts(self, velocity: Floats) -> Floats:
         """Compute the half jumps (s, q) at the sides of velocities (k, q) while all faces stand still."""
         return np.asarray(np.einsum("kij,ki->kj", self.arm, velocity[self.side_part]))
 
@@ -152,12 +152,12 @@ class BlockParts:
         """Convert a motion to velocities of parts (k, q) and of faces (f, q), halfway between their sides."""
         q = self.dead.shape[1]
         velocity = motion.velocity.reshape(-1, q)[self.part_element]
-        wall, known = np.zeros((self.shared, q)), self.side_shared >= 0
-        away = self.sign[:, None] * (0.5 * motion.jumps[self.side_face] - self.own(velocity))
-        wall[self.side_shared[known]] = away[known]
+        wall, is_shared = np.zeros((self.shared, q)), self.side_shared >= 0
+        half_jump = self.sign[:, None] * (0.5 * motion.jumps[self.side_face] - self.jumps_of_parts(velocity))
+        wall[self.side_shared[is_shared]] = half_jump[is_shared]
         return velocity, wall
 
-    def speed(self, velocity: Floats) -> Floats:
+    def jump_size(self, velocity: Floats) -> Floats:
         """Return the sum of absolute terms (j,) of the jump at each joint, which bounds its rounding error."""
         size = np.einsum("kij,ki->k", abs(self.arm_a), abs(velocity[self.joint_a]))
         return np.asarray(size + np.einsum("kij,ki->k", abs(self.arm_b), abs(velocity[self.joint_b])))
@@ -168,26 +168,27 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
     assembly = template.assembly
     q = assembly.freedoms
     free, faces = assembly.elements.free, assembly.interfaces
-    place = np.full(len(assembly.elements), -1, dtype=np.int64)
-    place[free] = np.arange(len(free))
-    around: dict[int, list[int]] = {int(e): [] for e in free}
+    free_index = np.full(len(assembly.elements), -1, dtype=np.int64)
+    free_index[free] = np.arange(len(free))
+    around: dict[int, list[int]] = {int(element): [] for element in free}
     for face, pair in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
-        for e in pair:
-            if e in around:
-                around[e].append(face)
+        for element in pair:
+            if element in around:
+                around[element].append(face)
     parts: list[tuple[int, int]] = []  # block, free element
     sides: list[tuple[int, int]] = []  # part, face
     joints: list[tuple[int, int, int, int]] = []  # block, face, parts on its sides a and b
-    for p, (elements, within) in enumerate(zip(members, inside, strict=True)):
-        number = {e: len(parts) + i for i, e in enumerate(elements)}
-        parts += [(p, int(place[e])) for e in elements]
-        hidden = set(within)
-        sides += [(number[e], face) for e in elements for face in around[e] if face not in hidden]
-        joints += [(p, face, number[int(faces.a[face])], number[int(faces.b[face])]) for face in within]
+    for block, (elements, faces_inside) in enumerate(zip(members, inside, strict=True)):
+        part_of = {element: len(parts) + i for i, element in enumerate(elements)}
+        parts += [(block, int(free_index[element])) for element in elements]
+        inner_faces = set(faces_inside)
+        outer_faces = [(element, face) for element in elements for face in around[element] if face not in inner_faces]
+        sides += [(part_of[element], face) for element, face in outer_faces]
+        joints += [(block, face, part_of[int(faces.a[face])], part_of[int(faces.b[face])]) for face in faces_inside]
     part_block, part_element = np.array(parts, dtype=np.int64).reshape(-1, 2).T
     side_part, side_face = np.array(sides, dtype=np.int64).reshape(-1, 2).T
     joint_block, joint_face, joint_a, joint_b = np.array(joints, dtype=np.int64).reshape(-1, 4).T
-    between_free = (place[faces.a] >= 0) & (place[faces.b] >= 0)
+    between_free = (free_index[faces.a] >= 0) & (free_index[faces.b] >= 0)
     shared = np.full(len(faces), -1, dtype=np.int64)
     shared[between_free] = np.arange(int(between_free.sum()))
     matrix = sp.csr_array(template.matrix)
@@ -201,7 +202,7 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
         side_face=side_face,
         side_block=part_block[side_part],
         side_shared=shared[side_face],
-        sign=np.where(place[faces.a[side_face]] == part_element[side_part], 1.0, -1.0),
+        sign=np.where(free_index[faces.a[side_face]] == part_element[side_part], 1.0, -1.0),
         arm=_arms(matrix, part_element[side_part], side_face, q),
         joint_block=joint_block,
         joint_face=joint_face,
@@ -227,7 +228,7 @@ def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
 # Share of the threshold that the λ of every block must reach.
 # Values nearer to 1 make the relaxation tighter. The program is then often infeasible, and an infeasibility proof
 # gives a worse bound than a low λ.
-LEAST: Final = 0.5
+LEAST_SHARE: Final = 0.5
 _LEAST_CAP: Final = 1e-9  # least normal force, scaled, by which the row of a cap is divided
 
 
@@ -238,13 +239,13 @@ class AllBlocksProgram:
     # and `_lower_entries` are those that bound λ of each block. A row or column of owner −1 belongs to no block.
 
     shape: tuple[int, int]
-    x: Ints
-    cover: Ints
-    share: Ints
-    equal_forces: Ints
-    balance: Ints
+    x: Ints  # (p,) columns of the share of each block
+    cover: Ints  # (n,) rows: the shares of the blocks of an element add up to 1
+    share: Ints  # (n,) rows: the λ of the blocks of an element, times their shares, add up to λ
+    equal_forces: Ints  # (f, q) rows: equal forces on both sides of each shared face
+    balance: Ints  # (k, q) rows: equilibrium of each part
     _entries: SparseEntries
-    _table: tuple[Ints, Ints, Floats]
+    _table: tuple[Ints, Ints, Floats]  # rows, columns and values of all entries
     _rhs: Floats
     _row_block: Ints
     _column_block: Ints
@@ -262,18 +263,19 @@ class AllBlocksProgram:
         row, column, value = self._table
         value = value.copy()
         value[self._upper_entries] = -most
-        value[self._lower_entries] = LEAST * threshold
-        keep = np.append(allowed, True)  # Index −1, for rows and columns of no block, is always kept.
-        rows, columns = keep[self._row_block], keep[self._column_block]
-        kept = rows[row] & columns[column]
+        value[self._lower_entries] = LEAST_SHARE * threshold
+        block_kept = np.append(allowed, True)  # Index −1, for rows and columns of no block, is always kept.
+        rows, columns = block_kept[self._row_block], block_kept[self._column_block]
+        entry_kept = rows[row] & columns[column]
         # Drop the rows of faces with no remaining forces.
-        used = np.zeros(self.shape[0], dtype=bool)
-        used[row[kept]] = True
-        used[self._linear :] = True  # Keep each cone as a whole.
-        rows &= used | (self._rhs != 0.0)
+        row_used = np.zeros(self.shape[0], dtype=bool)
+        row_used[row[entry_kept]] = True
+        row_used[self._linear :] = True  # Keep each cone as a whole.
+        rows &= row_used | (self._rhs != 0.0)
         new_row, new_column = np.cumsum(rows) - 1, np.cumsum(columns) - 1
         shape = int(rows.sum()), int(columns.sum())
-        matrix = sp.csc_array((value[kept], (new_row[row[kept]], new_column[column[kept]])), shape=shape)
+        row, column, value = new_row[row[entry_kept]], new_column[column[entry_kept]], value[entry_kept]
+        matrix = sp.csc_array((value, (row, column)), shape=shape)
         objective = np.zeros(shape[1])
         objective[-1] = -1.0
         equal, linear = int(rows[: self._equalities].sum()), int(rows[self._equalities : self._linear].sum())
@@ -323,90 +325,91 @@ class BlockProgram(AllBlocksProgram):
     def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, caps: Floats | None = None) -> None:
         self._parts, self._entries = parts, SparseEntries()
         self.cohesive = np.flatnonzero(dry.shear[parts.side_face] > 0.0)
-        p = np.arange(parts.blocks)
+        blocks = np.arange(parts.blocks)
         of_cohesive, of_joint = parts.side_block[self.cohesive], parts.joint_block
         columns, rows = OwnedIndices(), OwnedIndices()
-        self.x = columns.of(p)
+        self.x = columns.of(blocks)
         rays = columns.of(np.repeat(parts.side_block, 4)).reshape(-1, 4)
-        bends = columns.of(np.repeat(of_joint, 3)).reshape(-1, 3)
-        sticks = columns.of(of_cohesive)
-        block_load = columns.of(p)
+        resultants = columns.of(np.repeat(of_joint, 3)).reshape(-1, 3)
+        shears = columns.of(of_cohesive)
+        block_load = columns.of(blocks)
         load = columns.append_unowned(1)
         self._begin_rows(rows, parts, Q)
         shear = rows.of(np.repeat(of_joint, 2)).reshape(-1, 2)
         cohesive_shear = rows.of(np.repeat(of_cohesive, 2)).reshape(-1, 2)
-        upper, lower = rows.of(p), rows.of(p)
+        upper, lower = rows.of(blocks), rows.of(blocks)
         if caps is not None:
-            self._cap(dry, inner, caps, rays, bends, rows)
-        positive = np.concatenate([self.x, rays.ravel(), bends[:, :2].ravel(), block_load])
+            self._add_caps(dry, inner, caps, rays, resultants, rows)
+        positive = np.concatenate([self.x, rays.ravel(), resultants[:, :2].ravel(), block_load])
         above_zero = rows.of(columns.owner[positive])
 
         self._add_loads(parts, block_load, load)
-        self._sides(dry, rays, sticks)
-        self._joints(inner, bends)
-        self._shear(inner, bends, shear)
-        for turn, sign in enumerate((1.0, -1.0)):
-            self._entries.add(cohesive_shear[:, turn], sticks, sign)
-            self._entries.add(cohesive_shear[:, turn], of_cohesive, -dry.shear[parts.side_face[self.cohesive]])
+        self._add_side_forces(dry, rays, shears)
+        self._add_joint_forces(inner, resultants)
+        self._add_shear_rows(inner, resultants, shear)
+        for number, sign in enumerate((1.0, -1.0)):
+            self._entries.add(cohesive_shear[:, number], shears, sign)
+            self._entries.add(cohesive_shear[:, number], of_cohesive, -dry.shear[parts.side_face[self.cohesive]])
         self._bound_loads(upper, lower, block_load)
         self._entries.add(above_zero, positive, -1.0)
         self._linear, self._cone = len(rows), 1
         self._finish(rows, columns)
 
-    def _cap(
-        self, dry: CoulombWedge, inner: CoulombWedge, caps: Floats, rays: Ints, bends: Ints, rows: OwnedIndices
+    def _add_caps(
+        self, dry: CoulombWedge, inner: CoulombWedge, caps: Floats, rays: Ints, resultants: Ints, rows: OwnedIndices
     ) -> None:
         """Add the rows N ≤ c x of sides and joints whose cap c is finite, divided by c."""
         parts, add = self._parts, self._entries.add
-        for face, block, presses, size, drawn in (
+        for face, block, columns, normal_scale, offset in (
             (parts.side_face, parts.side_block, rays, np.maximum(1.0, dry.friction), np.zeros(len(caps))),
-            (parts.joint_face, parts.joint_block, bends[:, :2], np.ones(len(caps)), inner.tension),
+            (parts.joint_face, parts.joint_block, resultants[:, :2], np.ones(len(caps)), inner.tension),
         ):
-            held = np.flatnonzero(np.isfinite(caps[face]))
-            row, cap = rows.of(block[held]), np.maximum(caps + drawn, _LEAST_CAP)[face[held]]
-            for column in presses[held].T:
-                add(row, column, 1.0 / (size[face[held]] * cap))
-            add(row, block[held], -1.0)
+            capped = np.flatnonzero(np.isfinite(caps[face]))
+            row, cap = rows.of(block[capped]), np.maximum(caps + offset, _LEAST_CAP)[face[capped]]
+            for column in columns[capped].T:
+                add(row, column, 1.0 / (normal_scale[face[capped]] * cap))
+            add(row, block[capped], -1.0)
 
-    def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
+    def _add_side_forces(self, dry: CoulombWedge, rays: Ints, shears: Ints) -> None:
         """Add the forces on the dry faces around the blocks."""
         # The forces are normalised rays (1, ±μ, ±1) of the dry set, and shear without N, |V₀| ≤ c x.
         parts, cohesive, add = self._parts, self.cohesive, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
-        size = np.maximum(1.0, mu)
+        scale = np.maximum(1.0, mu)
         shared = parts.side_shared >= 0
         rows = self.equal_forces[parts.side_shared[shared]]
-        for turn, (slip, tip) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
-            vector = np.column_stack([1.0 / size, slip * mu / size, tip / size])
-            add(self.balance[parts.side_part], rays[:, turn], np.einsum("kij,kj->ki", parts.arm, vector))
-            add(rows, rays[shared, turn], (parts.sign[:, None] * vector)[shared])
-        add(self.balance[parts.side_part[cohesive]], sticks, parts.arm[cohesive, :, 1])
+        for corner, (slip, moment) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+            vector = np.column_stack([1.0 / scale, slip * mu / scale, moment / scale])
+            add(self.balance[parts.side_part], rays[:, corner], np.einsum("kij,kj->ki", parts.arm, vector))
+            add(rows, rays[shared, corner], (parts.sign[:, None] * vector)[shared])
+        add(self.balance[parts.side_part[cohesive]], shears, parts.arm[cohesive, :, 1])
         shared = shared[cohesive]
-        across = parts.sign[cohesive, None] * np.eye(Q)[1]
-        add(self.equal_forces[parts.side_shared[cohesive][shared]], sticks[shared], across[shared])
+        shear_direction = parts.sign[cohesive, None] * np.eye(Q)[1]
+        add(self.equal_forces[parts.side_shared[cohesive][shared]], shears[shared], shear_direction[shared])
 
-    def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
-        """Add N = N' − σtA x with N' = r + r', m = (r − r') / bending, and V, of columns `bends` (j, 3)."""
-        parts, add, lean = self._parts, self._entries.add_vectors, 1.0 / inner.bending
+    def _add_joint_forces(self, inner: CoulombWedge, resultants: Ints) -> None:
+        """Add N = N' − σtA x with N' = r + r', m = (r − r') / bending, and V, of columns `resultants` (j, 3)."""
+        parts, add, edge = self._parts, self._entries.add_vectors, 1.0 / inner.bending
+        vectors = np.array([[1.0, 0.0, edge], [1.0, 0.0, -edge], [0.0, 1.0, 0.0]])
         for part, arm in ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b)):
-            for turn, vector in enumerate((np.array([1.0, 0.0, lean]), np.array([1.0, 0.0, -lean]), np.eye(Q)[1])):
-                add(self.balance[part], bends[:, turn], arm @ vector)
+            for k, vector in enumerate(vectors):
+                add(self.balance[part], resultants[:, k], arm @ vector)
             add(self.balance[part], parts.joint_block, -inner.tension[parts.joint_face][:, None] * arm[:, :, 0])
 
-    def _shear(self, inner: CoulombWedge, bends: Ints, shear: Ints) -> None:
-        """Add the rows |V| ≤ τA x + μN of inner faces, columns `bends` (j, 3)."""
+    def _add_shear_rows(self, inner: CoulombWedge, resultants: Ints, shear: Ints) -> None:
+        """Add the rows |V| ≤ τA x + μN of inner faces, columns `resultants` (j, 3)."""
         # N = N' − σtA x is eliminated, so that the constant is (τA − μ σtA) x.
         parts, add = self._parts, self._entries.add
         mu = inner.friction[parts.joint_face]
         strength = inner.shear[parts.joint_face] - mu * inner.tension[parts.joint_face]
         scale = np.maximum(1.0, strength)
-        rubs = np.flatnonzero(mu > 0.0)
-        for turn, sign in enumerate((1.0, -1.0)):
-            row = shear[:, turn]
-            add(row, bends[:, 2], sign / scale)
+        frictional = np.flatnonzero(mu > 0.0)
+        for k, sign in enumerate((1.0, -1.0)):
+            row = shear[:, k]
+            add(row, resultants[:, 2], sign / scale)
             add(row, parts.joint_block, -strength / scale)
-            for bent in (0, 1):
-                add(row[rubs], bends[rubs, bent], -(mu / scale)[rubs])
+            for ray in (0, 1):
+                add(row[frictional], resultants[frictional, ray], -(mu / scale)[frictional])
 
 
 class OwnedIndices:
@@ -438,10 +441,10 @@ class SparseEntries:
 
     def add(self, row: Ints, column: Ints, value: Floats | float) -> slice:
         """Append entries at row, column (k,), and return their slice among all entries."""
-        begin = self._length
+        first = self._length
         self._parts.append((row, column, np.broadcast_to(np.asarray(value, dtype=float), row.shape)))
         self._length += len(row)
-        return slice(begin, self._length)
+        return slice(first, self._length)
 
     def add_vectors(self, rows: Ints, column: Ints, value: Floats) -> None:
         """Append q entries (k, q) in each of k columns."""
@@ -471,20 +474,25 @@ def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> lis
 
 
 class _Block:
+    """Columns of one block: equilibrium of its parts, shear of cohesive sides, bending of joints, then shared rows.
+
+    `_first_row`, `_cohesive`, `_bending_row`: rows by part, side and joint; `_shared`: rows by number among all shared.
+    """
+
     def __init__(
-        self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, own: Ints, sides: Ints, joints: Ints
+        self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, parts_of_block: Ints, sides: Ints, joints: Ints
     ) -> None:
         self._parts, self._dry, self._inner = parts, dry, inner
-        self._own, self._sides, self._joints = own, sides, joints
-        self._place = {int(k): Q * i for i, k in enumerate(own)}
+        self._part_numbers, self._sides, self._joints = parts_of_block, sides, joints
+        self._first_row = {int(part): Q * i for i, part in enumerate(parts_of_block)}
         cohesive = sides[dry.shear[parts.side_face[sides]] > 0.0]
-        self._cohesive = {int(s): Q * len(own) + i for i, s in enumerate(cohesive)}
-        self._bent = {int(j): Q * len(own) + len(cohesive) + i for i, j in enumerate(joints)}
-        self._rows = Q * len(own) + len(cohesive) + len(joints)
+        self._cohesive = {int(s): Q * len(parts_of_block) + i for i, s in enumerate(cohesive)}
+        self._bending_row = {int(j): Q * len(parts_of_block) + len(cohesive) + i for i, j in enumerate(joints)}
+        self._rows = Q * len(parts_of_block) + len(cohesive) + len(joints)
         shared = sorted({int(f) for f in parts.side_shared[sides] if f >= 0})
-        elements = [int(e) for e in parts.part_element[own]]
-        rows = [Q * f + k for f in shared for k in range(Q)]
-        rows += [Q * (parts.shared + e) + k for e in elements for k in (0, 1)]
+        elements = [int(e) for e in parts.part_element[parts_of_block]]
+        rows = [Q * f + part for f in shared for part in range(Q)]
+        rows += [Q * (parts.shared + e) + part for e in elements for part in (0, 1)]
         self._shared = {row: self._rows + i for i, row in enumerate(rows)}
         self._columns: list[Column] = []
 
@@ -493,17 +501,17 @@ class _Block:
         parts = self._parts
         for side in self._sides.tolist():
             self._add_side(side)
-        total = self._rows + len(self._shared)
-        of_x, of_load = np.zeros(total), np.zeros(total)
-        for part in self._own.tolist():
-            at, element = self._place[part], Q * (parts.shared + int(parts.part_element[part]))
-            of_x[at : at + Q] += parts.dead[part]
-            of_load[at : at + Q] += parts.live[part]
+        height = self._rows + len(self._shared)
+        of_x, of_load = np.zeros(height), np.zeros(height)
+        for part in self._part_numbers.tolist():
+            first, element = self._first_row[part], Q * (parts.shared + int(parts.part_element[part]))
+            of_x[first : first + Q] += parts.dead[part]
+            of_load[first : first + Q] += parts.live[part]
             of_x[self._shared[element]] = 1.0
             of_load[self._shared[element + 1]] = 1.0
         for joint in self._joints.tolist():
             self._add_joint(joint, of_x)
-        for row in (*self._cohesive.values(), *self._bent.values()):
+        for row in (*self._cohesive.values(), *self._bending_row.values()):
             of_x[row] = -1.0
         columns = tuple((np.array(rows, dtype=np.int64), np.array(values)) for rows, values in self._columns)
         return BlockColumns(self._rows, np.array(list(self._shared), dtype=np.int64), columns, of_x, of_load)
@@ -512,57 +520,54 @@ class _Block:
         """Add the columns of a dry side: normalised rays, and shear ±c if it has any."""
         face = int(self._parts.side_face[side])
         mu = float(self._dry.friction[face])
-        size = max(1.0, mu)
-        for slip, tip in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-            self._push(side, np.array([1.0 / size, slip * mu / size, tip / size]))
+        scale = max(1.0, mu)
+        for slip, moment in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            self._add_side_force(side, np.array([1.0 / scale, slip * mu / scale, moment / scale]))
         if side in self._cohesive:
             for sign in (1.0, -1.0):
-                self._push(side, np.array([0.0, sign * self._dry.shear[face], 0.0]), self._cohesive[side])
+                self._add_side_force(side, np.array([0.0, sign * self._dry.shear[face], 0.0]), self._cohesive[side])
 
-    def _push(self, side: int, force: Floats, row: int | None = None) -> None:
+    def _add_side_force(self, side: int, force: Floats, row: int | None = None) -> None:
         """Add the column of a force (3,) at a side: equilibrium of the part, and the shared face."""
         parts = self._parts
-        at = self._place[int(parts.side_part[side])]
-        entries = [(at + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
-        face = int(parts.side_shared[side])
-        if face >= 0:
-            known = self._shared[Q * face]
-            entries += [(known + k, value) for k, value in enumerate((parts.sign[side] * force).tolist())]
-        self._keep(entries, row)
+        first = self._first_row[int(parts.side_part[side])]
+        entries = [(first + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
+        shared = int(parts.side_shared[side])
+        if shared >= 0:
+            shared_row = self._shared[Q * shared]
+            entries += [(shared_row + k, value) for k, value in enumerate((parts.sign[side] * force).tolist())]
+        self._store(entries, row)
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
         # The columns are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column
         # of x, whose entries are `of_x`.
         inner, face = self._inner, int(self._parts.joint_face[joint])
-        lean, mu = 1.0 / inner.bending, float(inner.friction[face])
+        per_bending, mu = 1.0 / inner.bending, float(inner.friction[face])
         strength = float(inner.shear[face] - mu * inner.tension[face])
         for slip in (1.0, -1.0) if mu > 0.0 else (0.0,):
-            for tip in (lean, -lean):
-                self._keep(self._bending(joint, np.array([1.0, slip * mu, tip])))
+            for moment in (per_bending, -per_bending):
+                self._store(self._joint_force(joint, np.array([1.0, slip * mu, moment])))
         for sign in (1.0, -1.0):
-            self._keep(self._bending(joint, np.array([0.0, sign * strength, 0.0])), self._bent[joint])
-        for row, value in self._bending(joint, np.array([-float(inner.tension[face]), 0.0, 0.0])):
+            self._store(self._joint_force(joint, np.array([0.0, sign * strength, 0.0])), self._bending_row[joint])
+        for row, value in self._joint_force(joint, np.array([-float(inner.tension[face]), 0.0, 0.0])):
             of_x[row] += value
 
-    def _bending(self, joint: int, force: Floats) -> list[tuple[int, float]]:
+    def _joint_force(self, joint: int, force: Floats) -> list[tuple[int, float]]:
         """Return the entries (row, value) of a force at a joint in the equilibrium of both parts."""
         parts = self._parts
         ends = ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b))
         sums: dict[int, float] = {}
         for part, arm in ends:
-            at = self._place[int(part[joint])]
+            first = self._first_row[int(part[joint])]
             for k, value in enumerate((arm[joint] @ force).tolist()):
-                sums[at + k] = sums.get(at + k, 0.0) + value
+                sums[first + k] = sums.get(first + k, 0.0) + value
         return list(sums.items())
 
-    def _keep(self, found: list[tuple[int, float]], row: int | None = None) -> None:
-        """Store a column without its zero entries.
-
-        found: entries (row, value) of the column.
-        """
-        found = sorted([*found, *([] if row is None else [(row, 1.0)])])
-        found = [(at, value) for at, value in found if value != 0.0]
-        self._columns.append(([at for at, _ in found], [value for _, value in found]))
+    def _store(self, entries: list[tuple[int, float]], row: int | None = None) -> None:
+        """Store a column of entries (row, value), without zeros, and a 1 in `row`."""
+        entries = sorted([*entries, *([] if row is None else [(row, 1.0)])])
+        entries = [(row_index, value) for row_index, value in entries if value != 0.0]
+        self._columns.append(([row_index for row_index, _ in entries], [value for _, value in entries]))
 
 
 @dataclass(frozen=True)
@@ -592,24 +597,24 @@ class ConeProgram(AllBlocksProgram):
             raise TypeError("cones of more than one size")
         self._cone = sizes.pop() if sizes else 1
         count = len(template.assembly.interfaces)
-        every = np.ones(count, dtype=bool)
-        p = np.arange(parts.blocks)
+        all_dry = np.ones(count, dtype=bool)
+        blocks = np.arange(parts.blocks)
         columns, rows = OwnedIndices(), OwnedIndices()
-        self.x = columns.of(p)
-        self._face_columns = _lists(pattern.face, pattern.column, count, q)
-        sides = self._copies(columns, parts.side_face, parts.side_block, template.yield_set.active(every))
-        joints = self._copies(columns, parts.joint_face, parts.joint_block, template.yield_set.active(~every))
-        block_load = columns.of(p)
+        self.x = columns.of(blocks)
+        self._face_columns = _group_by_face(pattern.face, pattern.column, count, q)
+        sides = self._copies(columns, parts.side_face, parts.side_block, template.yield_set.active(all_dry))
+        joints = self._copies(columns, parts.joint_face, parts.joint_block, template.yield_set.active(~all_dry))
+        block_load = columns.of(blocks)
         load = columns.append_unowned(1)
         self._begin_rows(rows, parts, q)
         self._add_loads(parts, block_load, load)
         self._add_forces(sides, joints)
-        upper, lower, above_zero = rows.of(p), rows.of(p), rows.of(np.concatenate([p, p]))
+        upper, lower, above_zero = rows.of(blocks), rows.of(blocks), rows.of(np.concatenate([blocks, blocks]))
         self._bound_loads(upper, lower, block_load)
         self._entries.add(above_zero, np.concatenate([self.x, block_load]), -1.0)
         for linear in (True, False):
             for copies, dry in ((sides, True), (joints, False)):
-                self._sets(rows, copies, dry=dry, linear=linear)
+                self._add_yield_rows(rows, copies, dry=dry, linear=linear)
             if linear:
                 self._linear = len(rows)
         self._finish(rows, columns)
@@ -622,9 +627,9 @@ class ConeProgram(AllBlocksProgram):
             (joints, parts.joint_a, parts.arm_a),
             (joints, parts.joint_b, parts.arm_b),
         ):
-            for turn in range(q):
-                vectors = arm[:, :, turn] * copies.active[:, turn, None]
-                self._entries.add_vectors(self.balance[part], copies.column[:, turn], vectors)
+            for resultant in range(q):
+                vectors = arm[:, :, resultant] * copies.active[:, resultant, None]
+                self._entries.add_vectors(self.balance[part], copies.column[:, resultant], vectors)
         shared = np.flatnonzero(parts.side_shared >= 0)
         rows = self.equal_forces[parts.side_shared[shared]]
         signs = parts.sign[shared, None] * sides.active[shared]
@@ -633,13 +638,13 @@ class ConeProgram(AllBlocksProgram):
     def _copies(self, columns: OwnedIndices, face: Ints, block: Ints, active: Bools) -> _Copies:
         """Create the columns of copies of faces (k,) for blocks (k,): active (m, q) resultants, extra variables."""
         q = self._template.assembly.freedoms
-        number = np.array([len(column) for column in self._face_columns], dtype=np.int64)[face]
-        given = columns.of(np.repeat(block, number))
-        begin = given[0] + np.cumsum(number) - number if len(given) else np.zeros(len(face), dtype=np.int64)
+        width = np.array([len(column) for column in self._face_columns], dtype=np.int64)[face]
+        indices = columns.of(np.repeat(block, width))
+        begin = indices[0] + np.cumsum(width) - width if len(indices) else np.zeros(len(face), dtype=np.int64)
         # The resultants come first among the columns of a face.
         return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
 
-    def _sets(self, rows: OwnedIndices, copies: _Copies, *, dry: bool, linear: bool) -> None:
+    def _add_yield_rows(self, rows: OwnedIndices, copies: _Copies, *, dry: bool, linear: bool) -> None:
         """Add the rows h x − G F of copies of faces: either the linear rows or the cones."""
         # h and G are right-hand sides and coefficients of a `RowPattern`, x is the share of the block of a copy, F its
         # resultants.
@@ -649,33 +654,33 @@ class ConeProgram(AllBlocksProgram):
         chosen = (np.arange(len(rhs)) < pattern.linear) == linear
         if linear:  # Leave out rows that this label does not use.
             chosen &= np.bincount(pattern.row, weights=abs(values), minlength=len(rhs)) > 0.0
-        face_rows = _lists(pattern.row_face[chosen], np.flatnonzero(chosen), count)
-        # place of each row and column of the pattern among those of its face
-        place_row = np.zeros(len(rhs), dtype=np.int64)
-        place_column: dict[int, int] = {}
-        for listed in face_rows:
-            place_row[listed] = np.arange(len(listed))
-        for listed in self._face_columns:
-            place_column |= {int(column): k for k, column in enumerate(listed)}
-        used = chosen[pattern.row] & (values != 0.0)
-        entries = _lists(pattern.face[used], np.flatnonzero(used), count)
-        number = np.array([len(listed) for listed in face_rows], dtype=np.int64)[copies.face]
-        given = rows.of(np.repeat(copies.block, number))
-        begin = (given[0] if len(given) else 0) + np.cumsum(number) - number
-        local = np.array([place_column[int(column)] for column in pattern.column], dtype=np.int64)
+        face_rows = _group_by_face(pattern.row_face[chosen], np.flatnonzero(chosen), count)
+        # number of each row and column of the pattern among those of its face
+        rank_of_row = np.zeros(len(rhs), dtype=np.int64)
+        rank_of_column: dict[int, int] = {}
+        for members in face_rows:
+            rank_of_row[members] = np.arange(len(members))
+        for members in self._face_columns:
+            rank_of_column |= {int(column): k for k, column in enumerate(members)}
+        in_use = chosen[pattern.row] & (values != 0.0)
+        entries = _group_by_face(pattern.face[in_use], np.flatnonzero(in_use), count)
+        height = np.array([len(members) for members in face_rows], dtype=np.int64)[copies.face]
+        indices = rows.of(np.repeat(copies.block, height))
+        begin = (indices[0] if len(indices) else 0) + np.cumsum(height) - height
+        column_rank = np.array([rank_of_column[int(column)] for column in pattern.column], dtype=np.int64)
         for face in np.unique(copies.face).tolist():
-            of_face = np.flatnonzero(copies.face == face)
-            which = entries[face]
-            row = begin[of_face][:, None] + place_row[pattern.row[which]]
-            column = copies.column[of_face, 0][:, None] + local[which]
-            self._entries.add(row.ravel(), column.ravel(), np.tile(values[which], len(of_face)))
+            copies_of_face = np.flatnonzero(copies.face == face)
+            face_entries = entries[face]
+            row = begin[copies_of_face][:, None] + rank_of_row[pattern.row[face_entries]]
+            column = copies.column[copies_of_face, 0][:, None] + column_rank[face_entries]
+            self._entries.add(row.ravel(), column.ravel(), np.tile(values[face_entries], len(copies_of_face)))
             with_rhs = face_rows[face][rhs[face_rows[face]] != 0.0]
-            row = begin[of_face][:, None] + place_row[with_rhs]
-            blocks = np.repeat(copies.block[of_face], len(with_rhs))
-            self._entries.add(row.ravel(), blocks, np.tile(-rhs[with_rhs], len(of_face)))
+            row = begin[copies_of_face][:, None] + rank_of_row[with_rhs]
+            blocks = np.repeat(copies.block[copies_of_face], len(with_rhs))
+            self._entries.add(row.ravel(), blocks, np.tile(-rhs[with_rhs], len(copies_of_face)))
 
 
-def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
+def _group_by_face(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
     """Group integer values by face: the distinct values (k,) of each, ascending."""
     face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
     value = np.concatenate([value, np.arange(count * freedoms)])

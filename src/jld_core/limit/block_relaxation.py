@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -21,7 +22,7 @@ from jld_core.batch import chosen
 from jld_core.batch.batch_solver import SOLVED, BatchBlockSolver, BlockAnswers, BlockColumns
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_program import (
-    LEAST,
+    LEAST_SHARE,
     BlockFaces,
     BlockParts,
     BlockProgram,
@@ -81,11 +82,11 @@ class BatchBlockProgram:
         blocks = columns_of(parts, dry, inner)
         if blocks is None or not BatchBlockSolver.supports(blocks):
             return None
-        known = parts.side_shared >= 0
-        middle, sides = np.zeros((parts.shared, centroids.shape[1])), np.zeros(parts.shared)
-        np.add.at(middle, parts.side_shared[known], centroids[parts.part_element[parts.side_part[known]]])
-        np.add.at(sides, parts.side_shared[known], 1.0)
-        return cls(parts, blocks, np.vstack([middle / np.maximum(sides, 1.0)[:, None], centroids]))
+        is_shared = parts.side_shared >= 0
+        centre_sum, count = np.zeros((parts.shared, centroids.shape[1])), np.zeros(parts.shared)
+        np.add.at(centre_sum, parts.side_shared[is_shared], centroids[parts.part_element[parts.side_part[is_shared]]])
+        np.add.at(count, parts.side_shared[is_shared], 1.0)
+        return cls(parts, blocks, np.vstack([centre_sum / np.maximum(count, 1.0)[:, None], centroids]))
 
     def solve(
         self, allowed: Bools, thresholds: Floats, most: Floats, pool: ThreadPoolExecutor | None = None
@@ -94,18 +95,18 @@ class BatchBlockProgram:
 
         most: scaled λ that is not exceeded; `pool` supplies one more thread.
         """
-        # Full registers are shared by two threads; a single one is not split, as a partly filled register takes as
+        # Full registers are divided between two threads; a single one is not, as a partly filled register takes as
         # long.
         count, width = len(allowed), self._batch.width
         registers = -(-count // width)
-        count_here = width * (registers if pool is None else -(-registers // 2))
-        portions = [part for part in (np.arange(count_here)[:count], np.arange(count_here, count)) if len(part)]
+        first_share = width * (registers if pool is None else -(-registers // 2))
+        portions = [part for part in (np.arange(first_share)[:count], np.arange(first_share, count)) if len(part)]
 
         def run(rows: Ints) -> BlockAnswers:
-            return self._batch.solve(allowed[rows], thresholds[rows], LEAST * thresholds[rows], most[rows])
+            return self._batch.solve(allowed[rows], thresholds[rows], LEAST_SHARE * thresholds[rows], most[rows])
 
-        others = [] if pool is None else [pool.submit(run, rows) for rows in portions[1:]]
-        portions_solved = [run(portions[0]), *(other.result() for other in others)]
+        pending = [] if pool is None else [pool.submit(run, rows) for rows in portions[1:]]
+        portions_solved = [run(portions[0]), *(other.result() for other in pending)]
         return [self._multipliers(answers, k) for answers in portions_solved for k in range(len(answers.state))]
 
     def _multipliers(self, answers: BlockAnswers, k: int) -> BlockMultipliers:
@@ -123,10 +124,10 @@ class BatchBlockProgram:
 
 def _balance(parts: BlockParts, blocks: Sequence[BlockColumns]) -> Ints:
     """Return the indices (k, q) of the equilibrium rows of all parts, the first rows of each block."""
-    begin = np.concatenate([[0], np.cumsum([block.own for block in blocks])])
-    first = np.searchsorted(parts.part_block, parts.part_block)
-    place = begin[parts.part_block] + Q * (np.arange(len(first)) - first)
-    return np.asarray(place[:, None] + np.arange(Q))
+    first_row = np.concatenate([[0], np.cumsum([block.own for block in blocks])])
+    first_part = np.searchsorted(parts.part_block, parts.part_block)
+    row = first_row[parts.part_block] + Q * (np.arange(len(first_part)) - first_part)
+    return np.asarray(row[:, None] + np.arange(Q))
 
 
 # Residual requested from the solver; bounds are computed from its answer, so it need not be exact
@@ -145,7 +146,7 @@ _ROUGH: Final = 3e-2
 _STEPS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 
 
-Asked = tuple[Bools, float, float]
+BlockRequest = tuple[Bools, float, float]
 """Arguments of `BlockRelaxation.choose`: allowed blocks (p,), scaled λ to reach, scaled λ that is not exceeded."""
 
 
@@ -178,9 +179,9 @@ class _Mechanism:
 
 
 # Share of the rounding allowed for sums that a jump needs: it is a sum of six products
-_OF_JUMPS: Final = 1e-2
+_ROUNDING_OF_JUMPS: Final = 1e-2
 
-_MORE: Final = 1.01  # factor on the opening that a mechanism lacks: a little more is added
+_OVERSHOOT: Final = 1.01  # factor on the opening that a mechanism lacks: a little more is added
 
 
 class BlockRelaxation:
@@ -216,18 +217,17 @@ class BlockRelaxation:
                 (dry, inner) if caps is None else (CappedWedge(dry, caps), CappedWedge(inner, caps))
             )
             self._states = BlockProgram(self._parts, dry, inner, caps)
-        strong = self._dry.strength(self._parts.side_face)
-        self._strong = np.flatnonzero(strong > 0.0)
+        strength = self._dry.strength(self._parts.side_face)
+        self._cohesive_sides = np.flatnonzero(strength > 0.0)
         opening = analysis.repair.opening()
         self._opening = None if opening is None else self._parts.halved(opening)
         self._opening_margin = np.inf if self._opening is None else self._margin(*self._opening)
         if not self._opening_margin > 0.0:
             raise ArithmeticError("the opening motion does not open all faces on both sides")
-        self._batch_program: BatchBlockProgram | None = None
-        self._batch_program_made = False
-        limit: dict[str, Any] = {} if seconds == math.inf else {"time_limit": seconds}
-        self._coarse_solver = ClarabelSolver(_RESIDUAL, **limit)
-        self._fine_solver = ClarabelSolver(_FINE, iterative_refinement_enable=True, **limit)
+
+        time_limit: dict[str, Any] = {} if seconds == math.inf else {"time_limit": seconds}
+        self._coarse_solver = ClarabelSolver(_RESIDUAL, **time_limit)
+        self._fine_solver = ClarabelSolver(_FINE, iterative_refinement_enable=True, **time_limit)
 
     # --- solving ----------------------------------------------------------------------------------------
 
@@ -250,41 +250,40 @@ class BlockRelaxation:
     @property
     def batched(self) -> bool:
         """Return True if the batch solver solves many programs at a time."""
-        if not self._batch_program_made:
-            self._batch_program_made = True
-            if isinstance(self._dry, CoulombWedge) and isinstance(self._inner, CoulombWedge):
-                elements = self.template.assembly.elements
-                self._batch_program = BatchBlockProgram.of(
-                    self._parts, self._dry, self._inner, elements.centroid[elements.free]
-                )
         return self._batch_program is not None
 
-    def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
+    @cached_property
+    def _batch_program(self) -> BatchBlockProgram | None:
+        if not (isinstance(self._dry, CoulombWedge) and isinstance(self._inner, CoulombWedge)):
+            return None
+        elements = self.template.assembly.elements
+        return BatchBlockProgram.of(self._parts, self._dry, self._inner, elements.centroid[elements.free])
+
+    def bound_all(self, requests: Sequence[BlockRequest], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound λ for many sets of allowed blocks, by the batch solver where it applies."""
-        if not self.batched or self._batch_program is None or not asked:
-            return [self.choose(*program) for program in asked]
-        allowed, threshold, upper = (np.array(column) for column in zip(*asked, strict=True))
+        if self._batch_program is None or not requests:
+            return [self.choose(*request) for request in requests]
+        allowed, threshold, upper = (np.array(column) for column in zip(*requests, strict=True))
         answers = self._batch_program.solve(allowed, threshold, upper, pool)
-        self.solves += len(asked)
+        self.solves += len(requests)
         choices = []
-        for program, answer in zip(asked, answers, strict=True):
-            choice = self._proven_choice(answer, *program)
+        for request, answer in zip(requests, answers, strict=True):
+            choice = self._proven_choice(answer, *request)
             settled = answer.solved or choice.refuted
-            if not settled and not self._is_close(
-                choice, program[1]
-            ):  # a large program that iterations ended too early
+            if not settled and not self._is_close(choice, request[1]):
+                # a large program that iterations ended too early
                 settled = choice.bound <= answer.load + _ROUGH * abs(answer.load)
-            choices.append(choice if settled else self.choose(*program))
+            choices.append(choice if settled else self.choose(*request))
         return choices
 
-    def _is_close(self, found: Choice, threshold: float) -> bool:
+    def _is_close(self, choice: Choice, threshold: float) -> bool:
         """Return True where a finer residual may refute a threshold that is not refuted."""
-        return not found.refuted and found.bound <= threshold + _NEAR * max(1.0, abs(threshold))
+        return not choice.refuted and choice.bound <= threshold + _NEAR * max(1.0, abs(threshold))
 
-    def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
+    def _choose(self, allowed: Bools, threshold: float, most: float, solver: Solver) -> Choice:
         """Solve the program of the allowed blocks by one solver, and return the proven bound."""
         program, rows, columns = self._states.of(allowed, threshold, most)
-        raw = route.solve(program)
+        raw = solver.solve(program)
         self.solves += 1
         dual, point = (np.zeros(size) for size in self._states.shape)
         dual[rows], point[columns] = raw.dual, raw.point
@@ -298,8 +297,8 @@ class BlockRelaxation:
         share = np.clip(np.nan_to_num(answer.share), 0.0, 1.0)
         mechanism = self._repair(answer, allowed, most)
         if mechanism is None:
-            nothing = np.zeros(len(allowed))
-            return Choice(most, refuted=False, share=share, inside=nothing, useless=nothing.astype(bool))
+            zeros = np.zeros(len(allowed))
+            return Choice(most, refuted=False, share=share, inside=zeros, useless=zeros.astype(bool))
         # The lower bound of Σ e_p is concave in θ: if it is positive at two load factors, it is positive between them.
         at_most, spare_at_most = self._excess(mechanism, most, allowed)
         at_threshold, spare_at_threshold = self._excess(mechanism, threshold, allowed)
@@ -308,9 +307,9 @@ class BlockRelaxation:
         bound = min(most, threshold) if refuted else most
         if at_most > 0.0 and not refuted:
             # the least λ near that of the mechanism from which on the bound holds
-            start = float(mechanism.price.sum())
+            mechanism_load = float(mechanism.price.sum())
             for step in _STEPS:
-                load_factor = start + step * max(1.0, abs(start))
+                load_factor = mechanism_load + step * max(1.0, abs(mechanism_load))
                 if 0.0 <= load_factor < most and self._excess(mechanism, load_factor, allowed)[0] > 0.0:
                     bound = load_factor
                     break
@@ -338,16 +337,18 @@ class BlockRelaxation:
         cost = -self._sums((parts.dead * velocity).sum(axis=1), parts.part_block)
         inside = self._sums(self._inner.dissipation(inner, parts.joint_face), parts.joint_block)
         cost += inside
-        strong = self._strong
-        face, block = parts.side_face[strong], parts.side_block[strong]
-        np.add.at(cost, block, self._dry.dissipation(half[strong], face))
+        cohesive = self._cohesive_sides
+        face, block = parts.side_face[cohesive], parts.side_block[cohesive]
+        np.add.at(cost, block, self._dry.dissipation(half[cohesive], face))
         # Count rounding before terms cancel; a jump is a sum of six products, far fewer than ROUNDING allows for.
         work = (abs(parts.dead) + most * abs(parts.live)) * abs(velocity)
         size = self._sums(work.sum(axis=1), parts.part_block)
-        np.add.at(size, parts.joint_block, _OF_JUMPS * self._inner.strength(parts.joint_face) * parts.speed(velocity))
-        speed = np.einsum("kij,ki->k", abs(parts.arm[strong]), abs(velocity[parts.side_part[strong]]))
-        still = np.append(abs(wall).sum(axis=1), 0.0)
-        np.add.at(size, block, _OF_JUMPS * self._dry.strength(face) * (speed + still[parts.side_shared[strong]]))
+        joint_cost = _ROUNDING_OF_JUMPS * self._inner.strength(parts.joint_face) * parts.jump_size(velocity)
+        np.add.at(size, parts.joint_block, joint_cost)
+        part_size = np.einsum("kij,ki->k", abs(parts.arm[cohesive]), abs(velocity[parts.side_part[cohesive]]))
+        wall_size = np.append(abs(wall).sum(axis=1), 0.0)
+        side_size = part_size + wall_size[parts.side_shared[cohesive]]
+        np.add.at(size, block, _ROUNDING_OF_JUMPS * self._dry.strength(face) * side_size)
         return _Mechanism(live, cost, inside, size, answer.price, answer.portion)
 
     @property
@@ -366,7 +367,7 @@ class BlockRelaxation:
             if self._opening is None:
                 return None if margin < 0.0 else (velocity, wall)
             # Open by at least the rounding error of the velocities.
-            step = max(-_MORE * margin + tolerances.ROUNDING * size if margin < 0.0 else 0.0, share * size)
+            step = max(-_OVERSHOOT * margin + tolerances.ROUNDING * size if margin < 0.0 else 0.0, share * size)
             step /= self._opening_margin
             velocity, wall = velocity + step * self._opening[0], wall + step * self._opening[1]
             if self._margin(velocity, wall, allowed) < 0.0:
@@ -382,9 +383,9 @@ class BlockRelaxation:
     def _excess(self, mechanism: _Mechanism, load: float, allowed: Bools) -> tuple[float, Floats]:
         """Bound the total excess (6.6) of allowed blocks from below, and by how much (p,) choosing each raises it."""
         value = load * mechanism.portion - mechanism.price
-        held = self._sums(value[self._parts.part_element], self._parts.part_block)
-        slack = load * mechanism.live - mechanism.cost - held
-        size = mechanism.size + abs(held)
+        multipliers = self._sums(value[self._parts.part_element], self._parts.part_block)
+        slack = load * mechanism.live - mechanism.cost - multipliers
+        size = mechanism.size + abs(multipliers)
         noise = tolerances.ROUNDING * (float(size[allowed].sum()) + float(abs(value).sum()))
         excess = float(value.sum()) + float(np.minimum(slack[allowed], 0.0).sum()) - noise
         return excess, np.maximum(slack, 0.0)

@@ -38,7 +38,7 @@ class Reduced:
     rays: dict[int, Floats] = field(default_factory=dict)
 
 
-def kept_rows(program: ConicProgram) -> Reduced:
+def unreduced_rows(program: ConicProgram) -> Reduced:
     """Return all yield rows but that of λ, from which facial reduction starts."""
     structure = program.structure
     return Reduced(slack_rows(structure)[: structure.linear - 1], tuple(range(len(structure.cones))))
@@ -52,21 +52,20 @@ def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False
     first = np.concatenate([np.arange(structure.equalities + 1), reduced.linear]).astype(np.int64)
     cones = [np.arange(structure.heads[cone], structure.heads[cone] + structure.cones[cone]) for cone in reduced.cones]
     last = np.concatenate(cones or [np.empty(0)]).astype(np.int64)
-    pick = [sp.eye_array(structure.shape[0]).tocsr()[first]]
+    selection = [sp.eye_array(structure.shape[0]).tocsr()[first]]
     if reduced.rays:
-        ways = sp.lil_array((len(reduced.rays), structure.shape[0]))
+        ray_rows = sp.lil_array((len(reduced.rays), structure.shape[0]))
         for row, (cone, direction) in enumerate(reduced.rays.items()):
-            ways[row, structure.heads[cone]] = 1.0
-            for place, value in enumerate(direction, start=1):
-                ways[row, structure.heads[cone] + place] = -value
-        pick.append(ways.tocsr())
-    chosen: sp.csr_array = sp.vstack([*pick, sp.eye_array(structure.shape[0]).tocsr()[last]]).tocsr()
-    rhs = np.asarray(chosen @ program.rhs) if right else np.zeros(chosen.shape[0])
+            ray_rows[row, structure.heads[cone]] = 1.0
+            for offset, value in enumerate(direction, start=1):
+                ray_rows[row, structure.heads[cone] + offset] = -value
+        selection.append(ray_rows.tocsr())
+    selection_matrix: sp.csr_array = sp.vstack([*selection, sp.eye_array(structure.shape[0]).tocsr()[last]]).tocsr()
+    rhs = np.asarray(selection_matrix @ program.rhs) if right else np.zeros(selection_matrix.shape[0])
     linear = 1 + len(reduced.linear) + len(reduced.rays)
     sizes = tuple(structure.cones[cone] for cone in reduced.cones)
-    return pack(
-        chosen @ program.matrix.tocsr(), rhs, program.objective, structure.equalities, linear, sizes, structure.places
-    )
+    matrix = selection_matrix @ program.matrix.tocsr()
+    return pack(matrix, rhs, program.objective, structure.equalities, linear, sizes, structure.places)
 
 
 def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
@@ -78,49 +77,35 @@ def leaning_program(program: ConicProgram, reduced: Reduced, stress: Floats) -> 
     cone_structure, matrix, structure = program.structure, program.matrix.tocsr(), reduced_program.structure
     rows, sides = [reduced_program.matrix.tocsr()], [reduced_program.rhs]
     first_ray = structure.equalities + structure.linear - len(reduced.rays)
-    for number, (cone, direction) in enumerate(reduced.rays.items()):
+    for k, (cone, direction) in enumerate(reduced.rays.items()):
         rows_of_cone = slice(cone_structure.heads[cone], cone_structure.heads[cone] + cone_structure.cones[cone])
-        bound_row, bound_side = (
-            reduced_program.matrix.tocsr()[[first_ray + number]],
-            reduced_program.rhs[first_ray + number],
-        )
+        bound_row, bound_side = rows[0][[first_ray + k]], reduced_program.rhs[first_ray + k]
         size = float(-(matrix[[cone_structure.heads[cone]]][:, : len(stress)] @ stress)[0])
-        across = sp.csr_array(la.null_space(direction[None]).T) * (2.0 / np.sqrt(2.0 * size))
-        rows += [bound_row, across @ matrix[rows_of_cone][1:], bound_row]
-        sides += [
-            np.array([bound_side + 1.0]),
-            np.asarray(across @ program.rhs[rows_of_cone][1:]),
-            np.array([bound_side - 1.0]),
-        ]
+        perpendicular = sp.csr_array(la.null_space(direction[None]).T) * (2.0 / np.sqrt(2.0 * size))
+        rows += [bound_row, perpendicular @ matrix[rows_of_cone][1:], bound_row]
+        perpendicular_sides = np.asarray(perpendicular @ program.rhs[rows_of_cone][1:])
+        sides += [np.array([bound_side + 1.0]), perpendicular_sides, np.array([bound_side - 1.0])]
     sizes = structure.cones + tuple(cone_structure.cones[cone] for cone in reduced.rays)
-    stacked = sp.vstack(rows)
-    return pack(
-        stacked,
-        np.concatenate(sides),
-        program.objective,
-        structure.equalities,
-        structure.linear,
-        sizes,
-        structure.places,
-    )
+    matrix, rhs = sp.vstack(rows), np.concatenate(sides)
+    return pack(matrix, rhs, program.objective, structure.equalities, structure.linear, sizes, structure.places)
 
 
-def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
+def reduced_by(support: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
     """Return the yield rows that are left once a large self-stress acts; None if all are."""
     # Rows in which the self-stress has slack are removed. A cone on whose boundary it lies becomes a ray.
     sizes = [program.structure.cones[cone] for cone in reduced.cones]
     # rows in order: linear rows, one for each ray, cones
     first_ray, first_cone = len(reduced.linear), len(reduced.linear) + len(reduced.rays)
-    has_slack: Bools = found.slack > 0.5  # slacks are 0 or 1, up to the solver's residual
+    has_slack: Bools = support.slack > 0.5  # slacks are 0 or 1, up to the solver's residual
     linear = reduced.linear[~has_slack[:first_ray]]
     of_rays = zip(reduced.rays.items(), has_slack[first_ray:first_cone], strict=True)
     rays = {cone: direction for (cone, direction), removed in of_rays if not removed}
     cones = []
-    starts = len(found.values) - sum(sizes) + np.cumsum([0, *sizes])[:-1]
+    starts = len(support.values) - sum(sizes) + np.cumsum([0, *sizes])[:-1]
     for cone, start, size, removed in zip(reduced.cones, starts, sizes, has_slack[first_cone:], strict=True):
         if removed:
             continue
-        direction = found.boundary_direction(start, size)
+        direction = support.boundary_direction(start, size)
         if direction is None:
             cones.append(cone)
         else:
@@ -132,24 +117,24 @@ def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -
 
 def rows_by_element(rows: Floats, freedoms: int) -> Floats:
     """Reshape a vector (q·free,) to (free, q); each further entry gets a row of its own."""
-    whole = len(rows) // freedoms * freedoms
-    more = np.zeros((len(rows) - whole, freedoms))
-    more[:, 0] = rows[whole:]
-    return np.concatenate([rows[:whole].reshape(-1, freedoms), more])
+    count = len(rows) // freedoms * freedoms
+    extra_rows = np.zeros((len(rows) - count, freedoms))
+    extra_rows[:, 0] = rows[count:]
+    return np.concatenate([rows[:count].reshape(-1, freedoms), extra_rows])
 
 
 def projected_onto(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
     """Project a vector (columns,) onto rows·y = target: vector, residual (rows,), error estimate."""
     for _ in range(passes):
         vector = vector - projector.correction(projector.rows @ vector - target)
-    left = projector.rows @ vector - target
-    return vector, left, float(abs(projector.correction(left)).max())
+    residual = projector.rows @ vector - target
+    return vector, residual, float(abs(projector.correction(residual)).max())
 
 
-def error_or_inf(error: float, left: Floats, forces: Floats) -> float:
+def error_or_inf(error: float, residual: Floats, forces: Floats) -> float:
     """Return an error estimate, or inf if the residual (rows,) exceeds rounding, so no equilibrium exists."""
-    much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
-    return np.inf if much else error
+    inconsistent = float(abs(residual).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
+    return np.inf if inconsistent else error
 
 
 # Relative amount by which the lower bound exceeds the upper one where they contradict each other
@@ -168,32 +153,32 @@ class EquilibriumProjectors:
 
     def __init__(self, template: Template) -> None:
         self.template = template
-        self._known: dict[bytes, Projector] = {}
-        self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
+        self._cache: dict[bytes, Projector] = {}
+        self._all_active = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
 
     def with_template(self, template: Template) -> EquilibriumProjectors:
         """Return these projectors for another template of the same equilibrium matrix, cache shared."""
-        other = copy.copy(self)
-        other.template = template
-        return other
+        copied = copy.copy(self)
+        copied.template = template
+        return copied
 
     def with_load(self, labels: Bits) -> tuple[Projector, Floats | None]:
         """Return the projector of the resultants that a labelling keeps, and their mask (q·m,); None: all."""
         active = self.template.yield_set.active(labels)
         if active.all():
-            active = self._everything
+            active = self._all_active
         key = np.packbits(active).tobytes()
-        mask = None if active is self._everything else active.ravel().astype(float)
-        if key not in self._known:
+        mask = None if active is self._all_active else active.ravel().astype(float)
+        if key not in self._cache:
             matrix, places = self.template.matrix, self.template.structure.places
             if mask is not None:
                 places = None
                 live = sp.csc_array(self.template.live[:, None])
                 matrix = sp.csc_array(sp.hstack([matrix @ sp.diags_array(mask), live]))
-            if len(self._known) >= 16:
-                self._known.pop(next(iter(self._known)))
-            self._known[key] = Projector(sp.csc_array(matrix), places)
-        return self._known[key], mask
+            if len(self._cache) >= 16:
+                self._cache.pop(next(iter(self._cache)))
+            self._cache[key] = Projector(sp.csc_array(matrix), places)
+        return self._cache[key], mask
 
     def of_forces(self, mask: Floats) -> Projector:
         """Return a new projector onto equilibrium at fixed λ, of the kept resultants (q·m,)."""
@@ -279,36 +264,36 @@ class Prover:
         self.transposed = sp.csr_array(template.matrix.T)
         self._jumps = dense_if_small(self.transposed)
         self._magnitudes = abs(template.matrix)
-        self._weight = abs(template.dead)
-        self._total = float(self._weight.sum()) or reference_load(template.assembly) / template.scaling.force
+        self._dead_sizes = abs(template.dead)  # (q·free,)
+        self._total_dead = float(self._dead_sizes.sum()) or reference_load(template.assembly) / template.scaling.force
         self._projectors = EquilibriumProjectors(template)
         self._columns = template.matrix.shape[1]
-        self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
+        self._all_active = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
 
     @cached_property
     def exact(self) -> float:
         """Return the violation of a face that counts as rounding: `EXACT`, or the last digits of coordinates."""
         elements = self.template.assembly.elements
-        far = max(float(abs(elements.lower).max()), float(abs(elements.upper).max()))
-        return max(tolerances.EXACT, _LAST_DIGITS * far / self.template.assembly.size)
+        largest = max(float(abs(elements.lower).max()), float(abs(elements.upper).max()))
+        return max(tolerances.EXACT, _LAST_DIGITS * largest / self.template.assembly.size)
 
     def is_ray(self, ray: State) -> bool:
         """Return True if equilibrium and recession cones hold to `exact`, or to `ROUNDING` where slack absorbs it."""
-        left = tolerances.ROUNDING if ray.slack >= 2.0 * tolerances.ROUNDING else self.exact
-        return ray.slack >= -self.exact and ray.error <= left
+        allowed = tolerances.ROUNDING if ray.slack >= 2.0 * tolerances.ROUNDING else self.exact
+        return ray.slack >= -self.exact and ray.error <= allowed
 
     def with_template(self, template: Template) -> Prover:
         """Return this prover for another template of the same matrix, with shared projectors."""
-        other = copy.copy(self)
-        other.template = template
-        other._projectors = self._projectors.with_template(template)
-        return other
+        copied = copy.copy(self)
+        copied.template = template
+        copied._projectors = self._projectors.with_template(template)
+        return copied
 
-    def state(self, point: Floats, labels: Bits, passes: int = 2, held: bool = False) -> State:
+    def state(self, point: Floats, labels: Bits, passes: int = 2, fixed_load: bool = False) -> State:
         """Project a point (≥ q·m + 1,), λ last, onto equilibrium; slack −inf and error inf if unusable."""
         if not usable(point):
-            return self._nothing()
-        return self._state(point[: self._columns], float(point[-1]), labels, passes, held)
+            return self._no_state()
+        return self._state(point[: self._columns], float(point[-1]), labels, passes, fixed_load)
 
     def state_within(self, forces: Floats, labels: Bits, inside: Bools) -> State:
         """Project forces (m, q) at λ = 0 onto equilibrium, with forces on the faces `inside` (m,) alone."""
@@ -328,7 +313,7 @@ class Prover:
         # must not hide the forces that a small load needs. Resultants that are rounding of others become zero where
         # that makes a ray.
         if not usable(point) or not point[-1] > 0.0:
-            return self._nothing()
+            return self._no_state()
         active = self.template.yield_set.recession_active(labels)
         state = self._ray(point[: self._columns] / point[-1], active, labels)
         for share in _FAINT_SHARES:
@@ -336,15 +321,15 @@ class Prover:
                 break
             # forces that are rounding of others are taken out, where the live load can do without them
             largest = abs(state.forces).max(axis=1)
-            kept = active & (largest > share * largest.max(initial=0.0))[:, None]
-            state = self._ray(state.forces.ravel(), kept, labels)
+            significant = active & (largest > share * largest.max(initial=0.0))[:, None]
+            state = self._ray(state.forces.ravel(), significant, labels)
         return state
 
     def _ray(self, forces: Floats, active: Bools, labels: Bits) -> State:
         """Project forces (q·m,) onto A R + b_λ = 0, only `active` ones (m, q) not zero, and measure them."""
         mask, live = active.ravel().astype(float), self.template.live
         forces, residual, error = projected_onto(self._projectors.of_forces(mask), forces * mask, -live, 3)
-        table = forces.reshape(self._everything.shape)
+        table = forces.reshape(self._all_active.shape)
         # what elements that bear nothing show is the last digit of the factors
         table[abs(table).max(axis=1) <= _LAST_DIGIT * abs(table).max(initial=0.0)] = 0.0
         forces = table.ravel()
@@ -359,54 +344,54 @@ class Prover:
     def imbalance(self, forces: Floats, load: Floats) -> float:
         """Return the largest residual of A F + load of an element, relative to its terms but at most 1."""
         # A small load is thus not taken for the rounding error of a large one elsewhere.
-        freedoms = self._everything.shape[1]
-        left, met = self.template.matrix @ forces + load, self._magnitudes @ abs(forces) + abs(load)
+        freedoms = self._all_active.shape[1]
+        residual, terms = self.template.matrix @ forces + load, self._magnitudes @ abs(forces) + abs(load)
         # Judge element by element: a moment that is zero may be rounding of forces times arms.
-        met = np.minimum(rows_by_element(met, freedoms).max(axis=1, initial=0.0), 1.0)
-        gone = rows_by_element(abs(left), freedoms).max(axis=1, initial=0.0)
-        return float((gone / np.where(met > 0.0, met, 1.0)).max(initial=0.0))
+        terms = np.minimum(rows_by_element(terms, freedoms).max(axis=1, initial=0.0), 1.0)
+        imbalance = rows_by_element(abs(residual), freedoms).max(axis=1, initial=0.0)
+        return float((imbalance / np.where(terms > 0.0, terms, 1.0)).max(initial=0.0))
 
-    def _nothing(self) -> State:
+    def _no_state(self) -> State:
         """Return a state that proves no bound: slack −inf and error inf."""
-        return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
+        return State(np.zeros(self._all_active.shape), 0.0, -np.inf, np.inf)
 
-    def _state(self, forces: Floats, load: float, labels: Bits, passes: int, held: bool = False) -> State:
+    def _state(self, forces: Floats, load: float, labels: Bits, passes: int, fixed_load: bool = False) -> State:
         """Project forces (q·m,) at a given λ onto equilibrium, and measure their slack.
 
-        held: keep λ even where resultants are dropped. passes: corrections of the projection.
+        fixed_load: keep λ even where resultants are dropped. passes: corrections of the projection.
         """
         template = self.template
         projector, mask = self._projectors.with_load(labels)
-        if mask is None or held:
+        if mask is None or fixed_load:
             if mask is not None:
                 projector, forces = self._projectors.of_forces(mask), forces * mask
             forces, residual, error = projected_onto(projector, forces, -(template.dead + load * template.live), passes)
         else:
             # With resultants dropped, equilibrium may hold at one λ alone: project λ with the forces.
-            joint, residual, error = projected_onto(
+            forces_and_load, residual, error = projected_onto(
                 projector, np.append(forces * mask, load), -template.dead, passes + 1
             )
-            forces, load = joint[:-1], float(joint[-1])
+            forces, load = forces_and_load[:-1], float(forces_and_load[-1])
         if mask is not None:
             error = error_or_inf(error, residual, forces)
-        table = forces.reshape(self._everything.shape)
+        table = forces.reshape(self._all_active.shape)
         return State(table, load, float(template.yield_set.slack(table, labels).min()), error)
 
     def blend(self, state: State, inside: State, labels: Bits) -> State:
         """Move a state towards one with slack until admissible (3.10); it may still not be after four attempts."""
         # Yield sets are convex and equilibrium is linear, λ included, so every blend is a state.
-        need = 4.0 * max(state.error, inside.error)
-        if state.slack >= need or inside.slack <= need:
+        needed = 4.0 * max(state.error, inside.error)
+        if state.slack >= needed or inside.slack <= needed:
             return state
-        share = min(1.0, (need - state.slack) / (inside.slack - state.slack))
+        share = min(1.0, (needed - state.slack) / (inside.slack - state.slack))
         for _ in range(4):
             forces = (1.0 - share) * state.forces + share * inside.forces
             load = (1.0 - share) * state.load + share * inside.load
-            mixed = self._state(forces.ravel(), load, labels, 1)
-            if mixed.admissible:
-                return mixed
+            blended = self._state(forces.ravel(), load, labels, 1)
+            if blended.admissible:
+                return blended
             share = min(1.0, 2.0 * share)
-        return mixed
+        return blended
 
     def motion(self, velocity: Floats, labels: Bits, normalise: bool = True) -> Motion:
         """Compute jumps, margin and bound of velocities (≥ q·free,), of live work 1 if positive and asked.
@@ -416,11 +401,11 @@ class Prover:
         template = self.template
         velocity = velocity[: template.matrix.shape[0]]
         if not usable(velocity):
-            return Motion(velocity, np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
+            return Motion(velocity, np.zeros(self._all_active.shape), 0.0, -np.inf, np.inf)
         work = float(template.live @ velocity)
         if normalise and work > 0.0:
             velocity, work = velocity / work, 1.0
-        jumps = (self._jumps @ velocity).reshape(self._everything.shape)
+        jumps = (self._jumps @ velocity).reshape(self._all_active.shape)
         return self.measure(velocity, jumps, work, labels)
 
     def measure(self, velocity: Floats, jumps: Floats, work: float, labels: Bits) -> Motion:
@@ -437,14 +422,14 @@ class Prover:
     def noises(self, velocities: Floats, bounds: Floats) -> Floats:
         """Estimate the rounding errors (k,) of the bounds of k motions, scaled."""
         speed = abs(velocities)
-        sizes = (speed * self._weight).sum(axis=1) + abs(bounds) + 1e-3 * self._total * speed.max(axis=1)
+        sizes = (speed * self._dead_sizes).sum(axis=1) + abs(bounds) + 1e-3 * self._total_dead * speed.max(axis=1)
         return np.asarray(tolerances.ROUNDING * sizes)
 
     def jumps(self, velocities: Floats) -> Floats:
         """Compute the jumps (k, m, q) of velocities (k, q·free), scaled."""
         # Multiply one by one: a matrix product rounds differently from a matrix-vector product.
-        each = [self._jumps @ velocity for velocity in velocities]
-        return np.array(each).reshape(-1, *self._everything.shape)
+        jumps = [self._jumps @ velocity for velocity in velocities]
+        return np.array(jumps).reshape(-1, *self._all_active.shape)
 
     def add_opening(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
         """Add an opening motion until the dissipation is finite (3.11); it may still not be after four attempts."""
@@ -453,11 +438,11 @@ class Prover:
             return motion
         share = -motion.margin / opening.margin
         for _ in range(4):
-            mixed = self.motion(motion.velocity + share * opening.velocity, labels, normalise=motion.work > 0.0)
-            if mixed.margin >= 0.0:
-                return mixed
+            opened = self.motion(motion.velocity + share * opening.velocity, labels, normalise=motion.work > 0.0)
+            if opened.margin >= 0.0:
+                return opened
             share *= 2.0
-        return mixed
+        return opened
 
 
 def relative_width(low: float, high: float, load_scale: float) -> float:
@@ -504,9 +489,9 @@ def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
     return low - high > _CROSSED * np.maximum(np.maximum(abs(low), abs(high)), least)
 
 
-def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
+def are_disjoint(a: tuple[float, float], b: tuple[float, float]) -> bool:
     """Return True if two brackets of the same λ, in one unit, are disjoint by more than rounding."""
-    return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
+    return bool(crossed(a[0], b[1], 0.0) or crossed(b[0], a[1], 0.0))
 
 
 def load_scale(assembly: Assembly) -> float:
@@ -524,8 +509,8 @@ def load_scale(assembly: Assembly) -> float:
     float
         Load factor in scene units.
     """
-    each = zip(assembly.by_case, assembly.required.tolist(), strict=True)
-    return float(min(tolerances.GAP_FLOOR * reference_load(one) / one.total_live / required for one, required in each))
+    scales = [tolerances.GAP_FLOOR * reference_load(case) / case.total_live for case in assembly.by_case]
+    return float(min(scale / required for scale, required in zip(scales, assembly.required.tolist(), strict=True)))
 
 
 @dataclass
@@ -587,9 +572,9 @@ class Proof:
         # A λ above that of an exact state (error zero) by less than rounding proves no more than the exact state.
         if not state.admissible:
             return
-        known = self.state
-        exact = known is not None and known.error == 0.0
-        if known is None or state.load > known.load + (tolerances.ROUNDING if exact else 0.0):
+        best = self.state
+        exact = best is not None and best.error == 0.0
+        if best is None or state.load > best.load + (tolerances.ROUNDING if exact else 0.0):
             self.state = state
 
     def offer_motion(self, motion: Motion) -> None:
@@ -623,10 +608,10 @@ class Proof:
             return math.inf
         if self.state is None:
             return self.motion.bound
-        above = self.motion.bound - self.state.load
+        width = self.motion.bound - self.state.load
         # Next to the state without forces at λ = 0, the rounding of a bound proves no width.
-        nothing = self.state.error == 0.0 and self.state.load == 0.0
-        at_state = above < 0.0 or (nothing and above <= self.motion.noise)
+        without_forces = self.state.error == 0.0 and self.state.load == 0.0
+        at_state = width < 0.0 or (without_forces and width <= self.motion.noise)
         return self.state.load if at_state else self.motion.bound
 
     @property

@@ -22,7 +22,7 @@ from jld_core.batch.rows import fits
 from jld_core.deadline import Deadline, checkpoint
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_program import CappedWedge
-from jld_core.limit.block_relaxation import Asked, BlockMechanism, BlockRelaxation, Choice
+from jld_core.limit.block_relaxation import BlockMechanism, BlockRelaxation, BlockRequest, Choice
 from jld_core.limit.bounds import DIVERGED
 from jld_core.limit.mechanism import DualBound, MinimizedConflict, WorkBalances
 from jld_core.program import ConicProgram, Template
@@ -48,7 +48,7 @@ class PartialLabellingBounds(ABC):
 
     @property
     @abstractmethod
-    def each(self) -> tuple[PartialLabellingBounds, ...]:
+    def by_case(self) -> tuple[PartialLabellingBounds, ...]:
         """Return the relaxations of all load cases; of a single load, one."""
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
@@ -78,8 +78,8 @@ class PartialLabellingBounds(ABC):
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Return an upper bound of a partial labelling; inf where none was found."""
-        found = self.least_bound(labels, undecided)
-        return np.inf if found is None else found.bound
+        least = self.least_bound(labels, undecided)
+        return np.inf if least is None else least.bound
 
     @abstractmethod
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
@@ -123,62 +123,61 @@ class SharedHull:
         # Columns: resultants of both copies, share w of the second copy of each face, λ.
         load = 2 * resultants + faces
         # Linear rows are λ ≥ −floor, 0 ≤ w, w ≤ 1, then those of both copies; cones are last.
-        first = equalities + 1 + 2 * faces
+        first_row = equalities + 1 + 2 * faces
         count = len(pattern.h_dry)
-        places = [self._places(pattern.linear, count, copy) + first for copy in (0, 1)]
+        copy_rows = [self._rows_of_copy(pattern.linear, count, copy) + first_row for copy in (0, 1)]
         entries = _HullEntries()
         for copy in (0, 1):
-            self._add_copy(entries, template, copy, places[copy])
+            self._add_copy(entries, template, copy, copy_rows[copy])
         live = np.flatnonzero(template.live)
-        nobody = np.zeros(live.size, dtype=np.int64)
-        entries.add(live, nobody + load, nobody, template.live[live])
-        every, one = np.arange(faces), np.ones(faces)
-        share = 2 * resultants + every
+        no_owner = np.zeros(live.size, dtype=np.int64)
+        entries.add(live, no_owner + load, no_owner, template.live[live])
+        face, ones = np.arange(faces), np.ones(faces)
+        share = 2 * resultants + face
         entries.add(np.array([equalities]), np.array([load]), np.array([0]), -np.ones(1))
-        entries.add(equalities + 1 + every, share, every, -one)
-        entries.add(equalities + 1 + faces + every, share, every, one)
+        entries.add(equalities + 1 + face, share, face, -ones)
+        entries.add(equalities + 1 + faces + face, share, face, ones)
         rows, columns, self._owner, self._dry, self._inner = entries.by_column()
         self.structure = Structure(
             indices=rows,
             indptr=np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=load + 1))]),
-            shape=(first + 2 * count, load + 1),
+            shape=(first_row + 2 * count, load + 1),
             equalities=equalities,
             linear=1 + 2 * faces + 2 * pattern.linear,
             cones=(*pattern.cones, *pattern.cones),
         )
-        head = np.concatenate([-template.dead, [template.floor], np.zeros(faces), np.ones(faces)])
-        self._rhs = np.zeros((2, first + 2 * count))  # Row 0 holds the dry values, row 1 the inner values.
-        self._rhs[:, :first] = head
-        self._rhs[0, places[0]], self._rhs[1, places[0]] = pattern.h_dry, pattern.h_inner
-        self._first, self._row_face = places[0], pattern.row_face
+        shared_rhs = np.concatenate([-template.dead, [template.floor], np.zeros(faces), np.ones(faces)])
+        self._rhs = np.zeros((2, first_row + 2 * count))  # Row 0 holds the dry values, row 1 the inner values.
+        self._rhs[:, :first_row] = shared_rhs
+        self._rhs[0, copy_rows[0]], self._rhs[1, copy_rows[0]] = pattern.h_dry, pattern.h_inner
+        self._first, self._row_face = copy_rows[0], pattern.row_face
         self._objective = np.zeros(load + 1)
         self._objective[-1] = -1.0
         self._pressure = np.zeros(load + 1)
         self._pressure[0 : 2 * resultants : template.assembly.freedoms] = -1.0
 
-    def _add_copy(self, entries: _HullEntries, template: Template, copy: int, places: Ints) -> None:
-        """Add equilibrium and yield rows of copy 0 or 1; places: (rows,) rows of its yield set."""
+    def _add_copy(self, entries: _HullEntries, template: Template, copy: int, copy_rows: Ints) -> None:
+        """Add equilibrium and yield rows of copy 0 or 1; copy_rows: (rows,) rows of its yield set."""
         sets, pattern, matrix = template.yield_set, template.yield_set.pattern, template.matrix.tocoo()
         faces, resultants = len(template.assembly.interfaces), matrix.shape[1]
         first_column, first_owner = resultants * copy, faces * copy
-        row, column = (np.asarray(part, dtype=np.int64) for part in matrix.coords)
+        row, column = (np.asarray(coordinate, dtype=np.int64) for coordinate in matrix.coords)
         # equilibrium of the resultants that a label has at all
-        every = np.ones(faces, dtype=bool)
+        all_dry = np.ones(faces, dtype=bool)
         dry, inner = (
-            np.asarray(matrix.data * sets.active(labels).ravel()[column], dtype=float) for labels in (every, ~every)
+            np.asarray(matrix.data * sets.active(labels).ravel()[column], dtype=float) for labels in (all_dry, ~all_dry)
         )
         face = column // template.assembly.freedoms
         entries.add(row, column + first_column, face + first_owner, dry, inner)
-        entries.add(
-            places[pattern.row], pattern.column + first_column, pattern.face + first_owner, pattern.dry, pattern.inner
-        )
+        column, face = pattern.column + first_column, pattern.face + first_owner
+        entries.add(copy_rows[pattern.row], column, face, pattern.dry, pattern.inner)
         # right-hand sides are shared: h (1 − w) of copy 0, with its constant in the vector, h w of copy 1
         sign = -1.0 if copy else 1.0
         share = 2 * resultants + pattern.row_face  # columns of w
-        entries.add(places, share, pattern.row_face + first_owner, sign * pattern.h_dry, sign * pattern.h_inner)
+        entries.add(copy_rows, share, pattern.row_face + first_owner, sign * pattern.h_dry, sign * pattern.h_inner)
 
     @staticmethod
-    def _places(linear: int, count: int, copy: int) -> Ints:
+    def _rows_of_copy(linear: int, count: int, copy: int) -> Ints:
         """Return the rows (count,) of one of two copies: linear rows of both first, then cones of both."""
         rows = np.arange(count)
         return np.where(rows < linear, rows + linear * copy, rows + linear + (count - linear) * copy)
@@ -208,7 +207,7 @@ class Relaxation(PartialLabellingBounds):
         hull = self.template.yield_set.hull()
         if hull is None:
             raise TypeError("the hull of these yield sets is not known")
-        self._open = self.template.with_rows(hull)
+        self._hull_rows = self.template.with_rows(hull)
         # The hull has exact rows only as long as dry joints never crush.
         planar = self.template.assembly.dimension == 2
         self._shared = SharedHull(self.template) if planar and self.template.yield_set.pattern.cones else None
@@ -227,7 +226,7 @@ class Relaxation(PartialLabellingBounds):
     def program(self, labels: Bits, undecided: Bools) -> ConicProgram:
         if self._shared is not None:
             return self._shared.program(labels, undecided, self._margin)
-        return self.template.program(labels, self._margin, other=self._open, taken=undecided)
+        return self.template.program(labels, self._margin, other=self._hull_rows, taken=undecided)
 
     @property
     def batched(self) -> bool:
@@ -240,7 +239,7 @@ class Relaxation(PartialLabellingBounds):
         return self.template.scaling.load
 
     @property
-    def each(self) -> tuple[Relaxation, ...]:
+    def by_case(self) -> tuple[Relaxation, ...]:
         return (self,)
 
     def refute_all(
@@ -250,7 +249,7 @@ class Relaxation(PartialLabellingBounds):
         with self._counting:
             self.solves += count
         bounds: list[DualBound | None] = [None] * count
-        open_ones = np.arange(count)
+        unrefuted = np.arange(count)
         if self._batch is not None:
             answers = self._batch.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
             # Skip labellings whose forces carry more than the threshold. Unchecked forces suffice: skipping proves
@@ -259,12 +258,12 @@ class Relaxation(PartialLabellingBounds):
             self._add_refutations(answers.velocities[candidates], candidates, labellings, undecided, thresholds, bounds)
             # Between abutments the batch solver reports bounds that the exact work balance cannot confirm.
             low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
-            open_ones = np.array([k for k in candidates.tolist() if bounds[k] is None and low[k]], dtype=int)
+            unrefuted = np.array([k for k in candidates.tolist() if bounds[k] is None and low[k]], dtype=int)
             if thorough is not None:
-                open_ones = open_ones[thorough[open_ones]]
-        if len(open_ones):
-            others = self._refute_by_solver(labellings[open_ones], undecided[open_ones], thresholds[open_ones])
-            for k, bound in zip(open_ones.tolist(), others, strict=True):
+                unrefuted = unrefuted[thorough[unrefuted]]
+        if len(unrefuted):
+            by_solver = self._refute_by_solver(labellings[unrefuted], undecided[unrefuted], thresholds[unrefuted])
+            for k, bound in zip(unrefuted.tolist(), by_solver, strict=True):
                 bounds[k] = bound
         return bounds
 
@@ -276,26 +275,28 @@ class Relaxation(PartialLabellingBounds):
         with self._counting:
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
-        of = raw.labelling[begun]
+        labelling, decided = raw.labelling[begun], raw.decided[begun]
         refuted = np.arange(len(begun))[raw.fate[begun] == REFUTED]
-        open_ = request.free & ~raw.decided[begun]
+        labels, thresholds = request.labellings[labelling], request.thresholds[labelling]
         bounds: list[DualBound | None] = [None] * len(begun)
         self._add_refutations(
-            raw.velocity[begun[refuted]], refuted, request.labellings[of], open_, request.thresholds[of], bounds
+            raw.velocity[begun[refuted]], refuted, labels, request.free & ~decided, thresholds, bounds
         )
         drawn = begun % (1 + request.how.neighbours) == 0
-        rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], bounds, raw.fate[begun].tolist(), strict=True)
+        carries = raw.fate[begun] == CARRIED
         return [
-            MinimizedConflict(k, own, faces, None, fate == CARRIED)
-            if one is None
-            else MinimizedConflict(k, own, faces, one.bound, fate == CARRIED, one.velocity)
-            for k, own, faces, one, fate in rows
+            MinimizedConflict(int(labelling[k]), bool(drawn[k]), decided[k], None, bool(carries[k]))
+            if bound is None
+            else MinimizedConflict(
+                int(labelling[k]), bool(drawn[k]), decided[k], bound.bound, bool(carries[k]), bound.velocity
+            )
+            for k, bound in enumerate(bounds)
         ]
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
-        balance = self._balances.balance(velocities, labellings, undecided, known=True)
+        balance = self._balances.balance(velocities, labellings, undecided, from_earlier=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             bound = np.where(balance.work > 0.0, balance.total / balance.work, np.inf)
         bound[(balance.work == 0.0) & (balance.total < 0.0)] = -np.inf
@@ -305,31 +306,32 @@ class Relaxation(PartialLabellingBounds):
     def _add_refutations(
         self,
         velocities: Floats,
-        which: Ints,
+        candidates: Ints,
         labellings: Bits,
         undecided: Bools,
         thresholds: Floats,
-        found: list[DualBound | None],
+        bounds: list[DualBound | None],
     ) -> None:
-        """Write into `found` the refutations that velocities (j, q·free) of labellings `which` (j,) prove."""
-        fine = np.isfinite(velocities).all(axis=1)
-        which, velocities = which[fine], velocities[fine]
+        """Write into `bounds` the refutations that velocities (j, q·free) of labellings `candidates` (j,) prove."""
+        finite = np.isfinite(velocities).all(axis=1)
+        candidates, velocities = candidates[finite], velocities[finite]
         size = abs(velocities).max(axis=1, initial=0.0)
         moving = (size > 0.0) & (size < DIVERGED)  # A failed solve may leave any values behind.
-        which, velocities = which[moving], velocities[moving] / size[moving, None]
+        candidates, velocities = candidates[moving], velocities[moving] / size[moving, None]
         opening = self._repair.opening()
-        for parted in (False, True):
-            if parted:
+        for opened in (False, True):
+            if opened:
                 if opening is None:
                     return
                 velocities = velocities + _OPENED / float(abs(opening.velocity).max()) * opening.velocity
-            if not len(which):
+            if not len(candidates):
                 return
-            answers = self._refutations(velocities, labellings[which], undecided[which], thresholds[which])
-            for k, answer in zip(which.tolist(), answers, strict=True):
-                found[k] = answer
-            lacking = np.array([answer is None for answer in answers])
-            which, velocities = which[lacking], velocities[lacking]
+            partial = labellings[candidates], undecided[candidates], thresholds[candidates]
+            answers = self._refutations(velocities, *partial)
+            for k, answer in zip(candidates.tolist(), answers, strict=True):
+                bounds[k] = answer
+            unproven = np.array([answer is None for answer in answers])
+            candidates, velocities = candidates[unproven], velocities[unproven]
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
         bounds = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
@@ -337,7 +339,7 @@ class Relaxation(PartialLabellingBounds):
             # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower
             # bound.
             bounds += self._refute_by_solver(labels[None], undecided[None], np.array([_ANY]))
-        return min((one for one in bounds if one is not None), key=lambda one: one.bound, default=None)
+        return min((bound for bound in bounds if bound is not None), key=lambda bound: bound.bound, default=None)
 
     def _refute_by_solver(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """Refute scaled λ one by one, by the interior-point solver."""
@@ -346,9 +348,9 @@ class Relaxation(PartialLabellingBounds):
             checkpoint()
             with self._solving:
                 duals.append(self._solver.solve(self.program(*pair)).dual[:rows])
-        answers: list[DualBound | None] = [None] * len(labellings)
-        self._add_refutations(np.array(duals), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
-        return answers
+        bounds: list[DualBound | None] = [None] * len(labellings)
+        self._add_refutations(np.array(duals), np.arange(len(labellings)), labellings, undecided, thresholds, bounds)
+        return bounds
 
     def _refutations(
         self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats
@@ -358,7 +360,7 @@ class Relaxation(PartialLabellingBounds):
         work, total = balance.work, balance.total
         excess = thresholds * work - total
         with np.errstate(invalid="ignore", divide="ignore"):
-            cost = np.where(undecided, 0.0, balance.either - balance.own)
+            cost = np.where(undecided, 0.0, balance.larger - balance.labelled)
             bound = np.where(work > 0.0, total / work, -np.inf)
         return [
             DualBound(float(excess[k]), cost[k], float(bound[k]), balance.velocities[k].copy())
@@ -381,7 +383,7 @@ class _Cases(Generic[_Kind]):
 
     def __init__(self, cases: Sequence[_Kind], required: Sequence[float]) -> None:
         self._cases: list[_Kind] = list(cases)
-        self._units = [one.template.scaling.load / factor for one, factor in zip(cases, required, strict=True)]
+        self._units = [case.template.scaling.load / factor for case, factor in zip(cases, required, strict=True)]
         self._order = list(range(len(self._cases)))
 
     @property
@@ -412,28 +414,28 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         return 1.0
 
     @property
-    def each(self) -> tuple[Relaxation, ...]:
+    def by_case(self) -> tuple[Relaxation, ...]:
         return tuple(self._cases)
 
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
         refutations: list[DualBound | None] = [None] * len(labellings)
-        open_ones = np.arange(len(labellings))
+        unrefuted = np.arange(len(labellings))
         counts = [0] * len(self._cases)
         for case in tuple(self._order):
-            if not open_ones.size:
+            if not unrefuted.size:
                 break
             unit = self._units[case]
-            careful = None if thorough is None else thorough[open_ones]
+            thorough_of_case = None if thorough is None else thorough[unrefuted]
             answers = self._cases[case].refute_all(
-                labellings[open_ones], undecided[open_ones], thresholds[open_ones] / unit, careful
+                labellings[unrefuted], undecided[unrefuted], thresholds[unrefuted] / unit, thorough_of_case
             )
-            for k, of_case in zip(open_ones.tolist(), answers, strict=True):
+            for k, of_case in zip(unrefuted.tolist(), answers, strict=True):
                 if of_case is not None:
                     refutations[k] = replace(of_case, bound=_raise_by_rounding(of_case.bound * unit), case=case)
                     counts[case] += 1
-            open_ones = np.array([k for k in open_ones.tolist() if refutations[k] is None], dtype=np.int64)
+            unrefuted = np.array([k for k in unrefuted.tolist() if refutations[k] is None], dtype=np.int64)
         self._reorder(counts)
         return refutations
 
@@ -442,15 +444,15 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         # Labellings that no case refutes come last, without bound. Parameters: see
         # `PartialLabellingBounds.minimize_conflicts`.
         conflicts: list[MinimizedConflict] = []
-        open_ones, carried = np.arange(len(request.labellings)), np.ones(len(request.labellings), dtype=bool)
+        unrefuted, carried = np.arange(len(request.labellings)), np.ones(len(request.labellings), dtype=bool)
         counts = [0] * len(self._cases)
         for case in tuple(self._order):
-            if not open_ones.size:
+            if not unrefuted.size:
                 break
             unit = self._units[case]
             refuted: set[int] = set()
-            for conflict in self._cases[case].minimize_conflicts(request.take(open_ones).in_units(unit)):
-                labelling = int(open_ones[conflict.labelling])
+            for conflict in self._cases[case].minimize_conflicts(request.take(unrefuted).in_units(unit)):
+                labelling = int(unrefuted[conflict.labelling])
                 if conflict.bound is None:
                     carried[labelling] &= conflict.carries or not conflict.drawn
                     continue
@@ -459,13 +461,12 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
                 if conflict.drawn:
                     refuted.add(labelling)
             counts[case] = len(refuted)
-            open_ones = np.array([k for k in open_ones.tolist() if k not in refuted], dtype=np.int64)
+            unrefuted = np.array([k for k in unrefuted.tolist() if k not in refuted], dtype=np.int64)
         self._reorder(counts)
-        unrefuted = [
+        return conflicts + [
             MinimizedConflict(k, drawn=True, decided=request.free, bound=None, carries=bool(carried[k]))
-            for k in open_ones.tolist()
+            for k in unrefuted.tolist()
         ]
-        return conflicts + unrefuted
 
     def evaluate_mechanisms(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         if not 0 <= case < len(self._cases):
@@ -474,13 +475,13 @@ class CaseRelaxation(_Cases[Relaxation], PartialLabellingBounds):
         return np.array([_raise_by_rounding(bound) for bound in bounds.tolist()])
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        found = [case.least_bound(labels, undecided) for case in self._cases]
-        known = [
-            replace(one, bound=_raise_by_rounding(one.bound * unit), case=case)
-            for case, (one, unit) in enumerate(zip(found, self._units, strict=True))
-            if one is not None
+        bounds = [case.least_bound(labels, undecided) for case in self._cases]
+        raised = [
+            replace(bound, bound=_raise_by_rounding(bound.bound * unit), case=case)
+            for case, (bound, unit) in enumerate(zip(bounds, self._units, strict=True))
+            if bound is not None
         ]
-        return min(known, key=lambda one: one.bound, default=None)
+        return min(raised, key=lambda bound: bound.bound, default=None)
 
 
 class CaseBlockRelaxation(_Cases[BlockRelaxation]):
@@ -491,40 +492,40 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
 
     def evaluate(self, mechanism: BlockMechanism, allowed: Bools, threshold: float, most: float) -> Choice:
         unit = self._units[mechanism.case]
-        scaled = self._in_units(threshold, most, unit)
-        found = self._cases[mechanism.case].evaluate(mechanism, allowed, *scaled)
-        bound = threshold if found.refuted else _raise_by_rounding(found.bound * unit)
-        return replace(found, bound=min(most, bound), mechanisms=(mechanism,))
+        scaled = self._scaled_for_case(threshold, most, unit)
+        choice = self._cases[mechanism.case].evaluate(mechanism, allowed, *scaled)
+        bound = threshold if choice.refuted else _raise_by_rounding(choice.bound * unit)
+        return replace(choice, bound=min(most, bound), mechanisms=(mechanism,))
 
-    def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
+    def bound_all(self, programs: Sequence[BlockRequest], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """Bound the governing factor for many sets of allowed blocks."""
-        choices: list[Choice | None] = [None] * len(asked)  # of all cases so far
-        open_ones, counts = list(range(len(asked))), [0] * len(self._cases)
+        choices: list[Choice | None] = [None] * len(programs)  # of all cases so far
+        unrefuted, counts = list(range(len(programs))), [0] * len(self._cases)
         for case in tuple(self._order):
             unit = self._units[case]
-            scaled = [(allowed, *self._in_units(threshold, upper, unit)) for allowed, threshold, upper in asked]
-            answers = self._cases[case].bound_all([scaled[k] for k in open_ones], pool)
-            for k, of_case in zip(open_ones, answers, strict=True):
-                _, threshold, upper = asked[k]
-                before = choices[k]
-                useless = of_case.useless if before is None else of_case.useless | before.useless
-                proof = tuple(replace(mechanism, case=case) for mechanism in of_case.mechanisms)
-                proof = proof if before is None else (*before.mechanisms, *proof)
-                if of_case.refuted:
+            scaled = [(programs[k][0], *self._scaled_for_case(*programs[k][1:], unit)) for k in unrefuted]
+            answers = self._cases[case].bound_all(scaled, pool)
+            for k, choice in zip(unrefuted, answers, strict=True):
+                _, threshold, upper = programs[k]
+                previous = choices[k]
+                useless = choice.useless if previous is None else choice.useless | previous.useless
+                proof = tuple(replace(mechanism, case=case) for mechanism in choice.mechanisms)
+                proof = proof if previous is None else (*previous.mechanisms, *proof)
+                if choice.refuted:
                     counts[case] += 1
-                    choices[k] = replace(of_case, bound=min(upper, threshold), useless=useless, mechanisms=proof)
+                    choices[k] = replace(choice, bound=min(upper, threshold), useless=useless, mechanisms=proof)
                     continue
-                bound = min(upper, _raise_by_rounding(of_case.bound * unit))
-                if before is None or bound < before.bound:
-                    choices[k] = replace(of_case, bound=bound, useless=useless, mechanisms=proof)
+                bound = min(upper, _raise_by_rounding(choice.bound * unit))
+                if previous is None or bound < previous.bound:
+                    choices[k] = replace(choice, bound=bound, useless=useless, mechanisms=proof)
                 else:
-                    choices[k] = replace(before, useless=useless, mechanisms=proof)
-            open_ones = [k for k in open_ones if (known := choices[k]) is not None and not known.refuted]
+                    choices[k] = replace(previous, useless=useless, mechanisms=proof)
+            unrefuted = [k for k, choice in zip(unrefuted, answers, strict=True) if not choice.refuted]
         self._reorder(counts)
         return [choice for choice in choices if choice is not None]
 
     @staticmethod
-    def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
+    def _scaled_for_case(threshold: float, most: float, unit: float) -> tuple[float, float]:
         """Convert factors to scaled λ of a case: threshold rounded down, most rounded up, so that bounds hold."""
         return (threshold - abs(threshold) * _ROUNDING) / unit, _raise_by_rounding(most) / unit
 
@@ -535,11 +536,11 @@ AnyBlockRelaxation = BlockRelaxation | CaseBlockRelaxation  # block relaxation u
 
 def relaxation_of(assembly: Assembly, analyses: Sequence[LimitAnalysis] = ()) -> AnyRelaxation | None:
     """Create the relaxation of a structure with all its load cases; None where no hull is known."""
-    known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
-    if any(analysis.template.yield_set.hull() is None for analysis in known):
+    case_analyses = analyses or [LimitAnalysis(case) for case in assembly.by_case]
+    if any(analysis.template.yield_set.hull() is None for analysis in case_analyses):
         return None
-    each = [Relaxation(analysis) for analysis in known]
-    return CaseRelaxation(each, assembly.required.tolist()) if assembly.cases else each[0]
+    relaxations = [Relaxation(analysis) for analysis in case_analyses]
+    return CaseRelaxation(relaxations, assembly.required.tolist()) if assembly.cases else relaxations[0]
 
 
 def block_relaxation_of(
@@ -554,10 +555,13 @@ def block_relaxation_of(
 
     caps: (m,) normal forces of each case that no layout exceeds, see `BlockRelaxation`.
     """
-    known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
-    held = caps or [None] * len(known)
-    each = [BlockRelaxation(one, members, inside, seconds, most) for one, most in zip(known, held, strict=True)]
-    return CaseBlockRelaxation(each, assembly.required.tolist()) if assembly.cases else each[0]
+    case_analyses = analyses or [LimitAnalysis(case) for case in assembly.by_case]
+    caps_by_case = caps or [None] * len(case_analyses)
+    relaxations = [
+        BlockRelaxation(analysis, members, inside, seconds, caps_of_case)
+        for analysis, caps_of_case in zip(case_analyses, caps_by_case, strict=True)
+    ]
+    return CaseBlockRelaxation(relaxations, assembly.required.tolist()) if assembly.cases else relaxations[0]
 
 
 _SOLVER = {"threads": 1, "solver": "simplex", "presolve": "off"}
@@ -589,26 +593,26 @@ class NormalCaps:
         """Lower the caps for labellings whose scaled λ is from `threshold` to `most`, as far as time allows."""
         program, structure = self._program, self._program.structure
         faces = len(self._labels)
-        place = 3 * np.arange(faces)  # columns of N
-        pick = sp.csr_array((np.ones(faces), (np.arange(faces), place)), shape=(faces, structure.shape[1]))
-        rows = sp.vstack([program.matrix.tocsr(), pick]).tocsc()
+        column = 3 * np.arange(faces)  # columns of N
+        selection = sp.csr_array((np.ones(faces), (np.arange(faces), column)), shape=(faces, structure.shape[1]))
+        rows = sp.vstack([program.matrix.tocsr(), selection]).tocsc()
         low = np.full(rows.shape[0], -np.inf)
         low[: structure.equalities] = program.rhs[: structure.equalities]
         high = np.concatenate([program.rhs, self.caps])
         high[structure.equalities] = -threshold
         free = np.full(structure.shape[1], np.inf)
         highs = highs_of(rows, np.zeros(structure.shape[1]), low, high, -free, free, _SOLVER)
-        for f in range(faces):
+        for face in range(faces):
             if deadline.passed():
                 break
-            highs.changeColCost(int(place[f]), -1.0)
+            highs.changeColCost(int(column[face]), -1.0)
             highs.run()
             dual = -np.array(highs.getSolution().row_dual)
-            highs.changeColCost(int(place[f]), 0.0)
-            cap = self._cap(dual[: structure.equalities], f, threshold, most)
-            if cap < self.caps[f]:
-                self.caps[f] = max(cap, 0.0)
-                highs.changeRowBounds(int(structure.shape[0] + f), -np.inf, self.caps[f])
+            highs.changeColCost(int(column[face]), 0.0)
+            cap = self._cap(dual[: structure.equalities], face, threshold, most)
+            if cap < self.caps[face]:
+                self.caps[face] = max(cap, 0.0)
+                highs.changeRowBounds(int(structure.shape[0] + face), -np.inf, self.caps[face])
 
     def _cap(self, velocity: Floats, face: int, threshold: float, most: float) -> float:
         """Return the bound on N of a face that velocities prove; inf where they prove none."""
@@ -618,13 +622,13 @@ class NormalCaps:
         if self._opening is not None:
             step = _OPENED * float(abs(velocity).max(initial=1.0)) / float(abs(self._opening.velocity).max())
             velocities.append(velocity + step * self._opening.velocity)
-        return min(self._value(one, face, threshold, most) for one in velocities)
+        return min(self._bound_on_normal_force(candidate, face, threshold, most) for candidate in velocities)
 
-    def _value(self, velocity: Floats, face: int, threshold: float, most: float) -> float:
-        template, every = self._template, np.arange(len(self._labels))
+    def _bound_on_normal_force(self, velocity: Floats, face: int, threshold: float, most: float) -> float:
+        template, faces = self._template, np.arange(len(self._labels))
         jumps = self._prover.jumps(velocity[None])[0].copy()
         jumps[face, 0] -= 1.0
-        dry, inner = (CappedWedge(wedge, self.caps).dissipation(jumps, every) for wedge in self._wedges)
+        dry, inner = (CappedWedge(wedge, self.caps).dissipation(jumps, faces) for wedge in self._wedges)
         cost = np.where(self._undecided, np.maximum(dry, inner), np.where(self._labels, dry, inner))
         work = float(template.live @ velocity)
         load = threshold if work >= 0.0 else most

@@ -31,10 +31,10 @@ from jld_core.limit.bounds import (
     Prover,
     Reduced,
     State,
-    kept_rows,
     leaning_program,
     program_of_rows,
     reduced_by,
+    unreduced_rows,
     usable,
 )
 from jld_core.linalg.factors import ConsistentProjector
@@ -90,29 +90,29 @@ class FacialReduction:
         columns = program.structure.shape[1] - (0 if loaded else 1)
         for search in SEARCHES if program.structure.cones else SEARCHES[-1:]:
             for reduced in _rounds(program, columns, search):
-                inside = interior_motion(program_of_rows(program, reduced), columns)
-                if inside is None:
+                inward = interior_motion(program_of_rows(program, reduced), columns)
+                if inward is None:
                     continue
-                step = self.prover.motion(inside, labels, normalise=False)
+                inward_motion = self.prover.motion(inward, labels, normalise=False)
                 # A motion that needs a large share of the step inside is a poor bound: try all, and keep the best.
                 blend = partial(
                     self._blend_inward,
-                    step=step, program=program, reduced=reduced, labels=labels, normalise=normalise, idle=idle,
+                    step=inward_motion, program=program, reduced=reduced, labels=labels, normalise=normalise, idle=idle,
                 )  # fmt: skip
                 starts = [motion, self._motion_of_reduced(program, reduced, labels, normalise)]
                 turns = (False, True) if reduced.rays else (False,)
-                tried = [blend(start, turned=turned) for start in starts if start is not None for turned in turns]
-                repaired = [found for found in tried if found is not None]
+                blended = [blend(start, turned=turned) for start in starts if start is not None for turned in turns]
+                repaired = [candidate for candidate in blended if candidate is not None]
                 if repaired:
-                    return min(repaired, key=lambda found: found.bound)
+                    return min(repaired, key=lambda candidate: candidate.bound)
         return None
 
     def of_positive_multipliers(self, motion: Motion, multipliers: Floats, labels: Bits) -> Motion | None:
         """Project a motion onto the jumps of rows with positive multipliers (rows,); linear programs only."""
         program = self.template.program(labels)
-        rows = kept_rows(program).linear
-        own = multipliers[rows]
-        reduced = Reduced(rows[own > _POSITIVE * own.max(initial=0.0)], ())
+        rows = unreduced_rows(program).linear
+        row_multipliers = multipliers[rows]
+        reduced = Reduced(rows[row_multipliers > _POSITIVE * row_multipliers.max(initial=0.0)], ())
         return self._blend_inward(motion, None, program, reduced, labels, normalise=True, idle=False, turned=False)
 
     def _motion_of_reduced(
@@ -144,9 +144,9 @@ class FacialReduction:
         columns, resultants = program.structure.shape[1] - 1, template.matrix.shape[1]
         states: list[State] = []
         for search in SEARCHES:
-            whole = kept_rows(program)
-            support = search(program_of_rows(program, whole), columns)
-            reduced = support and reduced_by(support, program, whole)
+            unreduced = unreduced_rows(program)
+            support = search(program_of_rows(program, unreduced), columns)
+            reduced = support and reduced_by(support, program, unreduced)
             if support is None or not reduced or not reduced.rays:
                 continue
             stress = project_onto_faces(program, support, np.zeros(program.structure.equalities), 0.0)
@@ -154,11 +154,11 @@ class FacialReduction:
             if (program.matrix.tocsr()[starts][:, :columns] @ stress).max() >= 0.0:
                 continue  # After the projection the self-stress does not lie on these rays.
             for share in _LEANS:
-                stated = leaning_program(program, reduced, share * stress)
-                raw = ClarabelSolver(1e-9, proximal=(resultants, _CALM)).solve(stated)
+                leaning = leaning_program(program, reduced, share * stress)
+                raw = ClarabelSolver(1e-9, proximal=(resultants, _CALM)).solve(leaning)
                 if raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST) and np.all(np.isfinite(raw.point)):
-                    y = np.append((raw.point[:columns] + share * stress)[:resultants], raw.point[-1])
-                    states.append(self.prover.state(y, labels, passes=3))
+                    point = np.append((raw.point[:columns] + share * stress)[:resultants], raw.point[-1])
+                    states.append(self.prover.state(point, labels, passes=3))
         return states
 
     def _blend_inward(
@@ -182,12 +182,12 @@ class FacialReduction:
             jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
             speed = float(abs(velocity).max()) if turned else np.inf
             allowed = self._allowed_jumps(program, reduced, jumps, speed)
-            forbid = self._forbidden(allowed)
+            forbidden = self._forbidden(allowed)
             if idle:
-                forbid = sp.csr_array(sp.vstack([forbid, sp.csr_array(live[None] / np.linalg.norm(live))]))
-            projector, nothing = ConsistentProjector(forbid), np.zeros(forbid.shape[0])
-            velocity = projector.project(velocity, nothing)
-        start, inward = velocity, projector.project((step or motion).velocity, nothing)
+                forbidden = sp.csr_array(sp.vstack([forbidden, sp.csr_array(live[None] / np.linalg.norm(live))]))
+            projector, zeros = ConsistentProjector(forbidden), np.zeros(forbidden.shape[0])
+            velocity = projector.project(velocity, zeros)
+        start, inward = velocity, projector.project((step or motion).velocity, zeros)
         size = float(abs(start).max()) / max(float(abs(inward).max()), 1e-300)
         if not np.isfinite(size):
             return None
@@ -199,9 +199,9 @@ class FacialReduction:
                 if not work * _ROUNDED > tolerances.ROUNDING * float(abs(live).max() * abs(velocity).max()):
                     continue
                 velocity, work = velocity / work, 1.0
-            measured = self._measured(velocity, work, labels, allowed)
-            if measured.margin >= 0.0:
-                return measured
+            result = self._measured(velocity, work, labels, allowed)
+            if result.margin >= 0.0:
+                return result
         return None
 
     def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> _Allowed:
@@ -214,34 +214,35 @@ class FacialReduction:
         yields = program.matrix.tocsr()
         row_face = self.template.yield_set.pattern.row_face
         faces = len(self.template.assembly.interfaces)
-        first = structure.equalities + 1
-        whole = np.zeros(structure.shape[0], dtype=bool)
-        whole[reduced.linear] = True
+        first_row = structure.equalities + 1
+        is_kept = np.zeros(structure.shape[0], dtype=bool)
+        is_kept[reduced.linear] = True
         for cone in reduced.cones:
-            whole[structure.heads[cone] : structure.heads[cone] + structure.cones[cone]] = True
-        whole = whole[first : first + len(row_face)]
-        edge = np.unique(row_face[~whole])
-        place = np.full(faces, -1)
-        place[edge] = np.arange(len(edge))
-        kept = np.flatnonzero(whole & (place[row_face] >= 0))
-        rows, owner = [yields[first + kept]], [place[row_face[kept]]]
+            is_kept[structure.heads[cone] : structure.heads[cone] + structure.cones[cone]] = True
+        is_kept = is_kept[first_row : first_row + len(row_face)]
+        reduced_faces = np.unique(row_face[~is_kept])
+        rank = np.full(faces, -1)
+        rank[reduced_faces] = np.arange(len(reduced_faces))
+        kept_rows = np.flatnonzero(is_kept & (rank[row_face] >= 0))
+        rows, owner = [yields[first_row + kept_rows]], [rank[row_face[kept_rows]]]
         for cone, direction in reduced.rays.items():
             cone_rows = yields[structure.heads[cone] : structure.heads[cone] + structure.cones[cone]].toarray()
-            face = int(row_face[structure.heads[cone] - first])
+            face = int(row_face[structure.heads[cone] - first_row])
             tangents = _tangent(cone_rows, direction, jumps[face], q * face, speed)
             rows.append(sp.csr_array(np.array(tangents)))
-            owner.append(np.full(len(tangents), place[face]))
-        return edge, _projectors(sp.coo_array(sp.vstack(rows)), np.concatenate(owner), edge, (faces, q))
+            owner.append(np.full(len(tangents), rank[face]))
+        stacked = sp.coo_array(sp.vstack(rows))
+        return reduced_faces, _projectors(stacked, np.concatenate(owner), reduced_faces, (faces, q))
 
     def _forbidden(self, allowed: _Allowed) -> sp.csr_array:
         """Return E (rows, q·free) with E u = 0 if and only if reduced faces have allowed jumps."""
-        faces, onto = allowed
+        faces, projectors = allowed
         q = self.template.assembly.freedoms
         jumps = sp.csr_array(self.prover.transposed[(q * faces[:, None] + np.arange(q)).ravel()])
         if not len(faces):
             return jumps
-        away = sp.bsr_array((np.eye(q) - onto, np.arange(len(faces)), np.arange(len(faces) + 1)))
-        stacked = sp.csr_array(away @ jumps)
+        complement = sp.bsr_array((np.eye(q) - projectors, np.arange(len(faces)), np.arange(len(faces) + 1)))
+        stacked = sp.csr_array(complement @ jumps)
         return sp.csr_array(stacked[abs(stacked).max(axis=1).toarray().ravel() > _LEFT_AFTER_REDUCTION])
 
     def _measured(self, velocity: Floats, work: float, labels: Bits, allowed: _Allowed) -> Motion:
@@ -249,67 +250,68 @@ class FacialReduction:
         # The margin is −inf if this changes a jump by more than rounding.
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         # of each face: self-stress bounds no force here, so fast motions elsewhere excuse no closing jump
-        met = (abs(self.prover.transposed) @ abs(velocity)).reshape(jumps.shape).max(axis=1)
-        noise = self.prover.exact * met + _LAST_DIGIT * max(float(abs(velocity).max()), 1.0)
-        edge, onto = allowed
-        snapped = (onto @ jumps[edge][:, :, None])[:, :, 0]
-        if np.any(abs(snapped - jumps[edge]).max(axis=1) > noise[edge]):
+        terms = (abs(self.prover.transposed) @ abs(velocity)).reshape(jumps.shape).max(axis=1)
+        noise = self.prover.exact * terms + _LAST_DIGIT * max(float(abs(velocity).max()), 1.0)
+        reduced_faces, projectors = allowed
+        projected = (projectors @ jumps[reduced_faces][:, :, None])[:, :, 0]
+        if np.any(abs(projected - jumps[reduced_faces]).max(axis=1) > noise[reduced_faces]):
             return Motion(velocity, jumps, work, -np.inf, np.inf)
-        jumps[edge] = snapped
+        jumps[reduced_faces] = projected
         # Set a jump to zero if it is below the rounding of the sums it comes from.
         jumps[abs(jumps).max(axis=1) <= 1e-3 * noise] = 0.0
         sets = self.template.yield_set
         margin = sets.margin(jumps, labels)
-        rounding = self.prover.exact * abs(jumps[edge]).max(axis=1)
-        margin[edge] = np.where(abs(margin[edge]) <= rounding, 0.0, margin[edge])
+        rounding = self.prover.exact * abs(jumps[reduced_faces]).max(axis=1)
+        margin[reduced_faces] = np.where(abs(margin[reduced_faces]) <= rounding, 0.0, margin[reduced_faces])
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
         return Motion(velocity, jumps, work, float(margin.min()), bound, self.prover.noise(velocity, bound))
 
 
-def _projectors(rows: sp.coo_array, owner: Ints, edge: Ints, sizes: tuple[int, int]) -> Floats:
-    """Return projectors (n, q, q) onto what the rows of each of the faces `edge` (n,) span.
+def _projectors(rows: sp.coo_array, owner: Ints, faces: Ints, sizes: tuple[int, int]) -> Floats:
+    """Return projectors (n, q, q) onto what the rows of each of the faces `faces` (n,) span.
 
-    rows: (r, columns); owner: (r,) place in `edge`; sizes: all faces, q.
+    rows: (r, columns); owner: (r,) position in `faces`; sizes: all faces, q.
     """
-    faces, q = sizes
+    face_count, q = sizes
     order = np.argsort(owner, kind="stable")
-    count = np.bincount(owner, minlength=len(edge))
+    count = np.bincount(owner, minlength=len(faces))
     number = np.empty(len(owner), dtype=np.int64)  # of each row within its face
     number[order] = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    tables = np.zeros((len(edge), max(1, int(count.max(initial=0))), q))
-    at, column, beyond = owner[rows.row], rows.col - q * edge[owner[rows.row]], rows.col >= q * faces
+    tables = np.zeros((len(faces), max(1, int(count.max(initial=0))), q))
+    rank, column, is_extra = owner[rows.row], rows.col - q * faces[owner[rows.row]], rows.col >= q * face_count
     in_face = (column >= 0) & (column < q)
-    tables[at[in_face], number[rows.row[in_face]], column[in_face]] = rows.data[in_face]
-    extra = sp.csr_array(rows)
-    for face in np.unique(at[beyond & (rows.data != 0.0)]).tolist():
-        further = extra[np.flatnonzero(owner == face)][:, q * faces :].toarray()
-        free = la.null_space(further.T)
-        left = free.T @ tables[face, : len(further)]
+    tables[rank[in_face], number[rows.row[in_face]], column[in_face]] = rows.data[in_face]
+    all_rows = sp.csr_array(rows)
+    for face in np.unique(rank[is_extra & (rows.data != 0.0)]).tolist():
+        extra_columns = all_rows[np.flatnonzero(owner == face)][:, q * face_count :].toarray()
+        free = la.null_space(extra_columns.T)
+        basis = free.T @ tables[face, : len(extra_columns)]
         tables[face] = 0.0
-        tables[face, : len(left)] = left
-    left, size, _ = np.linalg.svd(tables.transpose(0, 2, 1), full_matrices=False)
-    spans = size > np.finfo(float).eps * max(tables.shape[1:]) * size.max(axis=1, initial=0.0)[:, None]
-    return np.asarray((left * spans[:, None, :]) @ left.transpose(0, 2, 1))
+        tables[face, : len(basis)] = basis
+    basis, singular_values, _ = np.linalg.svd(tables.transpose(0, 2, 1), full_matrices=False)
+    largest = singular_values.max(axis=1, initial=0.0)
+    spanning = singular_values > np.finfo(float).eps * max(tables.shape[1:]) * largest[:, None]
+    return np.asarray((basis * spanning[:, None, :]) @ basis.transpose(0, 2, 1))
 
 
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:
     """List the yield rows that are kept after 0, 1, 2, … self-stresses, in reverse order."""
     # The search ends where no self-stress removes another row, or after `_REDUCTION_ROUNDS` of them.
-    rounds = [kept_rows(program)]
+    rounds = [unreduced_rows(program)]
     for _ in range(_REDUCTION_ROUNDS):
         support = search(program_of_rows(program, rounds[-1]), columns)
-        after = support and reduced_by(support, program, rounds[-1])
-        if not after:
+        remaining = support and reduced_by(support, program, rounds[-1])
+        if not remaining:
             break
-        rounds.append(after)
+        rounds.append(remaining)
     return rounds[::-1]
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
     """Find a self-stress, projected onto faces of the cones, with shear nearly along an axis put on it."""
-    found = largest_support(program, columns, largest=LARGEST)
-    point = project_onto_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
-    return replace(found, point=point, values=-(program.matrix[:, :columns] @ point))
+    support = largest_support(program, columns, largest=LARGEST)
+    point = project_onto_faces(program, support, np.zeros(program.structure.equalities), _ALONG)
+    return replace(support, point=point, values=-(program.matrix[:, :columns] @ point))
 
 
 def _without_projection(program: ConicProgram, columns: int) -> LargestSupport | None:
@@ -323,22 +325,23 @@ SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _without
 """Searches for a self-stress in the order tried; programs without cones use the last one only."""
 
 
-def _tangent(rows: Floats, direction: Floats, jump: Floats, place: int, speed: float) -> list[Floats]:
+def _tangent(rows: Floats, direction: Floats, jump: Floats, first: int, speed: float) -> list[Floats]:
     """Return the rows that replace a cone (size, columns) on whose boundary a self-stress of `direction` lies."""
     # The first row (columns,) is the tangent plane of the cone along the ray of the self-stress. Where the face slides,
     # the slip of the motion gives the direction of the ray, and a second row rotates the plane to first order.
     tail = rows[1:]
-    where = [np.flatnonzero(row) for row in tail]
-    plain = all(len(at) == 1 and place <= at[0] < place + len(jump) for at in where)
-    if plain and len(tail) == 2:
+    columns_of_row = [np.flatnonzero(row) for row in tail]
+    in_jump_alone = all(len(columns) == 1 and first <= columns[0] < first + len(jump) for columns in columns_of_row)
+    if in_jump_alone and len(tail) == 2:
         # In these columns J = −Gᵀz and z = κ (1, −d).
-        slip = np.array([jump[at[0] - place] / row[at[0]] for at, row in zip(where, tail, strict=True)])
+        column = [int(columns[0]) for columns in columns_of_row]
+        slip = np.array([jump[k - first] / row[k] for k, row in zip(column, tail, strict=True)])
         size = float(np.linalg.norm(slip))
         if size > _SLIDES * speed:
-            along = slip / size
-            if along @ direction > _SAME_WAY:
-                across = np.array([-along[1], along[0]])
-                return [rows[0] - along @ tail, across @ tail]
+            slip_direction = slip / size
+            if slip_direction @ direction > _SAME_WAY:
+                perpendicular = np.array([-slip_direction[1], slip_direction[0]])
+                return [rows[0] - slip_direction @ tail, perpendicular @ tail]
     return [rows[0] - direction @ tail]
 
 
@@ -378,8 +381,8 @@ class _Stage:
     """Sequence of self-stresses, and the yield rows that they leave."""
 
     stresses: tuple[Floats, ...]  # each (columns,) scaled forces
-    before: tuple[Reduced, ...]  # rows of the program in which each was found
-    left: Reduced  # rows left by all of them
+    reduced_before: tuple[Reduced, ...]  # rows of the program in which each was found
+    remaining: Reduced  # rows left by all of them
 
 
 @dataclass(frozen=True)
@@ -406,8 +409,8 @@ class SelfStress:
         self.template = prover.template
         self.program = self.template.program(labels)
         self.columns = self.program.structure.shape[1] - 1
-        small = self.template.matrix.shape[0] <= DENSE and set(self.program.structure.cones) == {3}
-        self.stages = list(self._stages())[::-1] if small else []
+        applies = self.template.matrix.shape[0] <= DENSE and set(self.program.structure.cones) == {3}
+        self.stages = list(self._stages())[::-1] if applies else []
 
     def ray(self) -> State | None:
         """Find a ray R₁, A R₁ + b_λ = 0, that is admissible in the rows which large self-stresses leave (3.14a).
@@ -416,19 +419,19 @@ class SelfStress:
         """
         target = -self.template.live
         for stage, attempt in itertools.product(self.stages, _ATTEMPTS):
-            remaining = program_of_rows(self.program, stage.left)
-            support = attempt.support(remaining, self.columns, target)
+            reduced_program = program_of_rows(self.program, stage.remaining)
+            support = attempt.support(reduced_program, self.columns, target)
             if support is None:
                 continue
-            ray = self._as_ray(_without_last_digits(attempt.point(remaining, support, target)), remaining)
+            ray = self._as_ray(_without_last_digits(attempt.point(reduced_program, support, target)), reduced_program)
             if self.prover.is_ray(ray):
                 return ray
         return None
 
-    def _as_ray(self, point: Floats, left: ConicProgram) -> State:
+    def _as_ray(self, point: Floats, remaining: ConicProgram) -> State:
         """Return a candidate (columns,) for a ray with its slack in the rows left, relative to forces below one."""
         forces = point[: self.template.matrix.shape[1]]  # columns after the resultants are auxiliary
-        slack = min(0.0, _row_position(left, point).least) / min(1.0, float(abs(point).max()) or 1.0)
+        slack = min(0.0, _row_position(remaining, point).least) / min(1.0, float(abs(point).max()) or 1.0)
         return State(self._table(forces), 1.0, slack, self.prover.imbalance(forces, self.template.live))
 
     def states(self, inside: Floats) -> Iterator[State]:
@@ -440,14 +443,14 @@ class SelfStress:
         # are then added until all rows hold.
         resultants = self.template.matrix.shape[1]
         inner = self._project_onto_equilibrium(inside)
-        for stage, (tolerance, kept) in itertools.product(self.stages, _ACCURACIES):
-            stated = program_of_rows(self.template.program(self.labels, kept), stage.left, right=True)
+        for stage, (tolerance, margin) in itertools.product(self.stages, _ACCURACIES):
+            program = program_of_rows(self.template.program(self.labels, margin), stage.remaining, right=True)
             outer = self._project_onto_equilibrium(
-                ClarabelSolver(tolerance, proximal=(resultants, _CALM)).solve(stated).point
+                ClarabelSolver(tolerance, proximal=(resultants, _CALM)).solve(program).point
             )
             if inner is None or outer is None:
                 continue
-            point = _move_inward(program_of_rows(self.program, stage.left, right=True), outer[0], inner[0])
+            point = _move_inward(program_of_rows(self.program, stage.remaining, right=True), outer[0], inner[0])
             forces = None if point is None else self._with_stresses(point, stage)
             error = max(inner[1], outer[1])
             if point is not None and forces is not None and error <= 1e-3 * _LEFT:
@@ -469,12 +472,12 @@ class SelfStress:
     def _with_stresses(self, point: Floats, stage: _Stage) -> Floats | None:
         """Add large self-stresses to a point (columns + 1,) until it is admissible in all rows; None on failure."""
         # Self-stresses are added from the last to the first, each so large that the rows it was found in hold.
-        for stress, before in zip(stage.stresses[::-1], stage.before[::-1], strict=True):
-            rows = program_of_rows(self.program, before, right=True)
-            for times in _TIMES:
-                tried = point + times * np.append(stress, 0.0)
-                if _row_position(rows, tried).least >= -_LAST_DIGITS * float(abs(tried).max()):
-                    point = tried
+        for stress, reduced in zip(stage.stresses[::-1], stage.reduced_before[::-1], strict=True):
+            rows = program_of_rows(self.program, reduced, right=True)
+            for factor in _TIMES:
+                candidate = point + factor * np.append(stress, 0.0)
+                if _row_position(rows, candidate).least >= -_LAST_DIGITS * float(abs(candidate).max()):
+                    point = candidate
                     break
             else:
                 return None
@@ -483,20 +486,20 @@ class SelfStress:
     def _stages(self) -> Iterator[_Stage]:
         """Find self-stresses one after the other; yield each stage with a cone reduced to a ray."""
         # The search ends where no self-stress removes another row, or after `_ROUNDS` rounds.
-        stage = _Stage((), (), kept_rows(self.program))
+        stage = _Stage((), (), unreduced_rows(self.program))
         for _ in range(_ROUNDS):
             for search in SEARCHES[:2]:
-                remaining = program_of_rows(self.program, stage.left)
-                support = search(remaining, self.columns)
+                reduced_program = program_of_rows(self.program, stage.remaining)
+                support = search(reduced_program, self.columns)
                 if support is None:
                     continue
                 stress = _without_last_digits(
-                    project_onto_faces(remaining, support, np.zeros(remaining.structure.equalities), _SNAP)
+                    project_onto_faces(reduced_program, support, np.zeros(reduced_program.structure.equalities), _SNAP)
                 )
-                after = self._remaining_rows(stress, remaining, stage.left)
-                if after is not None:
-                    stage = _Stage((*stage.stresses, stress), (*stage.before, stage.left), after)
-                    if after.rays:
+                remaining_rows = self._remaining_rows(stress, reduced_program, stage.remaining)
+                if remaining_rows is not None:
+                    stage = _Stage((*stage.stresses, stress), (*stage.reduced_before, stage.remaining), remaining_rows)
+                    if remaining_rows.rays:
                         yield stage
                     break
             else:
@@ -533,10 +536,10 @@ def _without_last_digits(point: Floats) -> Floats:
 
 def _move_inward(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
     """Move a point towards an inner one until all rows have slack `_LEFT`; None if the inner one has less."""
-    out, within = _row_position(rows, outer).least, _row_position(rows, inner).least
-    if within <= _LEFT:
+    outer_slack, inner_slack = _row_position(rows, outer).least, _row_position(rows, inner).least
+    if inner_slack <= _LEFT:
         return None
-    share = max(0.0, (_LEFT - out) / (within - out))
+    share = max(0.0, (_LEFT - outer_slack) / (inner_slack - outer_slack))
     return (1.0 - share) * outer + share * inner
 
 

@@ -91,10 +91,10 @@ def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
     (m, q) array
         Jumps (δ, s, θ) or (δ, s1, s2, θ1, θ2, ω), scene units.
     """
-    moving = assembly.elements.support & mechanism.any(axis=1)
-    if moving.any():
+    settling = assembly.elements.support & mechanism.any(axis=1)
+    if settling.any():
         # Supports that settle have velocities of their own: count them as free.
-        assembly = replace(assembly, elements=replace(assembly.elements, support=assembly.elements.support & ~moving))
+        assembly = replace(assembly, elements=replace(assembly.elements, support=assembly.elements.support & ~settling))
     velocity = mechanism[assembly.elements.free].ravel()
     return np.asarray(equilibrium_matrix(assembly).T @ velocity).reshape(-1, assembly.freedoms)
 
@@ -149,41 +149,41 @@ def movements(assembly: Assembly, labels: Bits, jumps: Floats, dilates: Floats) 
     # inner face that moves is a crack, in shear where it slips more than it opens. Slip is taken at the centroid, slip
     # by spin at the farthest corner. In space a face opens by μ max(|s|, c_T |ω|).
     faces, corner_count = assembly.interfaces, max(map(len, assembly.interfaces.polygon), default=1)
-    corners = np.array([one[np.minimum(np.arange(corner_count), len(one) - 1)] for one in faces.polygon])
+    corners = np.array([polygon[np.minimum(np.arange(corner_count), len(polygon) - 1)] for polygon in faces.polygon])
     arm = corners.reshape(len(faces), corner_count, -1) - faces.origin[:, None]
-    along = np.einsum("mcd,md->mc", arm, faces.e1)
+    x = np.einsum("mcd,md->mc", arm, faces.e1)
     if assembly.dimension == 2:
-        gap = jumps[..., 0, None] - jumps[..., 2, None] * along
-        slip, turn, rubbing = abs(jumps[..., 1]), np.zeros(jumps.shape[:2]), abs(jumps[..., 1])
+        gap = jumps[..., 0, None] - jumps[..., 2, None] * x
+        slip, spin_slip, friction_slip = abs(jumps[..., 1]), np.zeros(jumps.shape[:2]), abs(jumps[..., 1])
     else:
-        across = np.einsum("mcd,md->mc", arm, faces.e2)
-        gap = jumps[..., 0, None] + jumps[..., 3, None] * across - jumps[..., 4, None] * along
+        y = np.einsum("mcd,md->mc", arm, faces.e2)
+        gap = jumps[..., 0, None] + jumps[..., 3, None] * y - jumps[..., 4, None] * x
         slip, spin = np.hypot(jumps[..., 1], jumps[..., 2]), abs(jumps[..., 5])
-        turn = np.linalg.norm(arm, axis=2).max(axis=1) * spin
-        rubbing = np.maximum(slip, faces.c_t * spin)
-    shear = np.maximum(slip, turn)
+        spin_slip = np.linalg.norm(arm, axis=2).max(axis=1) * spin
+        friction_slip = np.maximum(slip, faces.c_t * spin)
+    shear = np.maximum(slip, spin_slip)
     size = np.maximum(abs(gap).max(axis=2, initial=0.0), shear)
     cracks = np.where(shear > gap.max(axis=2, initial=-np.inf), Movement.CRACK_SHEAR, Movement.CRACK_TENSION)
     slides = np.where(
-        np.ptp(gap, axis=2) >= shear, Movement.HINGE, np.where(turn > slip, Movement.TWIST, Movement.SLIDE)
+        np.ptp(gap, axis=2) >= shear, Movement.HINGE, np.where(spin_slip > slip, Movement.TWIST, Movement.SLIDE)
     )
-    lift = gap.min(axis=2, initial=np.inf) - dilates * rubbing
+    lift = gap.min(axis=2, initial=np.inf) - dilates * friction_slip
     if criteria := assembly.face_strengths.criteria:  # these state no friction: their rows say what is dilation
         margin = _margin(assembly, labels, jumps)
         stated = np.logical_or.reduce([criterion.faces for criterion in criteria])
         lift = np.where(stated & np.isfinite(margin), margin, lift)
     opens = lift > _LIFTS * size
     kinds = np.where(labels, np.where(opens, Movement.OPEN, slides), cracks)
-    still = SMALL * size.max(axis=1, initial=0.0)[:, None]
-    named = np.array([Movement(one) for one in np.where(size <= still, Movement.CLOSED, kinds).ravel()], dtype=object)
-    return named.reshape(size.shape), size, gap
+    smallest = SMALL * size.max(axis=1, initial=0.0)[:, None]
+    kinds = np.where(size <= smallest, Movement.CLOSED, kinds)
+    return np.array([Movement(kind) for kind in kinds.ravel()], dtype=object).reshape(size.shape), size, gap
 
 
 def _margin(assembly: Assembly, labels: Bits, jumps: Floats) -> Floats:
     """Return by how much jumps (k, m, q) open beyond what forces without end allow (k, m), scene units."""
     faces, ones = assembly.interfaces, np.ones(len(assembly.interfaces))
-    half = [faces.l1 / 2.0] if assembly.dimension == 2 else [faces.l2 / 2.0, faces.l1 / 2.0, faces.c_t]
-    scaled = jumps * np.column_stack([*[ones] * assembly.dimension, *half])
+    lever = [faces.l1 / 2.0] if assembly.dimension == 2 else [faces.l2 / 2.0, faces.l1 / 2.0, faces.c_t]
+    scaled = jumps * np.column_stack([*[ones] * assembly.dimension, *lever])
     return np.asarray(yield_set(assembly, scaling_of(assembly)).margin(scaled, labels))
 
 
@@ -221,14 +221,15 @@ def result_of_faces(result: LimitAnalysisResult) -> LimitAnalysisResult:
     if assembly is result.assembly:
         return result
     rows = slice(assembly.faces)
-    forces, unbounded = (None if one is None else one[rows] for one in (result.forces, result.unbounded_forces))
+    forces = None if result.forces is None else result.forces[rows]
+    unbounded = None if result.unbounded_forces is None else result.unbounded_forces[rows]
     return replace(
         result,
         assembly=assembly,
         labels=result.labels[rows],
         forces=forces,
         unbounded_forces=unbounded,
-        cases={name: result_of_faces(one) for name, one in result.cases.items()},
+        cases={name: result_of_faces(values) for name, values in result.cases.items()},
     )
 
 
@@ -247,62 +248,63 @@ class WorkBalance:
     # (k,) dissipation minus work of the dead load, plus a bound on rounding errors, scaled; valid where `sound` is True
     total: Floats
     sound: Bools  # (k,) True where the dissipation is finite and the work not negative
-    # own, either: (k, m) dissipation of each face, scaled, or inf. `either`: the larger of its dissipations under the
-    # two labels. `own`: its dissipation under its own label; equal to `either` for undecided faces.
-    own: Floats
-    either: Floats
+    # labelled, larger: (k, m) dissipation of each face, scaled, or inf: under its label, and the larger one of both
+    # labels; equal for undecided faces
+    labelled: Floats
+    larger: Floats
 
 
 class WorkBalances:
     def __init__(self, template: Template, prover: Prover, repair: Repair) -> None:
         self.template, self._prover, self._repair = template, prover, repair
 
-    def balance(self, velocities: Floats, labels: Bits, undecided: Bools, *, known: bool = False) -> WorkBalance:
+    def balance(self, velocities: Floats, labels: Bits, undecided: Bools, *, from_earlier: bool = False) -> WorkBalance:
         """Compute the work balances of k mechanisms; undecided faces dissipate the larger value of both labels."""
         # Margins that only rounding violates are opened: under either label of all faces, as decided faces may become
-        # undecided; or where the label occurs, if the mechanisms are `known` from an earlier balance, which leaves them
+        # undecided; or where the label occurs, if the mechanisms are `from_earlier` balances, which leaves them
         # as they are.
-        matters = np.array([undecided | labels, undecided | ~labels]) if known else np.True_
-        velocities, jumps, finite = self._opened(velocities, matters)
-        dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
-        either = dissipation.max(axis=0)
-        of_labels = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
+        repairable = np.array([undecided | labels, undecided | ~labels]) if from_earlier else np.True_
+        velocities, jumps, margin = self._opened(velocities, repairable)
+        dissipation = np.where(margin >= 0.0, self._measured(jumps, margins=False), np.inf)
+        larger = dissipation.max(axis=0)
+        labelled = np.where(undecided, larger, np.where(labels, dissipation[0], dissipation[1]))
         # Sum row by row: the rounding of a matrix product depends on the number of rows.
         powers = velocities * self.template.live
         work = powers.sum(axis=1)
         # A remainder of cancelling terms gives no bound.
         work[abs(work) < tolerances.ROUNDING * abs(powers).sum(axis=1)] = 0.0
-        total = of_labels.sum(axis=1) - (velocities * self.template.dead).sum(axis=1)
+        total = labelled.sum(axis=1) - (velocities * self.template.dead).sum(axis=1)
         sound = np.isfinite(total) & (work >= 0.0)
         total = np.where(sound, total, 0.0)
         total += self._prover.noises(velocities, total)
-        return WorkBalance(velocities, work, total, sound, of_labels, either)
+        return WorkBalance(velocities, work, total, sound, labelled, larger)
 
     def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
         """Compute margins, or dissipation, of scaled jumps (k, m, q): (2, k, m), all dry, then all inner."""
         sets, faces = self.template.yield_set, jumps.shape[1]
         measure = sets.margin if margins else sets.dissipation
-        every = np.ones(faces, dtype=bool)
+        all_dry = np.ones(faces, dtype=bool)
         if self.template.assembly.dimension == 2:
-            return np.array([measure(jumps, every), measure(jumps, ~every)])
-        each = [[measure(jump, labels) for jump in jumps] for labels in (every, ~every)]
-        return np.array(each).reshape(2, *jumps.shape[:2])
+            return np.array([measure(jumps, all_dry), measure(jumps, ~all_dry)])
+        values = [[measure(jump, labels) for jump in jumps] for labels in (all_dry, ~all_dry)]
+        return np.array(values).reshape(2, *jumps.shape[:2])
 
-    def _opened(self, velocities: Floats, matters: Bools | np.bool) -> tuple[Floats, Floats, Floats]:
-        """Add an opening motion where margins `matters` (2, k, m) are negative by rounding alone."""
+    def _opened(self, velocities: Floats, repairable: Bools | np.bool) -> tuple[Floats, Floats, Floats]:
+        """Add an opening motion where margins `repairable` (2, k, m) are negative by rounding alone."""
         jumps = self._prover.jumps(velocities)
-        finite = self._measured(jumps, margins=True)
+        margin = self._measured(jumps, margins=True)
         opening = self._repair.opening()
-        reach = _TINY * np.maximum(abs(jumps).max(axis=(1, 2)), 1e-300)
-        lacks = np.where(matters & (finite < 0.0) & (finite > -reach[None, :, None]), -finite, 0.0).max(axis=(0, 2))
-        rows = np.flatnonzero(lacks > 0.0)
+        rounding = _TINY * np.maximum(abs(jumps).max(axis=(1, 2)), 1e-300)
+        small = repairable & (margin < 0.0) & (margin > -rounding[None, :, None])
+        lack = np.where(small, -margin, 0.0).max(axis=(0, 2))
+        rows = np.flatnonzero(lack > 0.0)
         if opening is None or not rows.size:
-            return velocities, jumps, finite
+            return velocities, jumps, margin
         velocities = velocities.copy()
-        velocities[rows] += (1.01 * lacks[rows] / opening.margin)[:, None] * opening.velocity
+        velocities[rows] += (1.01 * lack[rows] / opening.margin)[:, None] * opening.velocity
         jumps[rows] = self._prover.jumps(velocities[rows])
-        finite[:, rows] = self._measured(jumps[rows], margins=True)
-        return velocities, jumps, finite
+        margin[:, rows] = self._measured(jumps[rows], margins=True)
+        return velocities, jumps, margin
 
 
 @dataclass(frozen=True)

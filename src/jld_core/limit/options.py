@@ -131,14 +131,14 @@ class Model:
     @property
     def dilating(self) -> Model:
         """Return the model with associative friction, without the options of friction without dilation."""
-        plain = {name: getattr(Model, name) for name in ("friction", "range", "floor_seconds", "start", "alpha")}
-        return replace(self, **plain)
+        defaults = {name: getattr(Model, name) for name in ("friction", "range", "floor_seconds", "start", "alpha")}
+        return replace(self, **defaults)
 
     @property
     def beyond_whole_faces(self) -> dict[str, Any]:
         """Return the options that differ from associative friction on whole faces, by name."""
-        plain = ("friction", "range", "floor_seconds", "start", "alpha", "contact", "effective_area", "inner_bending")
-        return {name: getattr(self, name) for name in plain if getattr(self, name) != getattr(Model, name)}
+        names = ("friction", "range", "floor_seconds", "start", "alpha", "contact", "effective_area", "inner_bending")
+        return {name: getattr(self, name) for name in names if getattr(self, name) != getattr(Model, name)}
 
     @property
     def by_fields(self) -> FieldCracks | None:
@@ -158,8 +158,10 @@ class Model:
     def facts(self) -> dict[str, Any]:
         """Return the fields that are not None as plain values, a solver object by its name."""
         solver = self.solver if isinstance(self.solver, str) else self.solver.name
-        found = {name: value for name, value in vars(self).items() if value is not None}
-        return found | {"solver": solver} | ({"cracks": cracks_to_json(cracks_of(self.cracks))} if self.cracks else {})
+        options = {name: value for name, value in vars(self).items() if value is not None}
+        return (
+            options | {"solver": solver} | ({"cracks": cracks_to_json(cracks_of(self.cracks))} if self.cracks else {})
+        )
 
 
 SolveOptions = Model
@@ -365,13 +367,13 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
     proven = [case.status is Status.COLLAPSE or math.isnan(case.high) for case in cases]
     if proven[least_low] and math.isfinite(low) and math.isfinite(high):
         # cases whose brackets cannot be told apart from that of the least lower bound: the first of them is named
-        near = high + (high - low) + tolerances.GAP * abs(high)
-        alike = (k for k in range(len(cases)) if proven[k] and lows[k] <= high and highs[k] <= near)
+        limit = high + (high - low) + tolerances.GAP * abs(high)
+        indistinguishable = (k for k in range(len(cases)) if proven[k] and lows[k] <= high and highs[k] <= limit)
         value = min((value for value in values if not math.isnan(value)), default=low)
-        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(alike, least_low))
-    known = [value for value in values if not math.isnan(value)]
+        return Governing(Status.COLLAPSE, low, high, min(max(value, low), high), next(indistinguishable, least_low))
+    known_values = [value for value in values if not math.isnan(value)]
     bounded = math.isfinite(low) and math.isfinite(high)
-    guess = 0.5 * (low + high) if bounded else min(known, default=nan)
+    guess = 0.5 * (low + high) if bounded else min(known_values, default=nan)
     if not math.isfinite(guess):
         guess = nan
     low, high = (end if math.isfinite(end) else nan for end in (low, high))
@@ -380,9 +382,9 @@ def governing(cases: Sequence[CaseBounds], required: Sequence[float]) -> Governi
 
 def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limit: float, extra: dict[str, Any]) -> str:
     """Say which bound is missing and why, or how far they are apart; "" where nothing is missing."""
-    apart = f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
+    difference = f"the bounds are {gap:.1e} apart, relative (asked {gap_limit:.0e})"
     if status is not Status.UNCERTIFIED:
-        return apart if status is Status.COLLAPSE and gap > gap_limit else ""
+        return difference if status is Status.COLLAPSE and gap > gap_limit else ""
     has_low, has_high = (math.isfinite(end) for end in bracket)
     lower = "no lower bound: no forces were found that balance the loads in every yield set, within rounding (1e-12)"
     upper = (
@@ -390,9 +392,9 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limi
     )
     areas = extra.get("effective_area")
     if isinstance(areas, dict) and areas["fixed_point"] > tolerances.FIXED_POINT:
-        at = f", most at face {areas['face']}" if "face" in areas else ""
+        at_face = f", most at face {areas['face']}" if "face" in areas else ""
         change, asked = areas["fixed_point"], tolerances.FIXED_POINT
-        return f"effective areas did not settle: they still change by {change:.1e}{at} (asked {asked:.0e})"
+        return f"effective areas did not settle: they still change by {change:.1e}{at_face} (asked {asked:.0e})"
     if isinstance(areas, dict) and "above" in areas:
         above = areas["above"]
         stays = f"stays {above:.1e} above the forces (asked {gap_limit:.0e})"
@@ -413,4 +415,4 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, gap_limi
         return "effective areas: the forces that fit their own areas carry less than the bracket of the frozen areas"
     if gap <= gap_limit:
         return "the evidence that this model asks for is missing, see the numbers beside λ"
-    return apart
+    return difference

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -30,71 +31,50 @@ from jld_core.strengths import Route, Strengths
 
 _ROUTE: Final = Route("opening motions")
 
-_TIMES = (1.0, 10.0, 100.0)  # Factors on the velocity component along gravity, tried for a simple opening motion.
+_STRETCHES = (1.0, 10.0, 100.0)  # Factors on the velocity component along gravity, tried for a simple opening motion.
 _OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as opening.
 
 
 class OpeningMotions:
-    """Motions that open every face of one assembly, computed once.
-
-    prover: checks motions of this template.
-    """
+    """Motions that open every face of one assembly, computed once; prover: checks motions of this template."""
 
     def __init__(self, template: Template, prover: Prover) -> None:
         self.template, self.prover = template, prover
-        self._opening: Motion | None = None
-        self._opening_known = False
-        self._expansion: Motion | None = None
-        self._expansion_known = False
+        self._all_dry = np.ones(len(template.assembly.interfaces), dtype=bool)
 
+    @cached_property
     def opening(self) -> Motion | None:
-        """Find a motion with positive margin on every face; None if the assembly is confined."""
+        """Motion with positive margin on every face; None if the assembly is confined."""
         # Every face is taken as dry. A dry face has a stricter condition on jumps (δ ≥ |θ| l/2 + μ|s|) than an inner
         # one (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings
-        # of the assembly, and is cached.
-        if not self._opening_known:
-            every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
-            template = self._steepest()
-            program = template.program(every)
-            inside = interior_motion(program, program.structure.shape[1] - 1)
-            self._opening = None if inside is None else self._under_both(inside)
-            self._opening_known = True
-        return self._opening
-
-    def _under_both(self, velocity: Floats) -> Motion:
-        """Return a motion with its margin under the label that has the lesser one; velocity: scaled."""
-        every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
-        motions = [self.prover.motion(velocity, labels, normalise=False) for labels in (every, ~every)]
+        # of the assembly.
+        program = self._steepest().program(self._all_dry)
+        velocity = interior_motion(program, program.structure.shape[1] - 1)
+        if velocity is None:
+            return None
+        labellings = (self._all_dry, ~self._all_dry)
+        motions = [self.prover.motion(velocity, labels, normalise=False) for labels in labellings]
         return min(motions, key=lambda motion: motion.margin)
 
+    @cached_property
     def expansion(self) -> Motion | None:
-        """Find an opening motion without a program: courses separate as they leave the supports.
-
-        None if none opens all.
-        """
+        """Opening motion without a program: courses separate as they leave the supports; None if none opens all."""
         # None also without supports or weight, with a further equation, and where joints crush or inner faces have the
         # larger friction.
-        if not self._expansion_known:
-            self._expansion, self._expansion_known = self._expanding(), True
-        return self._expansion
-
-    def _expanding(self) -> Motion | None:
-        """Compute the motion that `expansion` returns and stores; None as there."""
         template = self.template
         elements, faces = template.assembly.elements, template.assembly.interfaces
-        held = elements.support[faces.a] | elements.support[faces.b]
+        at_support = elements.support[faces.a] | elements.support[faces.b]
         weight = template.assembly.dead[elements.free, : template.assembly.dimension].sum(axis=0)
         size = float(np.linalg.norm(weight))
-        if template.beside is not None or self._steepest() is not template or not held.any() or size == 0.0:
+        if template.beside is not None or self._steepest() is not template or not at_support.any() or size == 0.0:
             return None
-        every = np.ones(len(faces), dtype=bool)
-        away, down = elements.centroid[elements.free] - faces.origin[held].mean(axis=0), weight / size
-        if abs(away).max() <= tolerances.ROUNDING * template.assembly.size:
+        offset, down = elements.centroid[elements.free] - faces.origin[at_support].mean(axis=0), weight / size
+        if abs(offset).max() <= tolerances.ROUNDING * template.assembly.size:
             return None  # A single element in the middle of its supports has nowhere to go.
-        for times in _TIMES:
-            speed = np.zeros((len(away), template.assembly.freedoms))
-            speed[:, : len(down)] = away + (times - 1.0) * (away @ down)[:, None] * down
-            motion = self.prover.motion((speed / abs(speed).max()).ravel(), every, normalise=False)
+        for stretch in _STRETCHES:
+            speed = np.zeros((len(offset), template.assembly.freedoms))
+            speed[:, : len(down)] = offset + (stretch - 1.0) * (offset @ down)[:, None] * down
+            motion = self.prover.motion((speed / abs(speed).max()).ravel(), self._all_dry, normalise=False)
             if motion.margin > _OPENS:
                 return motion
         return None
@@ -110,13 +90,13 @@ class OpeningMotions:
             return self.template if rows is None else self.template.with_rows(rows)
         strengths = assembly.strengths(_ROUTE)
         # A member has finite dissipation for every jump, as it stands.
-        bounded, dry, inner = assembly.of_members, strengths.side(dry=True), strengths.side(dry=False)
-        crushes = bool((strengths.crushes & ~bounded).any())
+        of_members, dry, inner = assembly.of_members, strengths.side(dry=True), strengths.side(dry=False)
+        crushes = bool((strengths.crushes & ~of_members).any())
         if not crushes and not (inner.friction > np.nan_to_num(dry.friction)).any():
             return self.template
-        endless = np.full(len(assembly.interfaces), np.inf)
-        steep = replace(dry, friction=np.fmax(dry.friction, inner.friction), crush=endless)
-        strengths = Strengths.of(steep, replace(inner, crush=np.where(bounded, inner.crush, endless)))
+        uncrushable = np.full(len(assembly.interfaces), np.inf)
+        dry_side = replace(dry, friction=np.fmax(dry.friction, inner.friction), crush=uncrushable)
+        strengths = Strengths.of(dry_side, replace(inner, crush=np.where(of_members, inner.crush, uncrushable)))
         return Template(assembly.with_strengths(strengths), scaling, beside=self.template.beside)
 
 
@@ -153,7 +133,7 @@ class Repair:
         """Find an admissible state at λ = 0, with slack where possible; None if none is found."""
         raw = solve_auxiliary(largest_slack_program(self.template.program(labels), load_fixed=True), _GAPS[1])
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
-        state = self.prover.state(point, labels, passes=3, held=True)
+        state = self.prover.state(point, labels, passes=3, fixed_load=True)
         return state if state.admissible else self.boundary_state(raw.point, labels, load_fixed=True)
 
     def stands(self, labels: Bits) -> bool | None:
@@ -181,7 +161,7 @@ class Repair:
         """Return a state that proves λ = 0 admissible, or a motion that proves it is not; None without proof."""
         # cheap repairs first
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
-        state = self.prover.state(point, labels, passes=3, held=True)
+        state = self.prover.state(point, labels, passes=3, fixed_load=True)
         if state.admissible:
             return state
         motion = self.prover.motion(raw.dual, labels, normalise=False)
@@ -218,37 +198,39 @@ class Repair:
         tight = slack < 1e-3 * _LEAST_SLACK
         values = program.rhs - program.matrix[:, :columns] @ answer.point[:columns]
         balance = sp.csr_array(sp.eye_array(structure.equalities, structure.shape[0]))
-        picked = sp.csr_array(sp.vstack([balance, *self._equations(structure, tight, values)]))
-        equations, ends = sp.csr_array((picked @ program.matrix)[:, :columns]), picked @ program.rhs
+        selection = sp.csr_array(sp.vstack([balance, *self._equations(structure, tight, values)]))
+        equations, sides = sp.csr_array((selection @ program.matrix)[:, :columns]), selection @ program.rhs
         if not usable(answer.point):
             return None
         projector = ConsistentProjector(equations)
-        inside = projector.project(answer.point[:columns], ends)
-        start = projector.project(point[:columns], ends) if point is not None and usable(point) else inside
+        interior = projector.project(answer.point[:columns], sides)
+        start = projector.project(point[:columns], sides) if point is not None and usable(point) else interior
         faces = self.template.yield_set.pattern.row_face[slack_rows(structure)[tight] - structure.equalities - 1]
-        edge = np.isin(np.arange(len(labels)), faces)
+        on_boundary = np.isin(np.arange(len(labels)), faces)
         for share in _SHARES:
-            y = (1.0 - share) * start + share * inside
-            state = self._state_on_boundary(y, labels, edge, 0.0 if load_fixed else float(y[-1]))
+            blend = (1.0 - share) * start + share * interior
+            state = self._state_on_boundary(blend, labels, on_boundary, 0.0 if load_fixed else float(blend[-1]))
             if state is not None:
                 return state
         return None
 
-    def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
+    def _equations(self, structure: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
         """Return matrices (k, rows) whose products with slacks vanish where rows are tight.
 
         tight: linear rows but that of λ, then cones; values: (rows,) slacks.
         """
         # A tight linear row gives one equation. On the boundary of a cone away from its tip, the tail is a fixed
         # direction times the head. At the tip all rows of the cone are zero.
-        first_rows, linear = slack_rows(s), s.linear - 1
-        picked = first_rows[:linear][tight[:linear]]
-        equations = [sp.csr_array((np.ones(len(picked)), (np.arange(len(picked)), picked)), (len(picked), s.shape[0]))]
-        for start, size, is_tight in zip(s.heads, s.cones, tight[linear:], strict=True):
+        first_rows, linear = slack_rows(structure), structure.linear - 1
+        tight_rows = first_rows[:linear][tight[:linear]]
+        count = len(tight_rows)
+        entries = np.ones(count), (np.arange(count), tight_rows)
+        equations = [sp.csr_array(entries, shape=(count, structure.shape[0]))]
+        for start, size, is_tight in zip(structure.heads, structure.cones, tight[linear:], strict=True):
             if not is_tight:
                 continue
             head, tail = values[start], values[start + 1 : start + size]
-            rows = sp.lil_array((size, s.shape[0]))
+            rows = sp.lil_array((size, structure.shape[0]))
             rows[np.arange(size), start + np.arange(size)] = 1.0
             if head > _NO_FORCE and float(np.linalg.norm(tail)) > _ON_BOUNDARY * head:
                 rows = rows[1:]
@@ -256,22 +238,22 @@ class Repair:
             equations.append(rows.tocsr())
         return equations
 
-    def _state_on_boundary(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
-        """Return the state of a point, with rounding accepted on faces `edge` (m,); None if inadmissible."""
+    def _state_on_boundary(self, point: Floats, labels: Bits, on_boundary: Bools, load: float) -> State | None:
+        """Return the state of a point, with rounding accepted on faces `on_boundary` (m,); None if inadmissible."""
         template, sets = self.template, self.template.yield_set
-        forces = y[: template.matrix.shape[1]].reshape(len(labels), -1)
+        forces = point[: template.matrix.shape[1]].reshape(len(labels), -1)
         forces = np.where(sets.active(labels), forces, 0.0)
         largest = abs(forces).max(axis=1)
         # The residual force on a face that must be free of force by the equations is rounding of other forces.
-        forces[edge & (largest <= 1e-2 * tolerances.ROUNDING * max(1.0, float(largest.max())))] = 0.0
+        forces[on_boundary & (largest <= 1e-2 * tolerances.ROUNDING * max(1.0, float(largest.max())))] = 0.0
         dead, live = template.dead, load * template.live
         residual = template.matrix @ forces.ravel() + dead + live
-        met = self._magnitudes @ abs(forces.ravel()) + abs(dead) + abs(live)
+        terms = self._magnitudes @ abs(forces.ravel()) + abs(dead) + abs(live)
         slack = sets.slack(forces, labels)
-        nothing = np.finfo(float).eps * max(1.0, float(largest.max()))  # Last digit of the projected values.
-        noise = tolerances.ROUNDING * abs(forces[edge]).max(axis=1) + nothing
-        slack[edge] = np.where(abs(slack[edge]) <= noise, np.inf, slack[edge])
-        if np.any(abs(residual) > tolerances.ROUNDING * met + nothing) or slack.min() < 0.0:
+        last_digit = np.finfo(float).eps * max(1.0, float(largest.max()))  # Last digit of the projected values.
+        noise = tolerances.ROUNDING * abs(forces[on_boundary]).max(axis=1) + last_digit
+        slack[on_boundary] = np.where(abs(slack[on_boundary]) <= noise, np.inf, slack[on_boundary])
+        if np.any(abs(residual) > tolerances.ROUNDING * terms + last_digit) or slack.min() < 0.0:
             return None
         return State(forces, load, float(slack.min()), 0.0)
 
@@ -293,9 +275,9 @@ class Repair:
         active = self.template.yield_set.recession_active(labels).ravel()
         if not active.any():
             return None
-        kept = np.ones(program.structure.shape[1], dtype=bool)
-        kept[: len(active)] = active
-        program = restrict_columns(program, kept)
+        column_kept = np.ones(program.structure.shape[1], dtype=bool)
+        column_kept[: len(active)] = active
+        program = restrict_columns(program, column_kept)
         target = -self.template.live
         columns = program.structure.shape[1] - 1
         # Rows that no ray leaves slack are equations, which a solver satisfies only to a residual. The size of that
@@ -317,10 +299,10 @@ class Repair:
     # --- motions ----------------------------------------------------------------------------------------
 
     def opening(self) -> Motion | None:
-        return self._openings.opening()
+        return self._openings.opening
 
     def expansion(self) -> Motion | None:
-        return self._openings.expansion()
+        return self._openings.expansion
 
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
         """Add a small opening motion to one whose live work is negative by rounding; the same if none helps."""

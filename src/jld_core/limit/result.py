@@ -42,17 +42,17 @@ def without_idle(assembly: Assembly, forces: Floats) -> Floats:
     (m, q) array
         Resultants.
     """
-    members, without = assembly.members, forces
+    members, carried = assembly.members, forces
     if members.bond is not None:
-        without = forces.copy()
-        without[: assembly.faces, 0] -= members.bond
+        carried = forces.copy()
+        carried[: assembly.faces, 0] -= members.bond
     for k in np.flatnonzero(members.face >= 0).tolist():
-        without = forces.copy() if without is forces else without
-        row = without[members.face[k]]
+        carried = forces.copy() if carried is forces else carried
+        row = carried[members.face[k]]
         if not members.axial[k]:
             row[0] = 0.0
         row[1 if members.kinds[k] != "pin" else assembly.dimension :] = 0.0
-    return without
+    return carried
 
 
 def elongations(assembly: Assembly, velocity: Floats) -> Floats:
@@ -60,9 +60,9 @@ def elongations(assembly: Assembly, velocity: Floats) -> Floats:
     d, centroid = assembly.dimension, assembly.elements.centroid
     rates = []
     for k in range(len(assembly.members)):
-        held, points, forces = assembly.members.push(k)
-        moves = velocity[held, :d] + spun(velocity[held, d:], points - centroid[held])
-        rates.append(float(np.einsum("ij,ij->", forces, moves)))
+        elements, points, forces = assembly.members.push(k)
+        point_velocities = velocity[elements, :d] + spun(velocity[elements, d:], points - centroid[elements])
+        rates.append(float(np.einsum("ij,ij->", forces, point_velocities)))
     return np.array(rates)
 
 
@@ -70,9 +70,9 @@ def tensions(assembly: Assembly, forces: Floats) -> Floats:
     """Return the tension (k,) of all prestressed members, scene units; compression is negative."""
     members = assembly.members
     varying = members.face >= 0
-    found = members.prestress.copy()
-    found[varying] -= forces[members.face[varying], 0]
-    return found
+    result = members.prestress.copy()
+    result[varying] -= forces[members.face[varying], 0]
+    return result
 
 
 def effects(assembly: Assembly, forces: Floats) -> Floats:
@@ -90,10 +90,10 @@ def effects(assembly: Assembly, forces: Floats) -> Floats:
     (k,) array
         Force of each member, scene units.
     """
-    members, found = assembly.members, tensions(assembly, forces)
+    members, forces_of_members = assembly.members, tensions(assembly, forces)
     pins = np.array([kind == "pin" for kind in members.kinds], dtype=bool)
-    found[pins] = np.linalg.norm(forces[members.face[pins], 1 : assembly.dimension], axis=1)
-    return found
+    forces_of_members[pins] = np.linalg.norm(forces[members.face[pins], 1 : assembly.dimension], axis=1)
+    return forces_of_members
 
 
 def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats | None) -> list[dict[str, Any]]:
@@ -110,8 +110,8 @@ def members_to_json(assembly: Assembly, forces: Floats | None, mechanism: Floats
             "force": None if force is None else float(force[k]),
         }
         if members.kinds[k] == "pin":
-            across = slice(1, assembly.dimension)
-            entry["shear"] = None if forces is None else float(np.linalg.norm(forces[members.face[k], across]))
+            shears = slice(1, assembly.dimension)
+            entry["shear"] = None if forces is None else float(np.linalg.norm(forces[members.face[k], shears]))
         entry["elongation"] = None if rate is None else float(rate[k])
         entries.append(entry)
     return entries
@@ -202,8 +202,8 @@ class Result(NotebookRepr):
             sentences.append(BY_FACES)
         if self.stands_at_zero is False and math.isfinite(self.load_factor):
             stands_from = self.least_load_factor
-            on = "" if math.isnan(stands_from) else f"; it stands from λ = {stands_from:.6g} on"
-            sentences.append(f"the structure does not stand without live load, at λ = 0{on}")
+            remark = "" if math.isnan(stands_from) else f"; it stands from λ = {stands_from:.6g} on"
+            sentences.append(f"the structure does not stand without live load, at λ = 0{remark}")
         return sentences
 
     def plot(self, *, ids: bool = False, values: bool = False) -> Figure:
@@ -378,9 +378,9 @@ class LimitAnalysisResult(Result):
         mechanism = None
         if self.mechanism is not None:
             mechanism = {name: [float(v) for v in row] for name, row in zip(ids, self.mechanism, strict=True)}
-        unstable = None
+        instability = None
         if self.instability_mechanism is not None:
-            unstable = {name: row.tolist() for name, row in zip(ids, self.instability_mechanism, strict=True)}
+            instability = {name: row.tolist() for name, row in zip(ids, self.instability_mechanism, strict=True)}
         return {
             **self._head(),
             "friction": self.friction,
@@ -394,12 +394,12 @@ class LimitAnalysisResult(Result):
             "warnings": self.warnings,
             **self.facts,
             **(
-                {"governing": self.governing, "cases": {name: one.to_json() for name, one in self.cases.items()}}
+                {"governing": self.governing, "cases": {name: result.to_json() for name, result in self.cases.items()}}
                 if self.cases
                 else {}
             ),
             "mechanism": mechanism,
-            "instability_mechanism": unstable,
+            "instability_mechanism": instability,
             "forces": forces,
             **({"members": members_to_json(assembly, self.forces, self.mechanism)} if assembly.members else {}),
             "faces": _faces(assembly, self.labels),
@@ -427,9 +427,9 @@ def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
     return entries
 
 
-def stands_in_words(found: Result) -> str:
+def stands_in_words(result: Result) -> str:
     """Say whether a structure stands without live load, and if not, from which λ on."""
-    stands, least = found.stands_at_zero, found.least_load_factor
+    stands, least = result.stands_at_zero, result.least_load_factor
     if stands is not False or math.isnan(least):
         return "undecided" if stands is None else "yes" if stands else "no"
     return f"no, from λ = {least:.9g} on"
@@ -476,12 +476,12 @@ def result_of(
     """
     scaling, (low, high), status = template.scaling, proof.bracket, proof.status
     scale = load_scale(template.assembly) / scaling.load
-    held, motion = proof.found or proof.state, proof.motion
-    forces = None if held is None or status is Status.UNSTABLE else _scene(template, held.forces)
-    moves = motion is not None and status not in (Status.UNSTABLE, Status.LOCKED)
-    mechanism = element_velocities(template, motion.velocity) if motion is not None and moves else None
+    state, motion = proof.found or proof.state, proof.motion
+    forces = None if state is None or status is Status.UNSTABLE else _scene(template, state.forces)
+    has_mechanism = motion is not None and status not in (Status.UNSTABLE, Status.LOCKED)
+    mechanism = element_velocities(template, motion.velocity) if motion is not None and has_mechanism else None
     width = relative_width(low, high, scale)
-    nothing = status in (Status.UNSTABLE, Status.LOCKED)
+    unbounded = status in (Status.UNSTABLE, Status.LOCKED)
     ray = proof.ray if status is Status.LOCKED else None
     return LimitAnalysisResult(
         assembly=template.assembly,
@@ -489,7 +489,7 @@ def result_of(
         status=status,
         load_factor=proof.load_factor * scaling.load,
         bracket=(low * scaling.load, high * scaling.load),
-        gap=math.nan if nothing else width,
+        gap=math.nan if unbounded else width,
         stands_at_zero=proof.stands,
         forces=forces,
         mechanism=mechanism,
@@ -528,15 +528,15 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
     results = list(cases.values())
     bounds = [CaseBounds(result.status, *result.bracket, result.load_factor) for result in results]
     decided = governing(bounds, assembly.required.tolist())
-    worst = results[decided.case]
-    scale = max(1e-300, load_scale(worst.assembly) / float(assembly.required[decided.case]))
+    governing_case = results[decided.case]
+    scale = max(1e-300, load_scale(governing_case.assembly) / float(assembly.required[decided.case]))
     width = relative_width(decided.low, decided.high, scale)
     stands = [result.stands_at_zero for result in results]
     # the structure stands from the largest of the least factors on
     least = np.array([result.least_bracket for result in results]) / assembly.required[:, None]
     least_bracket = (float(least[:, 0].max()), float(least[:, 1].max()))
     return replace(
-        worst,
+        governing_case,
         assembly=assembly,
         status=decided.status,
         load_factor=decided.load_factor,
@@ -544,7 +544,7 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
         gap=math.nan if decided.status in (Status.UNSTABLE, Status.LOCKED) else width,
         stands_at_zero=False if False in stands else None if None in stands else True,
         iterations=sum(result.iterations for result in results),
-        seconds={key: sum(result.seconds[key] for result in results) for key in worst.seconds},
+        seconds={key: sum(result.seconds[key] for result in results) for key in governing_case.seconds},
         cases=cases,
         least_bracket=least_bracket,
         governing=list(cases)[decided.case],

@@ -43,12 +43,13 @@ def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: 
     order: list[Ints] = []
     parent: list[int] = []
     side = np.zeros(count, dtype=np.int8)
-    # Depth first. A part gets its number after its children, so `parent` is filled in afterwards.
-    work: list[tuple[Ints, Ints, Ints, list[int] | None, list[int]]] = []
+    # Depth first. A part gets its number after its children, so `parent` is filled in afterwards. An entry of the stack
+    # is a part with its edges, the numbers of its children (None: not yet split), and the list that takes its number.
+    stack: list[tuple[Ints, Ints, Ints, list[int] | None, list[int]]] = []
     roots: list[int] = []
-    work.append((np.arange(count), rows, columns, None, roots))
-    while work:
-        nodes, a, b, children, siblings = work.pop()
+    stack.append((np.arange(count), rows, columns, None, roots))
+    while stack:
+        nodes, a, b, children, siblings = stack.pop()
         if children is not None or len(nodes) <= leaf:
             for child in children or []:
                 parent[child] = len(order)
@@ -56,15 +57,15 @@ def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: 
             order.append(nodes)
             parent.append(-1)
             continue
-        low, high, separator = _bisect(nodes, a, b, places, side)
-        below: list[int] = []
-        work.append((_along(separator, places), a, b, below, siblings))
+        first, second, separator = _bisect(nodes, a, b, places, side)
+        halves: list[int] = []
+        stack.append((_along(separator, places), a, b, halves, siblings))
         side[separator] = 2
-        side[low], side[high] = 0, 1
-        for part, value in ((high, 1), (low, 0)):
+        side[first], side[second] = 0, 1
+        for part, half in ((second, 1), (first, 0)):
             if len(part):
-                inside = (side[a] == value) & (side[b] == value)
-                work.append((_along(part, places) if len(part) <= leaf else part, a[inside], b[inside], None, below))
+                inside = (side[a] == half) & (side[b] == half)
+                stack.append((_along(part, places) if len(part) <= leaf else part, a[inside], b[inside], None, halves))
     start = np.concatenate([[0], np.cumsum([len(part) for part in order])]).astype(np.int64)
     return Dissection(np.concatenate(order).astype(np.int64), start, np.array(parent, dtype=np.int64))
 
@@ -73,32 +74,32 @@ def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> 
     """Split a part of a graph into two halves and a separator. side: work array (n,)."""
     # Each of the two longest directions gives a cut, and either set of nodes along a cut may be the separator; the
     # smallest one is taken.
-    middle = places[nodes] - places[nodes].mean(axis=0)
-    axes = np.linalg.eigh(middle.T @ middle)[1][:, ::-1]
+    centred = places[nodes] - places[nodes].mean(axis=0)
+    axes = np.linalg.eigh(centred.T @ centred)[1][:, ::-1]
     cuts: list[tuple[int, Bools, Bools]] = []
     for axis in axes.T[:2]:
-        along = middle @ axis
+        distance = centred @ axis
         upper = np.zeros(len(nodes), dtype=bool)
-        upper[np.argsort(along, kind="stable")[len(nodes) // 2 :]] = True
+        upper[np.argsort(distance, kind="stable")[len(nodes) // 2 :]] = True
         side[nodes] = upper
         cut = side[a] != side[b]
-        ends = np.concatenate([a[cut], b[cut]])
-        for value in (0, 1):
+        cut_ends = np.concatenate([a[cut], b[cut]])
+        for half in (0, 1):
             shore = np.zeros(len(side), dtype=bool)
-            shore[ends[side[ends] == value]] = True
-            here = shore[nodes]
-            cuts.append((int(here.sum()), upper & ~here, here))
-    _, upper, here = min(cuts, key=lambda cut: cut[0])
-    return nodes[~upper & ~here], nodes[upper], nodes[here]
+            shore[cut_ends[side[cut_ends] == half]] = True
+            in_shore = shore[nodes]
+            cuts.append((int(in_shore.sum()), upper & ~in_shore, in_shore))
+    _, upper, in_shore = min(cuts, key=lambda cut: cut[0])
+    return nodes[~upper & ~in_shore], nodes[upper], nodes[in_shore]
 
 
 def _along(nodes: Ints, places: Floats) -> Ints:
     """Sort nodes along their longest direction, so that neighbours get near numbers."""
     if len(nodes) < 3:
         return nodes
-    middle = places[nodes] - places[nodes].mean(axis=0)
-    axis = np.linalg.eigh(middle.T @ middle)[1][:, -1]
-    return nodes[np.argsort(np.round(middle @ axis, 9), kind="stable")]
+    centred = places[nodes] - places[nodes].mean(axis=0)
+    axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    return nodes[np.argsort(np.round(centred @ axis, 9), kind="stable")]
 
 
 def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
@@ -107,19 +108,19 @@ def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
     # the first coordinate; the third is 0.
     both = np.concatenate([rows, columns]), np.concatenate([columns, rows])
     graph = sp.csr_array((np.ones(len(both[0])), both), shape=(count, count))
-    parts, part = connected_components(graph, directed=False)
+    count_components, component_of = connected_components(graph, directed=False)
     places = np.zeros((count, 3))
-    for k in range(parts):
-        inside = np.flatnonzero(part == k)
-        first = _distances(graph, int(inside[0]))
-        one = int(inside[np.argmax(first[inside])])
-        from_one = _distances(graph, one)
-        two = int(inside[np.argmax(from_one[inside])])
-        from_two = _distances(graph, two)
-        three = int(inside[np.argmax((from_one + from_two)[inside])])
-        from_three = _distances(graph, three)
-        places[inside, 0] = (from_one - from_two)[inside] + 2.0 * count * k
-        places[inside, 1] = from_three[inside]
+    for component in range(count_components):
+        inside = np.flatnonzero(component_of == component)
+        from_start = _distances(graph, int(inside[0]))
+        first_end = int(inside[np.argmax(from_start[inside])])
+        from_first = _distances(graph, first_end)
+        second_end = int(inside[np.argmax(from_first[inside])])
+        from_second = _distances(graph, second_end)
+        third = int(inside[np.argmax((from_first + from_second)[inside])])
+        from_third = _distances(graph, third)
+        places[inside, 0] = (from_first - from_second)[inside] + 2.0 * count * component
+        places[inside, 1] = from_third[inside]
     return places
 
 
@@ -162,35 +163,36 @@ class _Run(NamedTuple):
     first: int
     last: int
     place: int  # first row in the parent
-    own: bool  # True if `place` counts in the parent's pivot unknowns, False if in its update matrix
+    in_pivots: bool  # True if `place` counts in the parent's pivot unknowns, False if in its update matrix
 
 
 class Fronts:
     """Symbolic analysis of one sparsity pattern for multifrontal Cholesky factorisation.
 
     rows, columns: (e,) entries of either triangle, once each. node: (n,) graph node of each unknown. order: unknowns as
-    eliminated, with positions `place`; front k eliminates bounds[k] … bounds[k + 1] and changes the unknowns
-    `passed[k]`. parent: −1 for a root.
+    eliminated, with inverse `rank`; front k eliminates bounds[k] … bounds[k + 1] and changes the unknowns
+    `passed[k]`. parent: −1 for a root. `entries` sorts matrix entries by front, pivot matrix before panel; part j of
+    these 2 · fronts parts is cut[j] … cut[j + 1], at positions `target` of its array.
     """
 
     def __init__(self, rows: Ints, columns: Ints, node: Ints, places: Floats | None = None) -> None:
         size = len(node)
         nodes = int(node.max()) + 1
         weight = np.bincount(node, minlength=nodes)
-        ends = np.unique(np.maximum(node[rows], node[columns]) * nodes + np.minimum(node[rows], node[columns]))
-        a, b = ends // nodes, ends % nodes
+        edges = np.unique(np.maximum(node[rows], node[columns]) * nodes + np.minimum(node[rows], node[columns]))
+        a, b = edges // nodes, edges % nodes
         leaf = max(1, int(_LEAF / weight.mean()))
         tree = nested_dissection(a, b, nodes, leaf, places)
-        rank = np.empty(nodes, dtype=np.int64)
-        rank[tree.order] = np.arange(nodes)
-        # `order` lists unknowns as they are eliminated; `place` is its inverse.
-        self.order = np.argsort(rank[node], kind="stable")
-        self.place = np.empty(size, dtype=np.int64)
-        self.place[self.order] = np.arange(size)
+        node_rank = np.empty(nodes, dtype=np.int64)
+        node_rank[tree.order] = np.arange(nodes)
+        # `order` lists unknowns as they are eliminated; `rank` is its inverse.
+        self.order = np.argsort(node_rank[node], kind="stable")
+        self.rank = np.empty(size, dtype=np.int64)
+        self.rank[self.order] = np.arange(size)
         offset = np.concatenate([[0], np.cumsum(weight[tree.order])])
         self.size = size
-        self._lay_out(tree.start, tree.parent, rank[a], rank[b], offset)
-        self._place_entries(self.place[rows], self.place[columns])
+        self._lay_out(tree.start, tree.parent, node_rank[a], node_rank[b], offset)
+        self._place_entries(self.rank[rows], self.rank[columns])
 
     def _lay_out(self, start: Ints, parent: Ints, a: Ints, b: Ints, offset: Ints) -> None:
         """Build the fronts, and the row ranges that receive their updates.
@@ -200,45 +202,45 @@ class Fronts:
         later, sooner = np.maximum(a, b), np.minimum(a, b)
         by_sooner = np.argsort(sooner, kind="stable")
         later, sooner = later[by_sooner], sooner[by_sooner]
-        edge = np.searchsorted(sooner, start)
+        first_edge = np.searchsorted(sooner, start)
         self.parent, self.bounds = parent, offset[start]
         children: list[list[int]] = [[] for _ in parent]
         passed_nodes: list[Ints] = []
         self.passed: list[Ints] = []
         self._onto: list[list[tuple[int, list[_Run]]]] = [[] for _ in parent]
         for part in range(len(parent)):
-            reached = [later[edge[part] : edge[part + 1]], *(passed_nodes[child] for child in children[part])]
-            every = np.unique(np.concatenate(reached))
-            mine = every[every >= start[part + 1]]
-            passed_nodes.append(mine)
-            self.passed.append(_expand(mine, offset))
+            from_edges = later[first_edge[part] : first_edge[part + 1]]
+            touched = np.unique(np.concatenate([from_edges, *(passed_nodes[child] for child in children[part])]))
+            passed_on = touched[touched >= start[part + 1]]
+            passed_nodes.append(passed_on)
+            self.passed.append(_expand(passed_on, offset))
             for child in children[part]:
                 unknowns = self.passed[child]
-                own = int(np.searchsorted(unknowns, self.bounds[part + 1]))
-                rest = np.searchsorted(self.passed[part], unknowns[own:])
-                runs = [*_runs(unknowns[:own] - self.bounds[part], 0, own=True), *_runs(rest, own, own=False)]
+                in_pivots = int(np.searchsorted(unknowns, self.bounds[part + 1]))
+                in_update = np.searchsorted(self.passed[part], unknowns[in_pivots:])
+                runs = _runs(unknowns[:in_pivots] - self.bounds[part], 0, in_pivots=True)
+                runs += _runs(in_update, in_pivots, in_pivots=False)
                 if runs:  # the root of a connected component has no update matrix
                     self._onto[part].append((child, runs))
             if parent[part] >= 0:
                 children[parent[part]].append(part)
 
     def _place_entries(self, rows: Ints, columns: Ints) -> None:
-        """Assign each matrix entry (e,) a position in the arrays of its front."""
-        # The arrays are the pivot matrix and the panel below it.
+        """Assign each matrix entry (e,) a position in the pivot matrix or the panel of its front."""
         row, column = np.maximum(rows, columns), np.minimum(rows, columns)
         front = np.searchsorted(self.bounds, column, side="right") - 1
-        own = self.bounds[front + 1] - self.bounds[front]
-        inside = row < self.bounds[front + 1]
+        pivots = self.bounds[front + 1] - self.bounds[front]
+        in_pivots = row < self.bounds[front + 1]
         # One search in the sorted pairs (front, unknown) finds the positions of all rows below pivot matrices.
         keys = np.concatenate([part * self.size + passed for part, passed in enumerate(self.passed)])
         begin = np.concatenate([[0], np.cumsum([len(passed) for passed in self.passed])])
-        found = np.searchsorted(keys, front * self.size + row) - begin[front]
-        local = column - self.bounds[front]
-        height = np.where(inside, own, np.diff(begin)[front])
-        place = np.where(inside, row - self.bounds[front], found) + local * height
-        order = np.lexsort((place, ~inside, front))
-        cut = np.searchsorted(2 * front[order] + ~inside[order], np.arange(2 * len(self.parent) + 1))
-        self.entries, self.where, self.cut = order, place[order], cut
+        row_below = np.searchsorted(keys, front * self.size + row) - begin[front]
+        local_column = column - self.bounds[front]
+        height = np.where(in_pivots, pivots, np.diff(begin)[front])
+        target = np.where(in_pivots, row - self.bounds[front], row_below) + local_column * height
+        order = np.lexsort((target, ~in_pivots, front))
+        cut = np.searchsorted(2 * front[order] + ~in_pivots[order], np.arange(2 * len(self.parent) + 1))
+        self.entries, self.target, self.cut = order, target[order], cut
         self.diagonal = np.flatnonzero(row[order] == column[order])
 
     def factor(self, data: Floats) -> Factor:
@@ -246,24 +248,24 @@ class Fronts:
 
         Raise np.linalg.LinAlgError if the matrix is not positive definite.
         """
-        values, where, cut, bounds = data[self.entries], self.where, self.cut, self.bounds
+        entries, target, cut, bounds = data[self.entries], self.target, self.cut, self.bounds
         pivots: list[Floats] = []
         panels: list[Floats] = []
         updates: dict[int, Floats] = {}
         for part, passed in enumerate(self.passed):
-            own, rest = int(bounds[part + 1] - bounds[part]), len(passed)
-            pivot, panel, update = np.zeros((own, own)), np.zeros((own, rest)), np.zeros((rest, rest))
+            p, r = int(bounds[part + 1] - bounds[part]), len(passed)
+            pivot, panel, update = np.zeros((p, p)), np.zeros((p, r)), np.zeros((r, r))
             middle, end = cut[2 * part + 1], cut[2 * part + 2]
-            pivot.ravel()[where[cut[2 * part] : middle]] = values[cut[2 * part] : middle]
-            panel.ravel()[where[middle:end]] = values[middle:end]
+            pivot.ravel()[target[cut[2 * part] : middle]] = entries[cut[2 * part] : middle]
+            panel.ravel()[target[middle:end]] = entries[middle:end]
             for child, runs in self._onto[part]:
                 _extend(updates.pop(child).T, runs, pivot, panel, update)
             # Transposes are passed because LAPACK reads columns: it then sees lower triangles without a copy.
-            if own:
+            if p:
                 factor, info = lapack.dpotrf(pivot.T, lower=1, clean=0, overwrite_a=1)
                 if info:
                     raise np.linalg.LinAlgError("matrix is not positive definite")
-                if rest:
+                if r:
                     panel = blas.dtrsm(1.0, factor, panel.T, side=1, lower=1, trans_a=1, overwrite_b=1)
                     update = blas.dsyrk(-1.0, panel, beta=1.0, c=update.T, lower=1, overwrite_c=1)
                 else:
@@ -274,29 +276,29 @@ class Fronts:
                 pivots.append(pivot)
                 panels.append(panel.T)
                 update = update.T
-            if rest:
+            if r:
                 updates[part] = update
         return Factor(self, pivots, panels)
 
 
-def _runs(places: Ints, first: int, own: bool) -> list[_Run]:
-    """Split ascending positions into ranges; own: they count in the parent's pivot unknowns."""
+def _runs(places: Ints, first: int, in_pivots: bool) -> list[_Run]:
+    """Split ascending positions into ranges; in_pivots: they count in the parent's pivot unknowns."""
     if not len(places):
         return []
-    cuts = [0, *(np.flatnonzero(np.diff(places) != 1) + 1).tolist(), len(places)]
-    return [_Run(first + a, first + b, int(places[a]), own) for a, b in itertools.pairwise(cuts)]
+    ends = [0, *(np.flatnonzero(np.diff(places) != 1) + 1).tolist(), len(places)]
+    return [_Run(first + a, first + b, int(places[a]), in_pivots) for a, b in itertools.pairwise(ends)]
 
 
-def _extend(table: Floats, runs: list[_Run], pivot: Floats, panel: Floats, target: Floats) -> None:
+def _extend(child: Floats, runs: list[_Run], pivot: Floats, panel: Floats, update: Floats) -> None:
     """Add the update matrix (n, n), upper triangle, of a child front to the matrices of its parent."""
     for i, row in enumerate(runs):
         rows = slice(row.place, row.place + row.last - row.first)
         for column in runs[i:]:
-            block = table[row.first : row.last, column.first : column.last]
+            block = child[row.first : row.last, column.first : column.last]
             columns = slice(column.place, column.place + column.last - column.first)
-            if not row.own:
-                target[rows, columns] += block
-            elif column.own:
+            if not row.in_pivots:
+                update[rows, columns] += block
+            elif column.in_pivots:
                 pivot[rows, columns] += block
             else:
                 panel[rows, columns] += block
@@ -306,8 +308,8 @@ def _expand(nodes: Ints, offset: Ints) -> Ints:
     """Return the unknowns of graph nodes, one node after another."""
     count = offset[nodes + 1] - offset[nodes]
     ends = np.cumsum(count)
-    onward = np.arange(int(ends[-1]) if len(ends) else 0)
-    return np.asarray(onward + np.repeat(offset[nodes] - ends + count, count), dtype=np.int64)
+    counter = np.arange(int(ends[-1]) if len(ends) else 0)
+    return np.asarray(counter + np.repeat(offset[nodes] - ends + count, count), dtype=np.int64)
 
 
 class Factor:
@@ -340,7 +342,7 @@ class Factor:
                 if len(later):
                     y = y - self._panels[front].T @ x[later]
                 x[first:last] = blas.dtrsm(1.0, self._pivots[front], y, lower=1, trans_a=1)
-        return x[fronts.place].reshape(rhs.shape)
+        return x[fronts.rank].reshape(rhs.shape)
 
 
 _FULL = 20_000  # number of entries up to which products with a dense matrix are faster
@@ -440,16 +442,16 @@ class ConsistentProjector:
             for _ in range(3):
                 y = y - basis @ la.solve_triangular(triangle, (self.equations @ y - right)[rows], trans="T")
             return y
-        best, least = y, np.inf
+        best, best_size = y, np.inf
         for _ in range(_STEPS):
-            left = self.equations @ y - right
-            size = float(abs(left).max(initial=0.0))
-            if size < least:
-                best, least = y, size
-            elif size > 2.0 * least:
+            residual = self.equations @ y - right
+            size = float(abs(residual).max(initial=0.0))
+            if size < best_size:
+                best, best_size = y, size
+            elif size > 2.0 * best_size:
                 break
             # The product with Eᵀ, unlike the solver's own step, has no part along the solutions.
-            y = y + self.equations.T @ self._factor.solve(np.concatenate([np.zeros(len(y)), left]))[len(y) :]
+            y = y + self.equations.T @ self._factor.solve(np.concatenate([np.zeros(len(y)), residual]))[len(y) :]
         return best
 
 
@@ -516,14 +518,14 @@ def merged_points(places: Floats, reach: float) -> tuple[Floats, Ints]:
 def _few_components(count: int, one: list[int], other: list[int]) -> Ints:
     """Find components as `components` does, without a sparse graph, which takes longer for few nodes."""
     root = list(range(count))
-    for pair in zip(one, other, strict=True):
-        ends = []
-        for node in pair:
+    for edge in zip(one, other, strict=True):
+        roots = []
+        for node in edge:
             while root[node] != node:
                 root[node] = root[root[node]]
                 node = root[node]
-            ends.append(node)
-        root[max(ends)] = min(ends)
+            roots.append(node)
+        root[max(roots)] = min(roots)
     for node in range(count):
         root[node] = root[root[node]]  # the roots of lower nodes are final
     return np.unique(root, return_inverse=True)[1].astype(np.int64)

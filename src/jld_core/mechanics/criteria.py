@@ -89,10 +89,10 @@ class FaceGeometry:
         (k, r, 3) array
             Rows of (n, v, m) in the plane, and of (n, m1, m2) in space; zeros where a face has fewer edges.
         """
-        one = np.where(np.any(coefficients != 0.0, axis=2), 1.0, 0.0)
+        ones = np.where(np.any(coefficients != 0.0, axis=2), 1.0, 0.0)
         if self.dimension == 2:
-            return np.stack([one, 0.0 * one, -coefficients[..., 1]], axis=2)
-        return np.concatenate([one[..., None], -coefficients], axis=2)
+            return np.stack([ones, 0.0 * ones, -coefficients[..., 1]], axis=2)
+        return np.concatenate([ones[..., None], -coefficients], axis=2)
 
 
 @dataclass(frozen=True)
@@ -153,53 +153,51 @@ class Criterion(Protocol):
         """
 
 
-def geometry_of(faces: Interfaces, which: Ints, bending: Bending | None, label: Any) -> FaceGeometry:
-    own = faces.take(which)
+def geometry_of(faces: Interfaces, rows: Ints, bending: Bending | None, label: Any) -> FaceGeometry:
+    chosen = faces.take(rows)
     if bending is None:
         edge = np.array([[0.0, 1.0], [0.0, -1.0]])
-        edges, kern = (np.broadcast_to(scale * edge, (len(which), 2, 2)) for scale in (1.0, 3.0))
+        edges, kern = (np.broadcast_to(scale * edge, (len(rows), 2, 2)) for scale in (1.0, 3.0))
     else:
-        edges, kern = (bending.table(dry=dry)[0][which] for dry in (True, False))
-    return FaceGeometry(
-        *(label, faces.normal.shape[1]),
-        *(own.normal, own.e1, own.e2, own.l1, own.l2, own.area, own.c_t, own.origin, edges, kern),
-    )
+        edges, kern = (bending.table(dry=dry)[0][rows] for dry in (True, False))
+    frame, sizes = (chosen.normal, chosen.e1, chosen.e2), (chosen.l1, chosen.l2, chosen.area, chosen.c_t)
+    return FaceGeometry(label, faces.normal.shape[1], *frame, *sizes, chosen.origin, edges, kern)
 
 
-def rows_of(one: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
+def rows_of(source: StatedCriterion, geometry: FaceGeometry) -> FaceRows:
     """Return the checked rows of a criterion for k faces.
 
     InputError: wrong shapes, numbers not finite, negative d, shear in space without limit.
     """
-    key, k, dimension = one.key, len(geometry), geometry.dimension
-    criterion = criterion_of(one.name, key)
+    key, k, dimension = source.key, len(geometry), geometry.dimension
+    criterion = criterion_of(source.name, key)
     try:
-        found = criterion.rows(geometry, one.values)
-        c = np.asarray(found.C, dtype=float)
+        raw = criterion.rows(geometry, source.values)
+        c = np.asarray(raw.C, dtype=float)
         rows = np.array(np.broadcast_to(c, (k, *c.shape[-2:])))
-        constants = np.array(np.broadcast_to(np.asarray(found.d, dtype=float), rows.shape[:2]))
-        gauges = tuple(_arrays(gauge, k) for gauge in found.gauges)
+        constants = np.array(np.broadcast_to(np.asarray(raw.d, dtype=float), rows.shape[:2]))
+        gauges = tuple(_arrays(gauge, k) for gauge in raw.gauges)
     except InputError as error:  # ".key" of what a scene states, and what is wrong with it
-        where = one.key + error.where if error.where.startswith(".") else error.where
+        where = source.key + error.where if error.where.startswith(".") else error.where
         raise InputError(where, error.problem, error.expected) from None
     except Exception as error:  # whatever the code of a stranger raises
         shapes = "FaceRows with C (k, r, q), d (k, r)"
-        raise InputError(key, f'the rows of "{one.name}" are unusable: {error!r}', shapes) from error
-    numbers = [rows, constants, *(part for gauge in gauges for part in vars(gauge).values() if part is not None)]
-    if rows.shape[2] not in (3, 3 * dimension - 3) or not all(np.isfinite(part).all() for part in numbers):
-        problem = f'the rows of "{one.name}" are no finite numbers of 3{" or 6" * (dimension == 3)} columns'
+        raise InputError(key, f'the rows of "{source.name}" are unusable: {error!r}', shapes) from error
+    numbers = [rows, constants, *(values for gauge in gauges for values in vars(gauge).values() if values is not None)]
+    if rows.shape[2] not in (3, 3 * dimension - 3) or not all(np.isfinite(values).all() for values in numbers):
+        problem = f'the rows of "{source.name}" are no finite numbers of 3{" or 6" * (dimension == 3)} columns'
         raise InputError(key, problem, "C (k, r, q) and d (k, r)")
     idle = ~np.any(rows != 0.0, axis=2)
-    wrong = np.argwhere(constants < 0.0)
-    if len(wrong):
-        face, row = (int(x) for x in wrong[0])
-        problem = f'row {row} of "{one.name}" is {constants[face, row]:g} without force'
+    negative = np.argwhere(constants < 0.0)
+    if len(negative):
+        face, row = (int(x) for x in negative[0])
+        problem = f'row {row} of "{source.name}" is {constants[face, row]:g} without force'
         raise InputError(key, problem, "d of at least 0: zero inside the yield set")
     constants[idle] = 0.0
     if dimension == 3:
-        _refuse_gauges(one, rows, gauges)
+        _refuse_gauges(source, rows, gauges)
     elif gauges:
-        raise InputError(key, f'"{one.name}" states gauges in the plane', "rows of (n, v, m) alone")
+        raise InputError(key, f'"{source.name}" states gauges in the plane', "rows of (n, v, m) alone")
     return FaceRows(rows, constants, gauges)
 
 
@@ -216,7 +214,7 @@ def _refuse_gauges(criterion: StatedCriterion, rows: Floats, gauges: tuple[Gauge
         raise InputError(key, problem, "one for both, or one for each, or rows of six columns")
     if any(gauge.shear is not None and np.min(abs(np.linalg.det(gauge.shear))) <= 0.0 for gauge in gauges):
         raise InputError(key, f'a matrix B of "{name}" is singular', "a limit on both directions of shear")
-    if any(np.min(part) < 0.0 for gauge in gauges for part in (gauge.torsion, gauge.capacity, gauge.friction)):
+    if any(np.min(values) < 0.0 for gauge in gauges for values in (gauge.torsion, gauge.capacity, gauge.friction)):
         raise InputError(key, f'a number of a gauge of "{name}" is negative', "k, c and μ of at least 0")
 
 
@@ -245,14 +243,14 @@ def corners(rows: Floats, constants: Floats) -> tuple[Floats, Floats]:
     Both are exact for the numbers given, then rounded. A ray has N = 1 where its N is positive, else size 1. Rows of
     zeros are ignored. The set must hold no line.
     """
-    used = np.any(rows != 0.0, axis=1)
-    table = np.column_stack([rows[used], constants[used]])
-    found = _corners(np.vstack([table, np.eye(table.shape[1])[-1:]]).tobytes(), table.shape[1])
-    ends: list[list[list[float]]] = [[], []]
-    for *point, w in found:
+    is_row = np.any(rows != 0.0, axis=1)
+    table = np.column_stack([rows[is_row], constants[is_row]])
+    generators = _corners(np.vstack([table, np.eye(table.shape[1])[-1:]]).tobytes(), table.shape[1])
+    points_and_rays: list[list[list[float]]] = [[], []]
+    for *point, w in generators:
         size = w or (point[0] if point[0] > 0 else max(map(abs, point)))
-        ends[w == 0].append([float(Fraction(x, size)) for x in point])
-    return tuple(np.array(many).reshape(-1, rows.shape[1]) for many in ends)  # type: ignore[return-value]
+        points_and_rays[w == 0].append([float(Fraction(x, size)) for x in point])
+    return tuple(np.array(generators_of_kind).reshape(-1, rows.shape[1]) for generators_of_kind in points_and_rays)  # type: ignore[return-value]
 
 
 @lru_cache(maxsize=4096)
@@ -260,10 +258,10 @@ def _corners(table: bytes, width: int) -> tuple[Vector, ...]:
     """Return the extreme rays (x w, w) of the cone {C x + d w ≥ 0, w ≥ 0} of numbers given as bytes."""
     floats = np.frombuffer(table).reshape(-1, width)
     exact = [_integers(row) for row in floats.tolist()]
-    found: dict[Vector, None] = {}
-    known: set[tuple[int, ...]] = set()  # rows that hold with equality at what was found, and at nothing else
+    generators: dict[Vector, None] = {}
+    tight_sets: set[tuple[int, ...]] = set()  # rows that hold with equality at what was found, and at nothing else
     for group in _candidates(floats):
-        if any(set(group) <= set(touched) for touched in known):
+        if any(set(group) <= set(touched) for touched in tight_sets):
             continue
         line = _line([exact[row] for row in group])
         if line is None:
@@ -271,56 +269,57 @@ def _corners(table: bytes, width: int) -> tuple[Vector, ...]:
         products = [sum(map(mul, row, line)) for row in exact]
         sign = -1 if any(product < 0 for product in products) else 1
         if all(sign * product >= 0 for product in products) and any(products):
-            found[tuple(sign * x for x in line)] = None
-            known.add(tuple(place for place, product in enumerate(products) if product == 0))
-    return tuple(found)
+            generators[tuple(sign * x for x in line)] = None
+            tight_sets.add(tuple(row for row, product in enumerate(products) if product == 0))
+    return tuple(generators)
 
 
 def _integers(row: list[float]) -> list[int]:
     """Return numbers times the smallest power of two that makes them whole."""
-    pairs = [value.as_integer_ratio() for value in row]
-    shared = max(below for _, below in pairs)
-    return [above * (shared // below) for above, below in pairs]
+    ratios = [value.as_integer_ratio() for value in row]
+    common = max(denominator for _, denominator in ratios)
+    return [numerator * (common // denominator) for numerator, denominator in ratios]
 
 
 def _line(rows: list[list[int]]) -> Vector | None:
     """Return the line that is orthogonal to k rows (k, k + 1), without common factor; None if there are several."""
     # Elimination without fractions: after each step all entries are minors, and divide by the pivot before.
-    table, columns, last = [list(row) for row in rows], list(range(len(rows) + 1)), 1
-    for step in range(len(table)):
-        place = next(((i, j) for j in range(step, len(columns)) for i in range(step, len(table)) if table[i][j]), None)
+    matrix, columns, previous_pivot = [list(row) for row in rows], list(range(len(rows) + 1)), 1
+    for step in range(len(matrix)):
+        places = ((i, j) for j in range(step, len(columns)) for i in range(step, len(matrix)) if matrix[i][j])
+        place = next(places, None)
         if place is None:
             return None
-        table[step], table[place[0]] = table[place[0]], table[step]
-        for row in (*table, columns):
+        matrix[step], matrix[place[0]] = matrix[place[0]], matrix[step]
+        for row in (*matrix, columns):
             row[step], row[place[1]] = row[place[1]], row[step]
-        pivot = table[step][step]
-        for i, row in enumerate(table):
+        pivot = matrix[step][step]
+        for i, row in enumerate(matrix):
             if i != step:
                 factor = row[step]
-                table[i] = [(pivot * x - factor * y) // last for x, y in zip(row, table[step], strict=True)]
-        last = pivot
-    found = [0] * len(columns)
-    found[columns[-1]] = last
-    for row, column in zip(table, columns[:-1], strict=True):
-        found[column] = -row[-1]
-    shared = gcd(*found)
-    return tuple(x // shared for x in found)
+                matrix[i] = [(pivot * x - factor * y) // previous_pivot for x, y in zip(row, matrix[step], strict=True)]
+        previous_pivot = pivot
+    line = [0] * len(columns)
+    line[columns[-1]] = previous_pivot
+    for row, column in zip(matrix, columns[:-1], strict=True):
+        line[column] = -row[-1]
+    divisor = gcd(*line)
+    return tuple(x // divisor for x in line)
 
 
 def _candidates(table: Floats) -> list[tuple[int, ...]]:
     """Return the groups of rows that may meet in a vertex or ray: those whose line violates no row by far in floats."""
     width = table.shape[1]
     groups = np.array(list(combinations(range(len(table)), width - 1)), dtype=np.int64).reshape(-1, width - 1)
-    reach = abs(table[:, -1]).max(initial=0.0) or 1.0
-    scaled = table / np.append(np.ones(width - 1), reach)
+    largest_constant = abs(table[:, -1]).max(initial=0.0) or 1.0
+    scaled = table / np.append(np.ones(width - 1), largest_constant)
     unit = scaled / np.linalg.norm(scaled, axis=1)[:, None]
     lines = _normals(unit[groups])
-    size = np.linalg.norm(lines, axis=1)
-    flat = size < _FLAT
-    products = (lines / np.where(flat, 1.0, size)[:, None]) @ unit.T
-    near = np.maximum(products.min(axis=1, initial=np.inf), -products.max(axis=1, initial=-np.inf)) > -_NEAR
-    return [tuple(group) for group in groups[flat | near].tolist()]
+    sizes = np.linalg.norm(lines, axis=1)
+    is_flat = sizes < _FLAT
+    products = (lines / np.where(is_flat, 1.0, sizes)[:, None]) @ unit.T
+    is_near = np.maximum(products.min(axis=1, initial=np.inf), -products.max(axis=1, initial=-np.inf)) > -_NEAR
+    return [tuple(group) for group in groups[is_flat | is_near].tolist()]
 
 
 def enclosing_rows(vertices: Floats, rays: Floats) -> tuple[Floats, Floats]:
@@ -343,12 +342,12 @@ def enclosing_rows(vertices: Floats, rays: Floats) -> tuple[Floats, Floats]:
 def _enclosing_rows(of_vertices: bytes, of_rays: bytes, k: int) -> tuple[Floats, Floats]:
     """Return rows, as `enclosing_rows`, of numbers given as bytes; callers must not write to them."""
     vertices, rays = (np.frombuffer(part).reshape(-1, k) for part in (of_vertices, of_rays))
-    reach = float(abs(vertices).max(initial=0.0)) or 1.0
-    sizes = np.linalg.norm(rays, axis=1, keepdims=True)
+    scale = float(abs(vertices).max(initial=0.0)) or 1.0
+    ray_sizes = np.linalg.norm(rays, axis=1, keepdims=True)
     generators = np.unique(
         np.vstack([
-            np.column_stack([vertices / reach, np.ones(len(vertices))]),
-            np.column_stack([rays / np.where(sizes > 0.0, sizes, 1.0), np.zeros(len(rays))]),
+            np.column_stack([vertices / scale, np.ones(len(vertices))]),
+            np.column_stack([rays / np.where(ray_sizes > 0.0, ray_sizes, 1.0), np.zeros(len(rays))]),
         ]),
         axis=0,
     )  # fmt: skip
@@ -360,7 +359,7 @@ def _enclosing_rows(of_vertices: bytes, of_rays: bytes, k: int) -> tuple[Floats,
     normals = np.vstack([normals, -normals])
     for start in range(_TRIES):  # a few ends after the other leave out most at once
         normals = normals[(normals @ generators[start::_TRIES].T).min(axis=1, initial=np.inf) > -_INSIDE]
-    normals = normals[_firsts(normals)]
+    normals = normals[_is_first_of_equal(normals)]
     rows = normals[:, :k] / abs(normals[:, :k]).max(axis=1, keepdims=True)
     rows[abs(rows) < 1e-14] = 0.0
     return rows, -(rows @ vertices.T).min(axis=1)
@@ -373,9 +372,9 @@ def _normals(groups: Floats) -> Floats:
     return np.column_stack([(-1.0) ** axis * np.linalg.det(part) for axis, part in enumerate(columns)])
 
 
-def _firsts(normals: Floats) -> Bools:
-    near = abs(normals[:, None] - normals[None]).max(axis=2, initial=0.0) < 10.0 * _SAME
-    return np.asarray(~np.any(np.tril(near, -1), axis=1))
+def _is_first_of_equal(normals: Floats) -> Bools:
+    is_same = abs(normals[:, None] - normals[None]).max(axis=2, initial=0.0) < 10.0 * _SAME
+    return np.asarray(~np.any(np.tril(is_same, -1), axis=1))
 
 
 _ROUNDED: Final = 1e-12  # share of a strength by which N may pass the apex of friction in rounding
@@ -398,11 +397,11 @@ def _of_stresses(assembly: Assembly, inner_bending: InnerBending) -> tuple[Label
     """Return the sets of dry and of inner faces in stresses; raise InputError as `row_yield`."""
     numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
     if assembly.dimension == 3:
-        none = np.zeros(len(assembly.interfaces), dtype=bool)
-        bending = bending_of(assembly.interfaces, none, inner_bending, np.isfinite(numbers.side(dry=False).crush))
+        no_points = np.zeros(len(assembly.interfaces), dtype=bool)
+        bending = bending_of(assembly.interfaces, no_points, inner_bending, np.isfinite(numbers.side(dry=False).crush))
     groups = [_rows(assembly, numbers, bending, label) for label in (True, False)]
     width = max(rows.C.shape[2] for group in groups for _, rows in group)
-    dry, inner = (_compile(assembly, one, width, label) for one, label in zip(groups, (True, False), strict=True))
+    dry, inner = (_compile(assembly, group, width, label) for group, label in zip(groups, (True, False), strict=True))
     return dry, inner
 
 
@@ -414,87 +413,87 @@ def maps_criteria(assembly: Assembly, face_to: Ints, matrix: Floats) -> bool:
     """
     if not assembly.face_strengths.criteria:
         return True
-    faces, turned = assembly.interfaces, float(np.sign(np.linalg.det(matrix)))
-    to = faces.take(face_to)
-    swapped = np.sign(np.einsum("mi,mi->m", faces.normal @ matrix.T, to.normal))
+    faces, handedness = assembly.interfaces, float(np.sign(np.linalg.det(matrix)))
+    image = faces.take(face_to)
+    sides = np.sign(np.einsum("mi,mi->m", faces.normal @ matrix.T, image.normal))
     count, sets = len(faces), _of_stresses(assembly, "uncoupled")
-    core, shear = np.tile(np.eye(sets[0].C.shape[2]), (count, 1, 1)), np.tile(np.eye(2), (count, 1, 1))
+    core_map, shear_map = np.tile(np.eye(sets[0].C.shape[2]), (count, 1, 1)), np.tile(np.eye(2), (count, 1, 1))
     if assembly.dimension == 2:
-        core[:, 1, 1], core[:, 2, 2] = turned, turned * swapped
+        core_map[:, 1, 1], core_map[:, 2, 2] = handedness, handedness * sides
     else:
-        axes = [np.stack([one.e1, one.e2], axis=2) for one in (faces, to)]
-        turn = np.round(np.swapaxes(axes[1], 1, 2) @ matrix @ axes[0], 9)
-        if not np.isin(turn, (-1.0, 0.0, 1.0)).all():
+        axes = [np.stack([interfaces.e1, interfaces.e2], axis=2) for interfaces in (faces, image)]
+        axes_map = np.round(np.swapaxes(axes[1], 1, 2) @ matrix @ axes[0], 9)
+        if not np.isin(axes_map, (-1.0, 0.0, 1.0)).all():
             return False
-        shear = swapped[:, None, None] * turn
-        if core.shape[1] == 6:
-            core[:, 1:3, 1:3], core[:, 5, 5] = shear, turned
-        bends = slice(1, 3) if core.shape[1] == 3 else slice(3, 5)
-        core[:, bends, bends] = turned * shear
-    return all(_maps_onto_image(rows, face_to, core, shear) for rows in sets)
+        shear_map = sides[:, None, None] * axes_map
+        if core_map.shape[1] == 6:
+            core_map[:, 1:3, 1:3], core_map[:, 5, 5] = shear_map, handedness
+        bends = slice(1, 3) if core_map.shape[1] == 3 else slice(3, 5)
+        core_map[:, bends, bends] = handedness * shear_map
+    return all(_maps_onto_image(rows, face_to, core_map, shear_map) for rows in sets)
 
 
-def _maps_onto_image(sets: LabelRows, to: Ints, core: Floats, shear: Floats) -> bool:
+def _maps_onto_image(sets: LabelRows, image_of: Ints, core: Floats, shear: Floats) -> bool:
     """Return True if maps of the core (m, q, q) and of shear (m, 2, 2) turn each set into that of its image."""
     for points in (sets.vertices, sets.rays):
         if not points.shape[1]:
             continue
-        moved, there = points @ np.swapaxes(core, 1, 2), points[to]
+        mapped, of_image = points @ np.swapaxes(core, 1, 2), points[image_of]
         size = max(1e-300, float(abs(points).max()))
-        near = abs(moved[:, :, None] - there[:, None]).max(axis=3) <= 1e-9 * size
-        if not (near.any(axis=1).all() and near.any(axis=2).all()):
+        is_equal = abs(mapped[:, :, None] - of_image[:, None]).max(axis=3) <= 1e-9 * size
+        if not (is_equal.any(axis=1).all() and is_equal.any(axis=2).all()):
             return False
     metric = np.swapaxes(sets.B, 1, 2) @ sets.B
-    if not np.allclose(np.swapaxes(shear, 1, 2) @ metric[to] @ shear, metric, rtol=1e-9, atol=1e-12):
+    if not np.allclose(np.swapaxes(shear, 1, 2) @ metric[image_of] @ shear, metric, rtol=1e-9, atol=1e-12):
         return False
     numbers = np.column_stack([sets.k, sets.c, sets.mu, sets.coupled])
-    return bool(np.allclose(numbers[to], numbers, rtol=1e-9, atol=0.0))
+    return bool(np.allclose(numbers[image_of], numbers, rtol=1e-9, atol=0.0))
 
 
 def stated_rows(assembly: Assembly) -> dict[tuple[int, bool], FaceRows]:
     """Return what criteria state of a face, by face and label (True = dry), for those who compute with it apart."""
     numbers, bending = assembly.strengths(ROUTE_OF_ROWS), None
     if assembly.dimension == 3:
-        none = np.zeros(len(assembly.interfaces), dtype=bool)
-        bending = bending_of(assembly.interfaces, none, "uncoupled", np.isfinite(numbers.side(dry=False).crush))
-    found = {}
+        no_points = np.zeros(len(assembly.interfaces), dtype=bool)
+        bending = bending_of(assembly.interfaces, no_points, "uncoupled", np.isfinite(numbers.side(dry=False).crush))
+    stated = {}
     for dry in (True, False):
-        for which, rows in _rows(assembly, numbers, bending, dry)[1:]:
-            for place, face in enumerate(which.tolist()):
-                gauges = tuple(_taken(gauge, np.arange(len(which)) == place) for gauge in rows.gauges)
-                found[face, dry] = FaceRows(rows.C[place], rows.d[place], gauges)
-    return found
+        for faces, rows in _rows(assembly, numbers, bending, dry)[1:]:
+            for position, face in enumerate(faces.tolist()):
+                gauges = tuple(_gauge_of(gauge, np.arange(len(faces)) == position) for gauge in rows.gauges)
+                stated[face, dry] = FaceRows(rows.C[position], rows.d[position], gauges)
+    return stated
 
 
 def _standard(numbers: Strengths, bending: Bending | None, *, dry: bool) -> FaceRows:
     """Return the standard criterion's rows under one label, in stresses; in the plane they limit V too."""
     point = np.zeros(len(numbers.friction), dtype=bool)
     side = scaled_strengths(numbers, np.ones(len(point))).side(dry=dry)
-    late = 2 if bending is None else int(np.diff(bending.start).max(initial=0))
-    own = standard_rows(side, bending, point, 0 if dry else late, dry=dry)
+    late_rows = 2 if bending is None else int(np.diff(bending.start).max(initial=0))
+    core = standard_rows(side, bending, point, 0 if dry else late_rows, dry=dry)
     if bending is not None:
-        return FaceRows(own.C, own.d, (Gauge(own.B, own.k[:, 1], side.shear, side.friction),))
-    one = np.ones(len(side.shear))
-    slides = np.stack([side.friction, -one, 0.0 * one, side.friction, one, 0.0 * one], axis=1).reshape(-1, 2, 3)
+        return FaceRows(core.C, core.d, (Gauge(core.B, core.k[:, 1], side.shear, side.friction),))
+    ones = np.ones(len(side.shear))
+    shear_rows = np.stack([side.friction, -ones, 0.0 * ones, side.friction, ones, 0.0 * ones], axis=1).reshape(-1, 2, 3)
     limits = np.column_stack([side.shear, side.shear])
-    return FaceRows(np.concatenate([own.C, slides], axis=1), np.concatenate([own.d, limits], axis=1))
+    return FaceRows(np.concatenate([core.C, shear_rows], axis=1), np.concatenate([core.d, limits], axis=1))
 
 
 def _rows(assembly: Assembly, numbers: Strengths, bending: Bending | None, dry: bool) -> list[tuple[Ints, FaceRows]]:
     """Return the rows of one label by groups of faces (k,): standard ones, and those of each criterion."""
     label = "dry" if dry else "inner"
-    plain, found = np.ones(len(assembly.interfaces), dtype=bool), []
-    for one in assembly.face_strengths.criteria:
-        which = np.flatnonzero(one.faces)
-        if one.label == label and which.size:
-            found.append((which, rows_of(one, geometry_of(assembly.interfaces, which, bending, label))))
-            plain[which] = False
+    is_standard, groups = np.ones(len(assembly.interfaces), dtype=bool), []
+    for criterion in assembly.face_strengths.criteria:
+        faces = np.flatnonzero(criterion.faces)
+        if criterion.label == label and faces.size:
+            groups.append((faces, rows_of(criterion, geometry_of(assembly.interfaces, faces, bending, label))))
+            is_standard[faces] = False
     standard = _standard(numbers, bending, dry=dry)
-    gauges = tuple(_taken(gauge, plain) for gauge in standard.gauges)
-    return [(np.flatnonzero(plain), FaceRows(standard.C[plain], standard.d[plain], gauges)), *found]
+    gauges = tuple(_gauge_of(gauge, is_standard) for gauge in standard.gauges)
+    return [(np.flatnonzero(is_standard), FaceRows(standard.C[is_standard], standard.d[is_standard], gauges)), *groups]
 
 
-def _taken(gauge: Gauge, faces: Bools) -> Gauge:
+def _gauge_of(gauge: Gauge, faces: Bools) -> Gauge:
     numbers = (np.asarray(part)[faces] for part in (gauge.torsion, gauge.capacity, gauge.friction))
     return Gauge(None if gauge.shear is None else gauge.shear[faces], *numbers)
 
@@ -540,7 +539,7 @@ def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Fl
     numbers = np.zeros((3, count, 2))
     for faces, rows in groups:
         for gauge in rows.gauges:
-            k, c, mu = (np.asarray(one) for one in (gauge.torsion, gauge.capacity, gauge.friction))
+            k, c, mu = (np.asarray(values) for values in (gauge.torsion, gauge.capacity, gauge.friction))
             size = np.array(k)
             if gauge.shear is not None:
                 size = np.maximum(size, np.linalg.norm(gauge.shear, ord=2, axis=(1, 2)))
@@ -553,31 +552,31 @@ def _gauges(groups: list[tuple[Ints, FaceRows]], count: int) -> tuple[Floats, Fl
     return shear, numbers, coupled
 
 
-def _pad(parts: list[Floats], *, repeat: bool) -> Floats:
+def _pad(arrays: list[Floats], *, repeat: bool) -> Floats:
     """Return arrays (r, q) of several lengths as one (k, most, q), filled with zeros or with their first row."""
-    most = max(len(part) for part in parts)
-    found = np.zeros((len(parts), most, parts[0].shape[1]))
-    for place, part in enumerate(parts):
-        found[place, : len(part)] = part
+    longest = max(len(array) for array in arrays)
+    padded = np.zeros((len(arrays), longest, arrays[0].shape[1]))
+    for number, array in enumerate(arrays):
+        padded[number, : len(array)] = array
         if repeat:
-            found[place, len(part) :] = part[0]
-    return found
+            padded[number, len(array) :] = array[0]
+    return padded
 
 
 def _core(table: Floats, key: str, name: str) -> tuple[Floats, Floats, Floats]:
     """Return rows (r, q + 1), vertices (p, q) and rays (r, q) of a core; InputError for an unusable set."""
     table = np.unique(table[np.any(table[:, :-1] != 0.0, axis=1)], axis=0)
     width = table.shape[1] - 1
-    used = np.any(table[:, :-1] != 0.0, axis=0) | ((width == 3) | np.isin(np.arange(width), [0, 3, 4]))
-    used[1:3] |= (width == 6) & used[1:3].any()
-    count, rows, constants = int(used.sum()), table[:, :-1][:, used], table[:, -1]
+    resultants = np.any(table[:, :-1] != 0.0, axis=0) | ((width == 3) | np.isin(np.arange(width), [0, 3, 4]))
+    resultants[1:3] |= (width == 6) & resultants[1:3].any()
+    count, rows, constants = int(resultants.sum()), table[:, :-1][:, resultants], table[:, -1]
     if np.linalg.matrix_rank(rows) < count if len(rows) else True:
         raise InputError(key, f'"{name}" leaves a force or moment without limit', "rows that limit all of them")
     if math.comb(len(rows) + 1, count) > _MOST:
         raise InputError(key, f'"{name}" has {len(rows)} rows of {count} resultants', "fewer rows")
-    found = corners(rows, constants)
-    vertices, rays = (np.zeros((len(part), width)) for part in found)
-    vertices[:, used], rays[:, used] = found
+    generators_of_kind = corners(rows, constants)
+    vertices, rays = (np.zeros((len(points), width)) for points in generators_of_kind)
+    vertices[:, resultants], rays[:, resultants] = generators_of_kind
     if not len(vertices):
         raise InputError(key, f'no force satisfies all rows of "{name}"', "a set that is not empty")
     if rays[:, 0].min(initial=0.0) < 0.0:
@@ -601,55 +600,55 @@ def _enclosing(dimension: int, dry: LabelRows, inner: LabelRows) -> LabelRows:
     facts = [
         part for label in (dry, inner) for part in (label.kind, label.B.reshape(-1, 4), label.k, label.c, label.mu)
     ]
-    _, first, kind = np.unique(np.column_stack(facts), axis=0, return_index=True, return_inverse=True)
+    _, first, kind_of_face = np.unique(np.column_stack(facts), axis=0, return_index=True, return_inverse=True)
     parts = [_hull_of(dimension, dry, inner, face) for face in first.tolist()]
-    kind = kind.ravel()
-    table = _pad(parts, repeat=False)[kind]
-    ends = [(label.vertices[:, :, 0].min(axis=1), label.vertices[:, :, 0].max(axis=1)) for label in (dry, inner)]
+    kind_of_face = kind_of_face.ravel()
+    table = _pad(parts, repeat=False)[kind_of_face]
+    ranges = [(label.vertices[:, :, 0].min(axis=1), label.vertices[:, :, 0].max(axis=1)) for label in (dry, inner)]
     low = vertices[:, :, 0].min(axis=1)[:, None]
-    steep = np.max([np.where(label.endless[:, None], label.mu, 0.0) for label in (dry, inner)], axis=0)
+    friction = np.max([np.where(label.endless[:, None], label.mu, 0.0) for label in (dry, inner)], axis=0)
     # The line starts at the least N of both, above every end of the capacities.
     start = np.max(
         [
-            one.c + one.mu * end[:, None] - steep * (end[:, None] - low)
-            for one, (bottom, top) in zip((dry, inner), ends, strict=True)
-            for end in (bottom, np.where(one.endless, bottom, top))
+            label.c + label.mu * end[:, None] - friction * (end[:, None] - low)
+            for label, (bottom, top) in zip((dry, inner), ranges, strict=True)
+            for end in (bottom, np.where(label.endless, bottom, top))
         ],
         axis=0,
     )
-    narrow = np.min([np.linalg.svd(label.B, compute_uv=False)[:, 1] for label in (dry, inner)], axis=0)
-    turns = np.minimum(dry.k, inner.k)
-    held = np.column_stack([narrow, turns[:, 1]]) > 0.0  # the others stand in rows
+    shear = np.min([np.linalg.svd(label.B, compute_uv=False)[:, 1] for label in (dry, inner)], axis=0)
+    torsion = np.minimum(dry.k, inner.k)
+    by_gauge = np.column_stack([shear, torsion[:, 1]]) > 0.0  # the others stand in rows
     return LabelRows(
         table[..., :-1],
         table[..., -1],
-        narrow[:, None, None] * np.eye(2),
-        turns,
-        np.where(held, start - steep * low, 0.0),
-        np.where(held, steep, 0.0),
+        shear[:, None, None] * np.eye(2),
+        torsion,
+        np.where(by_gauge, start - friction * low, 0.0),
+        np.where(by_gauge, friction, 0.0),
         dry.coupled & inner.coupled,
         vertices,
         rays,
-        kind,
+        kind_of_face,
     )
 
 
 def _hull_of(dimension: int, dry: LabelRows, inner: LabelRows, face: int) -> Floats:
     """Return the rows (r, q + 1) of the hulls of both labels of a face, in each part of their core."""
-    both, width = (dry, inner), dry.C.shape[2]
+    labels, width = (dry, inner), dry.C.shape[2]
     # Columns that rows of a hull couple: N with bending, with shear where no gauge limits it, with torsion likewise.
     if dimension == 2:
         parts = [[0, 2], [0, 1]]
     else:
         parts = [[0, 1, 2] if width == 3 else [0, 3, 4]]
-        if width > 3 and any(not rows.B[face].any() for rows in both):
+        if width > 3 and any(not rows.B[face].any() for rows in labels):
             parts.append([0, 1, 2])
-        if width > 3 and any(not rows.k[face, 1] for rows in both):
+        if width > 3 and any(not rows.k[face, 1] for rows in labels):
             parts.append([0, 5])
     table = list[Floats]()
     for columns in parts:
-        vertices = np.vstack([_ends(rows, face, columns, "vertices") for rows in both])
-        rays = np.vstack([_ends(rows, face, columns, "rays") for rows in both])
+        vertices = np.vstack([_ends(rows, face, columns, "vertices") for rows in labels])
+        rays = np.vstack([_ends(rows, face, columns, "rays") for rows in labels])
         enclosing, constants = enclosing_rows(vertices, rays[np.any(rays != 0.0, axis=1)])
         hull = np.zeros((len(enclosing), width + 1))
         hull[:, columns], hull[:, -1] = enclosing, constants
@@ -658,22 +657,22 @@ def _hull_of(dimension: int, dry: LabelRows, inner: LabelRows, face: int) -> Flo
     return np.vstack(table)
 
 
-def _ends(one: LabelRows, face: int, part: list[int], ends: str) -> Floats:
+def _ends(rows: LabelRows, face: int, columns: list[int], kind: str) -> Floats:
     """Return vertices or rays (p, k) of a part of a set; those of a polygon about it where a gauge is its limit."""
-    points = np.asarray(getattr(one, ends)[face][:, part])
-    place, held = int(part == [0, 5]), one.B[face].any() if part == [0, 1, 2] else one.k[face, 1] > 0.0
-    if one.C.shape[2] == 3 or part == [0, 3, 4] or not held:
+    points = np.asarray(getattr(rows, kind)[face][:, columns])
+    gauge, has_gauge = int(columns == [0, 5]), rows.B[face].any() if columns == [0, 1, 2] else rows.k[face, 1] > 0.0
+    if rows.C.shape[2] == 3 or columns == [0, 3, 4] or not has_gauge:
         return points
     normal = np.unique(points[:, 0])
-    reach = one.mu[face, place] * normal + (one.c[face, place] if ends == "vertices" else 0.0)
-    if place:
-        around = np.array([[1.0], [-1.0]]) / one.k[face, 1]
+    capacity = rows.mu[face, gauge] * normal + (rows.c[face, gauge] if kind == "vertices" else 0.0)
+    if gauge:
+        directions = np.array([[1.0], [-1.0]]) / rows.k[face, 1]
     else:
         angles = (np.arange(8) + 0.5) * np.pi / 4.0
         circle = np.column_stack([np.cos(angles), np.sin(angles)]) / np.cos(np.pi / 8.0)
-        around = circle @ np.linalg.inv(one.B[face]).T
-    points = reach[:, None, None] * around
-    return np.column_stack([np.repeat(normal, len(around)), points.reshape(-1, around.shape[1])])
+        directions = circle @ np.linalg.inv(rows.B[face]).T
+    points = capacity[:, None, None] * directions
+    return np.column_stack([np.repeat(normal, len(directions)), points.reshape(-1, directions.shape[1])])
 
 
 def _align_rows(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
@@ -682,45 +681,44 @@ def _align_rows(dimension: int, sets: list[LabelRows]) -> list[LabelRows]:
     # 1 other bending, 2 with shear or torsion; 3 idle. Within a kind rows stand by falling N, in space by the angle of
     # the moments.
     ordered, kinds = [], []
-    for one in sets:
-        c = one.C
+    for label in sets:
+        c = label.C
         idle = ~np.any(c != 0.0, axis=2)
         if dimension == 2:
             kind = np.where(c[..., 1] == 0.0, np.where(c[..., 2] == 0.0, 2, 0), np.where(c[..., 2] == 0.0, 1, 2))
-            keys = [np.where(kind == 1, c[..., 1], c[..., 2]), -c[..., 0]]
+            sort_keys = [np.where(kind == 1, c[..., 1], c[..., 2]), -c[..., 0]]
         else:
-            first, *more = (3, 1, 5) if c.shape[2] == 6 else (1,)
-            others = np.any(c[..., [*more, *(place + 1 for place in more[:1])]] != 0.0, axis=2)
-            kind = np.where(others, 2, np.where(c[..., 0] > 0.0, 0, 1))
-            pair = c[..., first : first + 2]
-            keys = [np.round(np.mod(np.arctan2(-pair[..., 1], -pair[..., 0]), 2.0 * np.pi), 12)]
+            first, shears = (3, [1, 2, 5]) if c.shape[2] == 6 else (1, [])
+            limits_shear = np.any(c[..., shears] != 0.0, axis=2)
+            kind = np.where(limits_shear, 2, np.where(c[..., 0] > 0.0, 0, 1))
+            moments = c[..., first : first + 2]
+            sort_keys = [np.round(np.mod(np.arctan2(-moments[..., 1], -moments[..., 0]), 2.0 * np.pi), 12)]
         kind = np.where(idle, 3, kind)
         order = np.tile(np.arange(c.shape[1]), (len(c), 1))
-        for key in (*keys, kind):
+        for key in (*sort_keys, kind):
             order = np.take_along_axis(order, np.argsort(np.take_along_axis(key, order, 1), axis=1, kind="stable"), 1)
-        ordered.append((np.take_along_axis(c, order[..., None], 1), np.take_along_axis(one.d, order, 1)))
+        ordered.append((np.take_along_axis(c, order[..., None], 1), np.take_along_axis(label.d, order, 1)))
         kinds.append(np.take_along_axis(kind, order, 1))
     slots = [max(int((kind == number).sum(axis=1).max(initial=0)) for kind in kinds) for number in range(3)]
-    p, q = (max(getattr(one, name).shape[1] for one in sets) for name in ("vertices", "rays"))
+    p, q = (max(getattr(label, name).shape[1] for label in sets) for name in ("vertices", "rays"))
     aligned = []
-    for one, (c, d), kind in zip(sets, ordered, kinds, strict=True):
+    for label, (c, d), kind in zip(sets, ordered, kinds, strict=True):
         rows, constants = np.zeros((*c.shape[:1], sum(slots), c.shape[2])), np.zeros((len(c), sum(slots)))
         for number in range(3):
-            face, place = np.nonzero(kind == number)
+            face, position = np.nonzero(kind == number)
             first = np.argmax(kind == number, axis=1)[face]
-            slot = sum(slots[:number]) + place - first
-            rows[face, slot], constants[face, slot] = c[face, place], d[face, place]
-        aligned.append(
-            replace(one, C=rows, d=constants, vertices=_repeat_last(one.vertices, p), rays=_repeat_last(one.rays, q))
-        )
+            new_position = sum(slots[:number]) + position - first
+            rows[face, new_position], constants[face, new_position] = c[face, position], d[face, position]
+        vertices, rays = _repeat_last(label.vertices, p), _repeat_last(label.rays, q)
+        aligned.append(replace(label, C=rows, d=constants, vertices=vertices, rays=rays))
     return aligned
 
 
 def _repeat_last(points: Floats, most: int) -> Floats:
     """Return points (m, p, q), the last repeated until there are `most`; zeros where there are none."""
-    more = most - points.shape[1]
+    missing = most - points.shape[1]
     last = points[:, -1:] if points.shape[1] else np.zeros((len(points), 1, points.shape[2]))
-    return np.concatenate([points, np.repeat(last, more, axis=1)], axis=1)
+    return np.concatenate([points, np.repeat(last, missing, axis=1)], axis=1)
 
 
 def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "uncoupled") -> YieldSet:

@@ -46,25 +46,25 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
     exactly zero, see `_clear_rounding`, so that the sparsity does not depend on units, position or order.
     """
     faces, elements, q, d = assembly.interfaces, assembly.elements, assembly.freedoms, assembly.dimension
-    count, plain = len(faces), ~assembly.of_members
+    count, of_faces = len(faces), ~assembly.of_members
     row_of = np.full(len(elements), -1, dtype=np.int64)
     row_of[elements.free] = np.arange(len(elements.free))
     directions = [faces.normal, faces.e1] if d == 2 else [faces.normal, faces.e1, faces.e2]
     couples = [None] if d == 2 else [faces.e1, faces.e2, faces.normal]
     rows, columns, values = [], [], []
     for element, sign in ((faces.a, -1.0), (faces.b, 1.0)):
-        free = (row_of[element] >= 0) & plain
+        free = (row_of[element] >= 0) & of_faces
         base = q * row_of[element[free]]
         arm = faces.origin[free] - elements.centroid[element[free]]
-        unit, least = np.ones(len(base)), _least_arm(assembly, element[free])
+        unit, least_arm = np.ones(len(base)), _least_arm(assembly, element[free])
         for j in range(q):
             column = q * np.flatnonzero(free) + j
             block = np.zeros((len(base), q))
             if j < d:
-                along = directions[j][free]
-                block[:, :d] = along
-                block[:, d:] = moment_about(arm, along)
-                block = _clear_rounding(block, unit, least)
+                direction = directions[j][free]
+                block[:, :d] = direction
+                block[:, d:] = moment_about(arm, direction)
+                block = _clear_rounding(block, unit, least_arm)
             elif d == 2:
                 block[:, 2] = 1.0
             else:
@@ -73,18 +73,18 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
             rows.append((base[:, None] + np.arange(q)).ravel())
             columns.append(np.repeat(column, q))
             values.append((sign * block).ravel())
-    for place, held, at, force in _of_members(assembly):
-        if row_of[held] >= 0:
-            block = np.append(force, moment_about(at - elements.centroid[held], force))[None]
+    for member_column, holder, point, force in _of_members(assembly):
+        if row_of[holder] >= 0:
+            block = np.append(force, moment_about(point - elements.centroid[holder], force))[None]
             size = np.array([float(np.linalg.norm(force))])
-            block = _clear_rounding(block, size, size * _least_arm(assembly, np.array([held])))
-            rows.append(q * row_of[held] + np.arange(q))
-            columns.append(np.full(q, place))
+            block = _clear_rounding(block, size, size * _least_arm(assembly, np.array([holder])))
+            rows.append(q * row_of[holder] + np.arange(q))
+            columns.append(np.full(q, member_column))
             values.append(block.ravel())
     row, column, value = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
-    kept = value != 0.0
+    nonzero = value != 0.0
     shape = (q * len(elements.free), q * count)
-    return sp.csc_array((value[kept], (row[kept], column[kept])), shape=shape)
+    return sp.csc_array((value[nonzero], (row[nonzero], column[nonzero])), shape=shape)
 
 
 def _of_members(assembly: Assembly) -> Iterator[tuple[int, int, Floats, Floats]]:
@@ -95,15 +95,15 @@ def _of_members(assembly: Assembly) -> Iterator[tuple[int, int, Floats, Floats]]
     for k, face in enumerate(members.face.tolist()):
         if face < 0:
             continue
-        held, points, forces = members.push(k)
+        elements, points, forces = members.push(k)
         if members.axial[k]:
-            for element, at, force in zip(held.tolist(), points, forces, strict=True):
-                yield q * face, element, at, force
+            for element, point, force in zip(elements.tolist(), points, forces, strict=True):
+                yield q * face, element, point, force
         if members.kinds[k] == "pin":
             sides = [faces.e1[face]] if assembly.dimension == 2 else [faces.e1[face], faces.e2[face]]
-            for number, side in enumerate(sides, start=1):
-                for element, at, sign in zip(held.tolist(), points, (-1.0, 1.0), strict=True):
-                    yield q * face + number, element, at, sign * side
+            for number, direction in enumerate(sides, start=1):
+                for element, point, sign in zip(elements.tolist(), points, (-1.0, 1.0), strict=True):
+                    yield q * face + number, element, point, sign * direction
 
 
 def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
@@ -132,8 +132,8 @@ def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
 def _clear_rounding(block: Floats, force: Floats, moment: Floats) -> Floats:
     """Set entries (k, q) to zero that are rounding errors of forces (k,), or of moments (k,) up to a magnitude."""
     d = 2 if block.shape[1] == 3 else 3
-    least = np.repeat(np.column_stack([tolerances.ROUNDING * force, moment]), [d, block.shape[1] - d], axis=1)
-    return np.where(abs(block) <= least, 0.0, block)
+    rounding = np.repeat(np.column_stack([tolerances.ROUNDING * force, moment]), [d, block.shape[1] - d], axis=1)
+    return np.where(abs(block) <= rounding, 0.0, block)
 
 
 def _least_arm(assembly: Assembly, element: Ints) -> Floats:
@@ -214,17 +214,13 @@ def _force_scale(assembly: Assembly) -> float:
     weights = np.linalg.norm(assembly.dead[free, : assembly.dimension], axis=1)
     if weights.any():
         count = len(elements)
-        links = csr_array((np.ones(len(faces)), (faces.a, faces.b)), shape=(count + 1, count + 1))
-        ground = csr_array(
-            (
-                np.ones(int(elements.support.sum())),
-                (np.full(int(elements.support.sum()), count), np.flatnonzero(elements.support)),
-            ),
-            shape=(count + 1, count + 1),
-        )
-        steps = shortest_path(links + ground, directed=False, unweighted=True, indices=count)
-        depth = float(steps[free].max()) - 1.0
-        return float(weights.mean()) * max(depth, 1.0)
+        contacts = csr_array((np.ones(len(faces)), (faces.a, faces.b)), shape=(count + 1, count + 1))
+        supports = np.flatnonzero(elements.support)
+        entries = np.ones(len(supports)), (np.full(len(supports), count), supports)
+        ground = csr_array(entries, shape=(count + 1, count + 1))
+        distance = shortest_path(contacts + ground, directed=False, unweighted=True, indices=count)
+        height = float(distance[free].max()) - 1.0
+        return float(weights.mean()) * max(height, 1.0)
     return reference_load(assembly)
 
 

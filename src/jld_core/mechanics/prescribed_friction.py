@@ -47,13 +47,13 @@ class PrescribedFriction:
         # With effective areas, V enters the torsion rows of dry faces too.
         base = self.base.pattern
         entries = base.capacity
-        head, face = base.row[entries], base.face[entries]
+        row, face = base.row[entries], base.face[entries]
         dry, h_dry, inner, h_inner = base.dry.copy(), base.h_dry.copy(), base.inner, base.h_inner
-        h_dry[head] -= (1.0 - self.alpha) * dry[entries] * self._previous[0][face]
+        h_dry[row] -= (1.0 - self.alpha) * dry[entries] * self._previous[0][face]
         dry[entries] *= self.alpha
         if inner[entries].any():
             inner, h_inner = inner.copy(), h_inner.copy()
-            h_inner[head] -= (1.0 - self.alpha) * inner[entries] * self._previous[1][face]
+            h_inner[row] -= (1.0 - self.alpha) * inner[entries] * self._previous[1][face]
             inner[entries] *= self.alpha
         changed = replace(base, dry=dry, h_dry=h_dry, inner=inner, h_inner=h_inner)
         return changed if self.areas is None else self._with_areas(changed, self.areas)
@@ -71,21 +71,23 @@ class PrescribedFriction:
     def _with_areas(self, pattern: RowPattern, areas: EffectiveAreas) -> RowPattern:
         # The torsion rows of dry faces become t ± ρ (mT + a·V) ≤ capacity, divided by ρ to keep coefficients of order
         # one.
-        p, own = pattern, 6 * len(self.previous)
-        twist = np.flatnonzero((p.column < own) & (p.column % 6 == 5) & (p.dry != 0.0))
-        row, face, sign = p.row[twist], p.face[twist], p.dry[twist]
-        divisor = np.ones(len(p.h_dry))
+        face_columns = 6 * len(self.previous)
+        torsion_entries = np.flatnonzero(
+            (pattern.column < face_columns) & (pattern.column % 6 == 5) & (pattern.dry != 0.0)
+        )
+        row, face, sign = pattern.row[torsion_entries], pattern.face[torsion_entries], pattern.dry[torsion_entries]
+        divisor = np.ones(len(pattern.h_dry))
         divisor[row] = areas.ratio[face]
-        h_dry, dry = p.h_dry / divisor, p.dry / divisor[p.row]
-        dry[twist] = sign
-        none = np.zeros(len(row))
+        h_dry, dry = pattern.h_dry / divisor, pattern.dry / divisor[pattern.row]
+        dry[torsion_entries] = sign
+        zeros = np.zeros(len(row))
         return replace(
-            p,
-            row=np.concatenate([p.row, row, row]),
-            column=np.concatenate([p.column, 6 * face + 1, 6 * face + 2]),
-            face=np.concatenate([p.face, face, face]),
+            pattern,
+            row=np.concatenate([pattern.row, row, row]),
+            column=np.concatenate([pattern.column, 6 * face + 1, 6 * face + 2]),
+            face=np.concatenate([pattern.face, face, face]),
             dry=np.concatenate([dry, sign * areas.arm[face, 0], sign * areas.arm[face, 1]]),
-            inner=np.concatenate([p.inner, none, none]),
+            inner=np.concatenate([pattern.inner, zeros, zeros]),
             h_dry=h_dry,
         )
 
@@ -128,27 +130,29 @@ class PrescribedFriction:
 
         0 if a face cannot slide, or crushes.
         """
-        beyond = self._smooth.margin(self._jumps_about(jumps, labels), labels)
-        return np.where(self.slides(labels) & np.isfinite(beyond), beyond, 0.0)
+        excess = self._smooth.margin(self._jumps_about(jumps, labels), labels)
+        return np.where(self.slides(labels) & np.isfinite(excess), excess, 0.0)
 
     def _forces_about(self, forces: Floats, labels: Bits) -> Floats:
         """Return resultants (m, q) with the torsion ρ (mT + a·V) of dry faces about effective areas."""
         if self.areas is None:
             return forces
-        about = forces.copy()
-        push = np.einsum("ij,ij->i", self.areas.arm, forces[:, 1:3])
-        about[:, 5] = np.where(self.base.is_dry(labels), self.areas.ratio * (forces[:, 5] + push), forces[:, 5])
-        return about
+        result = forces.copy()
+        shear_moment = np.einsum("ij,ij->i", self.areas.arm, forces[:, 1:3])
+        result[:, 5] = np.where(
+            self.base.is_dry(labels), self.areas.ratio * (forces[:, 5] + shear_moment), forces[:, 5]
+        )
+        return result
 
     def _jumps_about(self, jumps: Floats, labels: Bits) -> Floats:
         """Return jumps (m, q) that do on `_forces_about` the work of the given ones."""
         if self.areas is None:
             return jumps
-        about, dry = jumps.copy(), self.base.is_dry(labels)
-        moved = jumps[:, 1:3] - self.areas.arm * jumps[:, 5:6]
-        about[:, 1:3] = np.where(dry[:, None], moved, jumps[:, 1:3])
-        about[:, 5] = np.where(dry, jumps[:, 5] / self.areas.ratio, jumps[:, 5])
-        return about
+        result, dry = jumps.copy(), self.base.is_dry(labels)
+        slip = jumps[:, 1:3] - self.areas.arm * jumps[:, 5:6]
+        result[:, 1:3] = np.where(dry[:, None], slip, jumps[:, 1:3])
+        result[:, 5] = np.where(dry, jumps[:, 5] / self.areas.ratio, jumps[:, 5])
+        return result
 
     # --- methods of the protocol YieldSet ----------------------------------------------------------------
 
@@ -157,14 +161,14 @@ class PrescribedFriction:
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of scaled forces (m, q) under labels (m,), see `YieldSet.slack`."""
-        follows = self.base.friction_of(labels) * self.alpha * forces[:, 0]
-        spare = self.base.capacity_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
+        present_friction = self.base.friction_of(labels) * self.alpha * forces[:, 0]
+        room = self.base.capacity_of(labels) + present_friction + self._frozen(labels) - self.shear(forces, labels)
         if self.areas is not None:
             # A unit change of the resultants changes e by up to ρ (1 + |a|).
-            steep = self.areas.ratio * (1.0 + np.abs(self.areas.arm).sum(axis=1))
-            spare = np.where(self.base.is_dry(labels), spare / steep, spare)
-        holds = self.base.friction_of(labels) + self.base.capacity_of(labels) > 0.0
-        return np.minimum(self._smooth.slack(forces, labels), np.where(holds, spare, np.inf))
+            steepness = self.areas.ratio * (1.0 + np.abs(self.areas.arm).sum(axis=1))
+            room = np.where(self.base.is_dry(labels), room / steepness, room)
+        resists_shear = self.base.friction_of(labels) + self.base.capacity_of(labels) > 0.0
+        return np.minimum(self._smooth.slack(forces, labels), np.where(resists_shear, room, np.inf))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
         return self._associated.recession_slack(self._forces_about(forces, labels), labels)

@@ -84,26 +84,26 @@ class Parabolas:
 
     def lay_out(self, sheet: Sheet) -> list[list[Row]]:
         """Return the cones N² ≤ N_c (N ∓ m), for N + σtA where they enclose both labels."""
-        face, none, found = self.faces, 0.0 * self.limit, []
+        face, zeros, cones = self.faces, 0.0 * self.limit, []
         bounded = np.isfinite(self.wide)
         wide, shift = np.where(bounded, self.wide, 1.0), np.where(bounded, self.shift, 0.0)
         size = np.maximum(1.0, self.limit)
         # With w = N − sign·m and c = N_c: N² ≤ c·w ⇔ ‖(2N, c − w)‖ ≤ c + w.
-        values = [1.0 / size, none, np.where(bounded, 1.0 / np.maximum(1.0, wide), 0.0)]
-        ends = [self.limit / size, none, np.where(bounded, wide / np.maximum(1.0, wide), 0.0)]
-        free = [none, none + 1.0, np.where(bounded, 0.0, 1.0)]
+        values = [1.0 / size, zeros, np.where(bounded, 1.0 / np.maximum(1.0, wide), 0.0)]
+        constants = [self.limit / size, zeros, np.where(bounded, wide / np.maximum(1.0, wide), 0.0)]
+        free = [zeros, zeros + 1.0, np.where(bounded, 0.0, 1.0)]
         for sign in (1.0, -1.0):
             rows: list[Row] = []
             for normal, moment, end, idle in ((-1.0, sign, 1.0, 1.0), (-2.0, 0.0, 0.0, 0.0), (1.0, -sign, 1.0, 0.0)):
                 terms = [
-                    (sheet.column(face, place), [factor * value for value in values])
-                    for place, factor in ((0, normal), (2, moment))
+                    (sheet.column(face, resultant), [factor * value for value in values])
+                    for resultant, factor in ((0, normal), (2, moment))
                 ]
-                sides = [end * h + idle * one for h, one in zip(ends, free, strict=True)]
+                sides = [end * h + idle * h_free for h, h_free in zip(constants, free, strict=True)]
                 sides[2] = sides[2] - normal * values[2] * shift
                 rows.append((terms, sides))
-            found.append(rows)
-        return found
+            cones.append(rows)
+        return cones
 
 
 @dataclass(frozen=True)
@@ -133,58 +133,58 @@ class Rectangles:
         # stay ≤ 1, that is for ν ≤ least a / greatest a. Beyond they cost least a + greatest a · ν. The work is concave
         # in ν, and both slopes agree at the transition.
         turn = np.abs(core[..., 1:])
-        less, more = turn.min(axis=-1), turn.max(axis=-1)
-        gain = less + more - core[..., 0]
-        near = (gain > 0.0) & (gain <= 3.0 * less)
-        first, second = np.where(near, 3.0 * less, 1.0), np.where(near, 3.0 * more, 1.0)
-        small = gain / 3.0 * (gain / first) * (gain / second)
+        smaller, larger = turn.min(axis=-1), turn.max(axis=-1)
+        gain = smaller + larger - core[..., 0]
+        before_transition = (gain > 0.0) & (gain <= 3.0 * smaller)
+        first, second = np.where(before_transition, 3.0 * smaller, 1.0), np.where(before_transition, 3.0 * larger, 1.0)
+        below = gain / 3.0 * (gain / first) * (gain / second)
         # Beyond the transition the best ν is where the slope vanishes, but at most one.
-        rest = np.maximum(gain - less, 0.0)
-        full = rest >= 2.0 * more
-        share = np.where(full, 1.0, rest / np.where(full, 1.0, 2.0 * more))
-        large = share * (rest - more * share)
-        return np.asarray(self.limit * np.where(gain <= 0.0, 0.0, np.where(near, small, large)))
+        excess = np.maximum(gain - smaller, 0.0)
+        fully_crushed = excess >= 2.0 * larger
+        share = np.where(fully_crushed, 1.0, excess / np.where(fully_crushed, 1.0, 2.0 * larger))
+        beyond = share * (excess - larger * share)
+        return np.asarray(self.limit * np.where(gain <= 0.0, 0.0, np.where(before_transition, below, beyond)))
 
     def share(self, forces: Floats, least: float) -> Floats:
         """Return 1/q (k,), q the factor on moments that crushes: least root of N³ = N_c (N − q|m1|)(N − q|m2|)."""
-        n, one, two = forces[:, 0], np.abs(forces[:, 3]), np.abs(forces[:, 4])
+        n, moment1, moment2 = forces[:, 0], np.abs(forces[:, 3]), np.abs(forces[:, 4])
         with np.errstate(divide="ignore", invalid="ignore"):
-            half, room = 0.5 * n * (one + two), n * n * (1.0 - n / self.limit)
-            root = np.sqrt(np.maximum(half * half - one * two * room, 0.0))
-            share = (half + root) / room
-        bent = np.where(np.maximum(one, two) <= least, 0.0, np.where(room > 0.0, share, 1.0))
-        return np.maximum(bent, used(n, self.limit, least))
+            half, product = 0.5 * n * (moment1 + moment2), n * n * (1.0 - n / self.limit)
+            root = np.sqrt(np.maximum(half * half - moment1 * moment2 * product, 0.0))
+            share = (half + root) / product
+        bending_share = np.where(np.maximum(moment1, moment2) <= least, 0.0, np.where(product > 0.0, share, 1.0))
+        return np.maximum(bending_share, used(n, self.limit, least))
 
     def lay_out(self, sheet: Sheet) -> list[list[Row]]:
         """Add the rows p ≤ N ∓ m1 and q ≤ N ∓ m2; return a² ≤ pq, b² ≤ N and N² ≤ √N_c a b, docs/method.md (2.12)."""
         # p and q bound the sides of the effective rectangle. The cones together mean N³ ≤ N_c p q.
         face, (p, q, a, b) = self.faces, [sheet.new_columns(len(self.faces)) for _ in range(4)]
-        one, none = np.ones(len(face)), np.zeros(len(face))
+        ones, zeros = np.ones(len(face)), np.zeros(len(face))
         normal = sheet.column(face, 0)
         for variable, moment in ((p, 3), (q, 4)):
             for sign in (1.0, -1.0):
-                terms: list[Term] = [(normal, [-one, none, none])]
-                terms += [(sheet.column(face, moment), [sign * one, none, none]), (variable, [one] * 3)]
-                sheet.add(face, terms, [none, one, one])
+                terms: list[Term] = [(normal, [-ones, zeros, zeros])]
+                terms += [(sheet.column(face, moment), [sign * ones, zeros, zeros]), (variable, [ones] * 3)]
+                sheet.add(face, terms, [zeros, ones, ones])
         # x² ≤ y z is written as ‖(2x, y − z)‖ ≤ y + z. Where dry faces do not crush, N has no entries, and p, q, b are
         # bounded by one.
         weight = self.limit**-0.25
         size = np.maximum(1.0, weight)
-        minus, zero = [-one] * 3, [none] * 3
+        minus, zero = [-ones] * 3, [zeros] * 3
         first: list[Row] = [
             ([(p, minus), (q, minus)], zero),
-            ([(a, [-2.0 * one] * 3)], zero),
-            ([(p, minus), (q, [one] * 3)], zero),
+            ([(a, [-2.0 * ones] * 3)], zero),
+            ([(p, minus), (q, [ones] * 3)], zero),
         ]
         second: list[Row] = [
-            ([(normal, [-one, none, none])], [one, 2.0 * one, 2.0 * one]),
-            ([(b, [-2.0 * one] * 3)], zero),
-            ([(normal, [-one, none, none])], [-one, none, none]),
+            ([(normal, [-ones, zeros, zeros])], [ones, 2.0 * ones, 2.0 * ones]),
+            ([(b, [-2.0 * ones] * 3)], zero),
+            ([(normal, [-ones, zeros, zeros])], [-ones, zeros, zeros]),
         ]
         third: list[Row] = [
-            ([(a, [-one / size] * 3), (b, [-one / size] * 3)], zero),
-            ([(normal, [-2.0 * weight / size, none, none])], zero),
-            ([(a, [-one / size] * 3), (b, [one / size] * 3)], zero),
+            ([(a, [-ones / size] * 3), (b, [-ones / size] * 3)], zero),
+            ([(normal, [-2.0 * weight / size, zeros, zeros])], zero),
+            ([(a, [-ones / size] * 3), (b, [ones / size] * 3)], zero),
         ]
         return [first, second, third]
 
@@ -202,28 +202,28 @@ def parabolic_hull(dry: Side, inner: Side, crushed: Ints) -> ParabolicBending | 
         return None
     foot_knee = np.sqrt(tension * (tension + limit)) - tension
     x, y = 0.5 * (inner_limit - tension), (inner_limit + tension) / 6.0
-    at = np.maximum(x, foot_knee)
-    above = y > at * at / limit + (1.0 - 2.0 * at / limit) * x
+    touch_point = np.maximum(x, foot_knee)
+    above = y > touch_point * touch_point / limit + (1.0 - 2.0 * touch_point / limit) * x
     knee = np.where(above, x + np.sqrt(np.maximum(x * x - limit * (x - y), 0.0)), foot_knee)
-    (rough, stuck), (mu, c) = ((label.friction[crushed], label.shear[crushed]) for label in (inner, dry))
-    foot = stuck - rough * tension
+    (inner_friction, inner_shear), (mu, c) = ((label.friction[crushed], label.shear[crushed]) for label in (inner, dry))
+    foot = inner_shear - inner_friction * tension
     # Without tensile strength the foot is at N = 0, where the dry face may resist shear.
     foot = np.where(tension > 0.0, foot, np.maximum(foot, c))
-    corners = [(inner_limit, stuck + rough * inner_limit)]
+    corners = [(inner_limit, inner_shear + inner_friction * inner_limit)]
     corners += [(normal, c + mu * normal) for normal in (0.0 * limit, limit)]
     slopes = [(v - foot) / np.where(n + tension > 0.0, n + tension, 1.0) for n, v in corners]
     slope = np.maximum(np.max(slopes, axis=0), 0.0)
-    one, none = np.ones(len(crushed)), np.zeros(len(crushed))
-    lined = above.astype(float)
-    line = [lined, 3.0 * lined, np.where(above, tension, 1.0)]
+    ones, zeros = np.ones(len(crushed)), np.zeros(len(crushed))
+    has_line = above.astype(float)
+    line = [has_line, 3.0 * has_line, np.where(above, tension, 1.0)]
     height = foot + slope * tension
-    size = np.maximum(np.maximum(one, slope), height)
-    rows = np.array([[one, one, none], [slope / size, one / size, height / size], line]).transpose(2, 0, 1)
-    holds = stuck + rough + mu + c > 0.0
-    rows[~holds, 1] = (0.0, 1.0, 1.0)
-    strengths = np.column_stack([limit, mu, c, tension, inner_limit, stuck, rough])
+    size = np.maximum(np.maximum(ones, slope), height)
+    rows = np.array([[ones, ones, zeros], [slope / size, ones / size, height / size], line]).transpose(2, 0, 1)
+    resists_shear = inner_shear + inner_friction + mu + c > 0.0
+    rows[~resists_shear, 1] = (0.0, 1.0, 1.0)
+    strengths = np.column_stack([limit, mu, c, tension, inner_limit, inner_shear, inner_friction])
     interaction = _interaction_planes(strengths)
-    interaction[~holds] = 0.0
+    interaction[~resists_shear] = 0.0
     return ParabolicBending(
         crushed, np.column_stack([1.0 / limit, knee]), rows, np.column_stack([interaction, strengths])
     )
@@ -240,30 +240,30 @@ def _interaction_planes(strengths: Floats) -> Floats:
     # plane of the hull where the other corners do not pass it. The corner is (−T, 0) where that has such planes, else
     # the one with the longest interval of N₁. Where planes of all directions meet, at the top, a single plane bounds
     # little.
-    limit, mu, c, tension, inner_limit, stuck, rough = strengths.T
+    limit, mu, c, tension, inner_limit, inner_shear, inner_friction = strengths.T
     top = 0.5 * (inner_limit - tension)
     normal = np.stack([-tension, top, inner_limit])[:, :, None]
     moment = np.stack([0.0 * top, (inner_limit + tension) / 6.0, 0.0 * top])[:, :, None]
-    more = (stuck - c)[:, None] + (rough - mu)[:, None] * normal
+    shear_excess = (inner_shear - c)[:, None] + (inner_friction - mu)[:, None] * normal
     share = np.linspace(0.0, 1.0, _STEPS)
-    touch, slope = share * limit[:, None], 1.0 - 2.0 * share
-    above = moment - slope * normal - share * touch  # height of the corners above the tangent
-    found, most = np.zeros((len(limit), 5)), np.zeros(len(limit), dtype=np.int64)
+    touch_point, slope = share * limit[:, None], 1.0 - 2.0 * share
+    above = moment - slope * normal - share * touch_point  # height of the corners above the tangent
+    planes, longest = np.zeros((len(limit), 5)), np.zeros(len(limit), dtype=np.int64)
     for corner in range(3):
-        has = more[corner] > 0.0
-        b = -above[corner] / np.where(has, more[corner], 1.0)
-        passed = np.max(above + b * more, axis=0) > tolerances.ROUNDING * limit[:, None]
-        good = has & (b >= 0.0) & ~passed
+        is_above = shear_excess[corner] > 0.0
+        b = -above[corner] / np.where(is_above, shear_excess[corner], 1.0)
+        violated = np.max(above + b * shear_excess, axis=0) > tolerances.ROUNDING * limit[:, None]
+        valid = is_above & (b >= 0.0) & ~violated
         # Find the last range of consecutive N₁ whose planes are valid.
-        last = _STEPS - 1 - np.argmax(good[:, ::-1], axis=1)
-        broken = ~good & (np.arange(_STEPS) < last[:, None])
-        first = np.where(broken.any(axis=1), _STEPS - np.argmax(broken[:, ::-1], axis=1), 0)
-        length = np.where(good.any(axis=1), last - first, 0)
-        better = length > most
-        most = np.where(corner == 0, np.where(better, _STEPS, 0), np.maximum(most, length))
-        own = [array[corner, :, 0] for array in (normal, moment, more)]
-        found[better] = np.column_stack([*own, share[first] * limit, share[last] * limit])[better]
-    return found
+        last = _STEPS - 1 - np.argmax(valid[:, ::-1], axis=1)
+        interrupted = ~valid & (np.arange(_STEPS) < last[:, None])
+        first = np.where(interrupted.any(axis=1), _STEPS - np.argmax(interrupted[:, ::-1], axis=1), 0)
+        length = np.where(valid.any(axis=1), last - first, 0)
+        longer = length > longest
+        longest = np.where(corner == 0, np.where(longer, _STEPS, 0), np.maximum(longest, length))
+        corner_values = [array[corner, :, 0] for array in (normal, moment, shear_excess)]
+        planes[longer] = np.column_stack([*corner_values, share[first] * limit, share[last] * limit])[longer]
+    return planes
 
 
 @dataclass(frozen=True)
@@ -313,18 +313,18 @@ class LabelRows:
         return np.asarray(np.any(self.rays != 0.0, axis=(1, 2)))
 
     @cached_property
-    def held(self) -> Bools:
+    def resists(self) -> Bools:
         """Return a mask (m, 2) of faces that resist shear, and torsion."""
         return np.asarray((self.c + self.mu > 0.0) & ((self.k > 0.0) | [True, False]))
 
     @cached_property
     def inverse(self) -> Floats:
         """Return the matrices B⁻ᵀ (m, 2, 2) of the dual gauge of shear."""
-        some = np.any(self.B, axis=(1, 2), keepdims=True)
-        return np.swapaxes(np.linalg.inv(np.where(some, self.B, np.eye(2))), 1, 2)
+        has_gauge = np.any(self.B, axis=(1, 2), keepdims=True)
+        return np.swapaxes(np.linalg.inv(np.where(has_gauge, self.B, np.eye(2))), 1, 2)
 
     @cached_property
-    def plain(self) -> bool:
+    def is_simple_gauge(self) -> bool:
         """Return True if one gauge |V| + k|mT| limits shear and torsion of every face, with k = 1 or 0."""
         return bool(np.all(self.coupled) and np.all(np.eye(2) == self.B) and np.isin(self.k, (0.0, 1.0)).all())
 
@@ -336,10 +336,10 @@ class LabelRows:
     @cached_property
     def capacity(self) -> Floats:
         """Return the limit c (m, 2) of gauges without N; inf where a label has no resistance and V is left out."""
-        return np.where(self.held, self.c, np.inf)
+        return np.where(self.resists, self.c, np.inf)
 
     @cached_property
-    def ended(self) -> Floats:
+    def missing_rays(self) -> Floats:
         """Return 0 for each ray (m, q), and inf where there is none."""
         return np.where(np.any(self.rays != 0.0, axis=2), 0.0, np.inf)
 
@@ -363,8 +363,8 @@ class LabelRows:
     def program_rows(self) -> tuple[Floats, Floats]:
         """Return coefficients (m, r, q) of G and right-hand sides (m, r) of the core's rows in a program."""
         # An idle row keeps its coefficients with side one, so that a resultant that cannot act stays bounded.
-        kept = self.idle[:, :, None] | self.acts[:, None, :]
-        rows = np.where(kept, -self.C / self.row_sizes[:, :, None], 0.0)
+        entry_kept = self.idle[:, :, None] | self.acts[:, None, :]
+        rows = np.where(entry_kept, -self.C / self.row_sizes[:, :, None], 0.0)
         return rows, np.where(self.idle, 1.0, self.d / self.row_sizes)
 
     @cached_property
@@ -394,61 +394,61 @@ class RowYield:
         return 3 if self.dimension == 2 else 6
 
     @cached_property
-    def _plain(self) -> bool:
-        return self.dry.plain and self.inner.plain
+    def _simple_gauges(self) -> bool:
+        return self.dry.is_simple_gauge and self.inner.is_simple_gauge
 
     @cached_property
-    def _last(self) -> list[tuple[bytes, dict[str, NDArray[Any]]]]:
+    def _cache(self) -> list[tuple[bytes, dict[str, NDArray[Any]]]]:
         return [(b"", {})]
 
-    def _of(self, labels: Bits, name: str) -> NDArray[Any]:
+    def _by_label(self, labels: Bits, name: str) -> NDArray[Any]:
         """Return an array of `LabelRows` by name, for the label of each face; do not write to it."""
         # A proof asks for several arrays of one labelling. A pair is replaced as a whole, so that threads may share it.
-        key, known = labels.tobytes(), self._last[0]
-        if known[0] != key:
-            known = self._last[0] = (key, {})
-        found = known[1].get(name)
-        if found is None:
+        key, cached = labels.tobytes(), self._cache[0]
+        if cached[0] != key:
+            cached = self._cache[0] = (key, {})
+        array = cached[1].get(name)
+        if array is None:
             dry, inner = getattr(self.dry, name), getattr(self.inner, name)
-            found = known[1][name] = np.where(labels.reshape(-1, *([1] * (dry.ndim - 1))), dry, inner)
-        return found
+            array = cached[1][name] = np.where(labels.reshape(-1, *([1] * (dry.ndim - 1))), dry, inner)
+        return array
 
     def _full(self, labels: Bits, core: str, shear: Bools) -> Bools:
         """Return a mask (m, q) from one of core resultants, and from masks (m, 2) of shear and torsion."""
         mask = np.zeros((len(labels), self._freedoms), dtype=bool)
-        mask[:, self._core] = self._of(labels, core)
+        mask[:, self._core] = self._by_label(labels, core)
         mask[:, [1, 2, 5] if self.dimension == 3 else [1]] |= shear[:, [0, 0, 1] if self.dimension == 3 else [0]]
         return mask
 
     def active(self, labels: Bits) -> Bools:
         """Return the mask (m, q) of resultants that may be non-zero, see `Rows.active`."""
-        return self._full(labels, "acts", self._of(labels, "held"))
+        return self._full(labels, "acts", self._by_label(labels, "resists"))
 
     def recession_active(self, labels: Bits) -> Bools:
         """Return the mask (m, q) of resultants in recession cones, see `YieldSet.recession_active`."""
-        grows = (self._of(labels, "mu") > 0.0) & self._of(labels, "endless")[:, None]
-        return self._full(labels, "grows", grows & ((self._of(labels, "k") > 0.0) | [True, False]))
+        grows = (self._by_label(labels, "mu") > 0.0) & self._by_label(labels, "endless")[:, None]
+        return self._full(labels, "grows", grows & ((self._by_label(labels, "k") > 0.0) | [True, False]))
 
     def _demands(self, forces: Floats, labels: Bits) -> Floats:
         """Return the values (m, g) of the gauge of shear and torsion, or of one of each."""
         if self.dimension == 2:
             return abs(forces[:, 1:2])
-        if self._plain:
+        if self._simple_gauges:
             shear = np.hypot(forces[:, 1], forces[:, 2])
-            return (shear + self._of(labels, "k")[:, 1] * abs(forces[:, 5]))[:, None]
-        shear = np.linalg.norm(np.einsum("mij,mj->mi", self._of(labels, "B"), forces[:, 1:3]), axis=1)
-        k, coupled = self._of(labels, "k"), self._of(labels, "coupled")
+            return (shear + self._by_label(labels, "k")[:, 1] * abs(forces[:, 5]))[:, None]
+        shear = np.linalg.norm(np.einsum("mij,mj->mi", self._by_label(labels, "B"), forces[:, 1:3]), axis=1)
+        k, coupled = self._by_label(labels, "k"), self._by_label(labels, "coupled")
         torsion = k[:, 1] * abs(forces[:, 5])
-        both = shear + torsion
-        return np.column_stack([np.where(coupled, both, shear), np.where(coupled, both, torsion)])
+        sum_of_both = shear + torsion
+        return np.column_stack([np.where(coupled, sum_of_both, shear), np.where(coupled, sum_of_both, torsion)])
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         """Return the slack (m,) of scaled forces (m, q), see `YieldSet.slack`."""
         slack = self._slack(forces, labels, "sides", "capacity")
         if self.crushing is not None:
-            own = self.crushing.faces
-            less = np.minimum(slack[own], self.crushing.slack(forces[own]))
-            slack[own] = np.where(labels[own], less, slack[own])
+            faces = self.crushing.faces
+            with_crushing = np.minimum(slack[faces], self.crushing.slack(forces[faces]))
+            slack[faces] = np.where(labels[faces], with_crushing, slack[faces])
         return slack
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
@@ -457,21 +457,25 @@ class RowYield:
 
     def _slack(self, forces: Floats, labels: Bits, sides: str, capacity: str) -> Floats:
         """Return the least slack (m,) of rows and gauges, with sides and capacity of these names."""
-        rows = np.einsum("mrj,mj->mr", self._of(labels, "C"), forces[:, self._core]) + self._of(labels, sides)
+        rows = np.einsum("mrj,mj->mr", self._by_label(labels, "C"), forces[:, self._core]) + self._by_label(
+            labels, sides
+        )
         demands = self._demands(forces, labels)
-        first, mu = (self._of(labels, name)[:, : demands.shape[1]] for name in (capacity, "mu"))
-        spare = first + mu * forces[:, :1] - demands
-        return np.asarray(np.minimum(rows.min(axis=1), spare.min(axis=1)))
+        capacities, mu = (self._by_label(labels, name)[:, : demands.shape[1]] for name in (capacity, "mu"))
+        room = capacities + mu * forces[:, :1] - demands
+        return np.asarray(np.minimum(rows.min(axis=1), room.min(axis=1)))
 
     def _slips(self, jumps: Floats, labels: Bits) -> tuple[Floats, Floats | float]:
         """Return what jumps (..., m, q) do on the gauge of shear, and on one of torsion alone, per unit of capacity."""
         if self.dimension == 2:
             return abs(jumps[..., 1]), 0.0
-        if self._plain:
-            spin = np.where(self._of(labels, "k")[:, 1] > 0.0, abs(jumps[..., 5]), 0.0)
+        if self._simple_gauges:
+            spin = np.where(self._by_label(labels, "k")[:, 1] > 0.0, abs(jumps[..., 5]), 0.0)
             return np.maximum(np.hypot(jumps[..., 1], jumps[..., 2]), spin), 0.0
-        slip = np.linalg.norm(np.einsum("mij,...mj->...mi", self._of(labels, "inverse"), jumps[..., 1:3]), axis=-1)
-        k, coupled = self._of(labels, "k")[:, 1], self._of(labels, "coupled")
+        slip = np.linalg.norm(
+            np.einsum("mij,...mj->...mi", self._by_label(labels, "inverse"), jumps[..., 1:3]), axis=-1
+        )
+        k, coupled = self._by_label(labels, "k")[:, 1], self._by_label(labels, "coupled")
         spin = abs(jumps[..., 5]) / np.where(k > 0.0, k, 1.0)
         # A coupled gauge is dual to the larger of slip and spin; two gauges add.
         return np.where(coupled, np.maximum(slip, spin), slip), np.where(coupled, 0.0, spin)
@@ -479,46 +483,46 @@ class RowYield:
     def _reduced(self, jumps: Floats, labels: Bits) -> tuple[Floats, Floats]:
         """Return the core jumps (..., m, q), less dilation, and the work on the capacity without N (..., m)."""
         first, second = self._slips(jumps, labels)
-        c, mu, core = self._of(labels, "c"), self._of(labels, "mu"), jumps[..., self._core]
+        c, mu, core = self._by_label(labels, "c"), self._by_label(labels, "mu"), jumps[..., self._core]
         core[..., 0] -= mu[:, 0] * first + mu[:, 1] * second
         return core, np.asarray(c[:, 0] * first + c[:, 1] * second)
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the dissipation of scaled jumps (m, q) or (k, m, q), see `YieldSet.dissipation`."""
-        core, held = self._reduced(jumps, labels)
-        work = -np.einsum("mpj,...mj->...mp", self._of(labels, "vertices"), core).min(axis=-1)
+        core, shear_work = self._reduced(jumps, labels)
+        work = -np.einsum("mpj,...mj->...mp", self._by_label(labels, "vertices"), core).min(axis=-1)
         if self.crushing is not None:
-            own = self.crushing.faces
-            work[..., own] += np.where(labels[own], self.crushing.dissipation(core[..., own, :]), 0.0)
-        return np.asarray(work + held)
+            faces = self.crushing.faces
+            work[..., faces] += np.where(labels[faces], self.crushing.dissipation(core[..., faces, :]), 0.0)
+        return np.asarray(work + shear_work)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
         """Return the margin of scaled jumps (m, q) or (k, m, q), see `YieldSet.margin`."""
         core, _ = self._reduced(jumps, labels)
-        spare = np.einsum("mpj,...mj->...mp", self._of(labels, "rays"), core)
-        return np.asarray((spare + self._of(labels, "ended")).min(axis=-1, initial=np.inf))
+        along_rays = np.einsum("mpj,...mj->...mp", self._by_label(labels, "rays"), core)
+        return np.asarray((along_rays + self._by_label(labels, "missing_rays")).min(axis=-1, initial=np.inf))
 
     def strength(self, labels: Bits) -> Floats:
         """Return the largest dissipation (m,) of a jump of size 1, see `YieldSet.strength`."""
-        c, coupled = self._of(labels, "c"), self._of(labels, "coupled")
-        size = abs(self._of(labels, "vertices")).max(axis=(1, 2)) + c[:, 0] + np.where(coupled, 0.0, c[:, 1])
+        c, coupled = self._by_label(labels, "c"), self._by_label(labels, "coupled")
+        size = abs(self._by_label(labels, "vertices")).max(axis=(1, 2)) + c[:, 0] + np.where(coupled, 0.0, c[:, 1])
         if self.crushing is not None:
-            own = self.crushing.faces
-            size[own] += np.where(labels[own], self.crushing.limit, 0.0)
+            faces = self.crushing.faces
+            size[faces] += np.where(labels[faces], self.crushing.limit, 0.0)
         return np.asarray(size)
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
         """Return the largest ratio (m,) of a demand to its capacity, see `YieldSet.utilisation`."""
-        core, c, d = forces[:, self._core], self._of(labels, "C"), self._of(labels, "d")
+        core, c, d = forces[:, self._core], self._by_label(labels, "C"), self._by_label(labels, "d")
         shears = self._demands(forces, labels)
         negligible = 1e-6 * max(float(abs(forces[:, 0]).max(initial=0.0)), float(shears.max(initial=0.0)), 1e-300)
         # Rows C x + d ≥ 0: moments and shear use what N and d give; N < 0 or > 0 alone uses d.
         from_normal = c[:, :, 0] * core[:, :1]
         from_others = -np.einsum("mrj,mj->mr", c[:, :, 1:], core[:, 1:])
         ratios = np.maximum(used(from_others, d + from_normal, negligible), used(-from_normal, d, negligible))
-        shares = np.where(self._of(labels, "idle"), 0.0, ratios).max(axis=1)
+        shares = np.where(self._by_label(labels, "idle"), 0.0, ratios).max(axis=1)
         # shear and torsion use c + μ N
-        capacity, mu = (self._of(labels, name)[:, : shears.shape[1]] for name in ("c", "mu"))
+        capacity, mu = (self._by_label(labels, name)[:, : shears.shape[1]] for name in ("c", "mu"))
         shares = np.maximum(shares, used(shears, capacity + mu * forces[:, :1], negligible).max(axis=1))
         if self.crushing is not None:
             faces = self.crushing.faces
@@ -527,7 +531,7 @@ class RowYield:
         return np.asarray(np.clip(shares, 0.0, 1.0))
 
     @cached_property
-    def _laid_out(self) -> tuple[RowPattern, ...]:
+    def _program_patterns(self) -> tuple[RowPattern, ...]:
         """Return the rows of both labels, and the same with enclosing rows in place of the dry ones."""
         return _patterns(self, (self.dry, self.inner, self._enclosed()))
 
@@ -538,11 +542,11 @@ class RowYield:
     @cached_property
     def pattern(self) -> RowPattern:
         """Return the sparsity and numbers of the yield rows of all faces, see `Rows.pattern`."""
-        return self._laid_out[0] if self.enclosing is not None else _patterns(self, (self.dry, self.inner))[0]
+        return self._program_patterns[0] if self.enclosing is not None else _patterns(self, (self.dry, self.inner))[0]
 
     def hull(self) -> Rows:
-        every = np.ones(len(self.dry.d), dtype=bool)
-        return Hull(self._laid_out[1], self.active(every) | self.active(~every))
+        all_dry = np.ones(len(self.dry.d), dtype=bool)
+        return Hull(self._program_patterns[1], self.active(all_dry) | self.active(~all_dry))
 
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
         return None
@@ -556,9 +560,9 @@ class RowYield:
     @property
     def associative(self) -> FrictionSet:
         """Raise InputError: friction is not stated apart from the other rows."""
-        one = self.criteria[0]
-        problem = f'"{one.name}" is unknown to prescribed friction, and to all that asks for friction apart'
-        raise InputError(f"materials.{one.label}.criterion", problem, "standard strengths in place of it")
+        criterion = self.criteria[0]
+        problem = f'"{criterion.name}" is unknown to prescribed friction, and to all that asks for friction apart'
+        raise InputError(f"materials.{criterion.label}.criterion", problem, "standard strengths in place of it")
 
 
 def _patterns(sets: RowYield, labels: tuple[LabelRows, ...]) -> tuple[RowPattern, ...]:
@@ -576,8 +580,8 @@ def _patterns(sets: RowYield, labels: tuple[LabelRows, ...]) -> tuple[RowPattern
         _core_rows(sheet, sets, labels, slice(early, None))
     crushed = [] if sets.crushing is None else sets.crushing.lay_out(sheet)
     linear = sheet.rows
-    for (face, rows), free in zip(cones, (False, True), strict=False):
-        sheet.cones(face, rows, limits_shear=free)
+    for (face, rows), limits_shear in zip(cones, (False, True), strict=False):
+        sheet.cones(face, rows, limits_shear=limits_shear)
     if sets.crushing is not None:
         for rows in crushed:
             sheet.cones(sets.crushing.faces, rows)
@@ -586,17 +590,17 @@ def _patterns(sets: RowYield, labels: tuple[LabelRows, ...]) -> tuple[RowPattern
 
 def _core_rows(sheet: Sheet, sets: RowYield, labels: tuple[LabelRows, ...], part: slice) -> None:
     """Add the core's rows of some places, for the faces that have them under any label."""
-    stands = np.any([np.any(label.C[:, part] != 0.0, axis=2) for label in labels], axis=0)
+    exists = np.any([np.any(label.C[:, part] != 0.0, axis=2) for label in labels], axis=0)
     if sets.dimension == 3:
-        face, place = np.nonzero(stands)
+        face, row = np.nonzero(exists)
     else:
-        place, face = np.nonzero(stands.T)
-    tables = [label.program_rows for label in labels]
-    values = [rows[:, part][face, place] for rows, _ in tables]
+        row, face = np.nonzero(exists.T)
+    program_rows = [label.program_rows for label in labels]
+    values = [rows[:, part][face, row] for rows, _ in program_rows]
     terms = [
         (sheet.column(face, resultant), [value[:, j] for value in values]) for j, resultant in enumerate(sets._core)
     ]
-    sheet.add(face, terms, [sides[:, part][face, place] for _, sides in tables])
+    sheet.add(face, terms, [sides[:, part][face, row] for _, sides in program_rows])
 
 
 def _shear_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> None:
@@ -610,10 +614,10 @@ def _shear_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> None:
         sheet.add(face, terms, _capacities(labels, face, 0), limits_shear=True)
 
 
-def _capacities(labels: tuple[LabelRows, ...], face: Ints, which: int) -> list[Floats]:
+def _capacities(labels: tuple[LabelRows, ...], face: Ints, gauge: int) -> list[Floats]:
     """Return the right-hand sides of gauges; 1 keeps rows of a resultant idle that a label leaves out."""
-    parts = [(label, label.c[face, which] / label.gauge_sizes[face, which]) for label in labels]
-    return [np.where(one.held[face, which], c, 1.0) for one, c in parts]
+    capacities = [(label, label.c[face, gauge] / label.gauge_sizes[face, gauge]) for label in labels]
+    return [np.where(label.resists[face, gauge], c, 1.0) for label, c in capacities]
 
 
 def _gauge_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> list[tuple[Ints, list[Row]]]:
@@ -622,31 +626,32 @@ def _gauge_rows(sheet: Sheet, labels: tuple[LabelRows, ...]) -> list[tuple[Ints,
     # k mT have rows of their own. Where nothing twists, |B V| ≤ c + μN needs no variable.
     twists = np.any([label.k[:, 1] > 0.0 for label in labels], axis=0)
     shears = np.any([label.B.any(axis=(1, 2)) for label in labels], axis=0)
-    face, single = np.flatnonzero(twists), np.flatnonzero(~twists & shears)
+    face, shear_only = np.flatnonzero(twists), np.flatnonzero(~twists & shears)
     bound = sheet.new_columns(len(face))
-    alone = not all(label.coupled.all() for label in labels)
-    for which, sign in [(1, 1.0), (1, -1.0)] + [(0, 0.0)] * alone:
-        parts = [(label, label.gauge_sizes[face, which]) for label in labels]
+    separate_gauges = not all(label.coupled.all() for label in labels)
+    for gauge, sign in [(1, 1.0), (1, -1.0)] + [(0, 0.0)] * separate_gauges:
+        sizes = [(label, label.gauge_sizes[face, gauge]) for label in labels]
         terms = [
-            (sheet.column(face, 0), [-one.mu[face, which] / size for one, size in parts]),
-            (sheet.column(face, 5), [sign * one.k[face, 1] / size for one, size in parts]),
-            (bound, [np.where(one.coupled[face] | (which == 0), 1.0, 0.0) / size for one, size in parts]),
+            (sheet.column(face, 0), [-label.mu[face, gauge] / size for label, size in sizes]),
+            (sheet.column(face, 5), [sign * label.k[face, 1] / size for label, size in sizes]),
+            (bound, [np.where(label.coupled[face] | (gauge == 0), 1.0, 0.0) / size for label, size in sizes]),
         ]
-        sheet.add(face, terms, _capacities(labels, face, which), limits_shear=True)
+        sheet.add(face, terms, _capacities(labels, face, gauge), limits_shear=True)
     cones: list[tuple[Ints, list[Row]]] = []
     minus = [-np.ones(len(face))] * len(labels)
-    held = [np.where(label.held[face, 0], 0.0, 1.0) for label in labels]
-    for own, scale, first in (
-        (face, [1.0] * len(labels), ([(bound, minus)], held)),
-        (single, [label.gauge_sizes[single, 0] for label in labels], None),
+    right_sides = [np.where(label.resists[face, 0], 0.0, 1.0) for label in labels]
+    for faces, scale, first in (
+        (face, [1.0] * len(labels), ([(bound, minus)], right_sides)),
+        (shear_only, [label.gauge_sizes[shear_only, 0] for label in labels], None),
     ):
         if first is None:
-            values = [-one.mu[own, 0] / size for one, size in zip(labels, scale, strict=True)]
-            first = [(sheet.column(own, 0), values)], _capacities(labels, own, 0)
+            values = [-label.mu[faces, 0] / size for label, size in zip(labels, scale, strict=True)]
+            first = [(sheet.column(faces, 0), values)], _capacities(labels, faces, 0)
         rows: list[Row] = [first]
         for i in (0, 1):
-            both = [[-one.B[own, i, j] / size for one, size in zip(labels, scale, strict=True)] for j in (0, 1)]
-            terms = [(sheet.column(own, 1 + j), values) for j, values in enumerate(both)]
-            rows.append((terms, [np.zeros(len(own))] * len(labels)))
-        cones.append((own, rows))
+            pairs = list(zip(labels, scale, strict=True))
+            by_axis = [[-label.B[faces, i, j] / size for label, size in pairs] for j in (0, 1)]
+            terms = [(sheet.column(faces, 1 + j), values) for j, values in enumerate(by_axis)]
+            rows.append((terms, [np.zeros(len(faces))] * len(labels)))
+        cones.append((faces, rows))
     return cones

@@ -54,21 +54,21 @@ class Bending:
     def table(self, *, dry: bool) -> tuple[Floats, Floats, Bools]:
         """Return the rows and corners (m, e, 2) of one label by faces, and a mask (m, e) of those that a face has."""
         counts, face = np.diff(self.start), self.face
-        used = np.arange(int(counts.max(initial=0))) < counts[:, None]
-        found = []
+        has_row = np.arange(int(counts.max(initial=0))) < counts[:, None]
+        tables = []
         for values in (self.dry, self.dry_corners) if dry else (self.inner, self.inner_corners):
-            table = np.zeros((*used.shape, 2))
+            table = np.zeros((*has_row.shape, 2))
             table[face, np.arange(len(face)) - self.start[face]] = values
-            found.append(table)
-        return found[0], found[1], used
+            tables.append(table)
+        return tables[0], tables[1], has_row
 
     def solids(self, faces: Ints) -> Floats:
         """Return the corners (k, p, 3) of the solids of some crushed faces, filled up with the first one."""
         counts = np.diff(self.crush_start)
-        places = np.arange(int(counts.max(initial=0)))
-        own = np.searchsorted(self.crushed, faces)
-        at = self.crush_start[own][:, None] + np.where(places < counts[own][:, None], places, 0)
-        return np.asarray(self.crush_corners[at])
+        number = np.arange(int(counts.max(initial=0)))
+        rank = np.searchsorted(self.crushed, faces)
+        position = self.crush_start[rank][:, None] + np.where(number < counts[rank][:, None], number, 0)
+        return np.asarray(self.crush_corners[position])
 
 
 # Rows c of a rectangle with uncoupled moments, in order of angle
@@ -84,29 +84,32 @@ def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, cru
     # A point has 1 row, a rectangle 4, any other face 1 per edge of its hull.
     rectangle = faces.rectangle & ~point
     count = np.where(point, 1, 4)
-    general = np.flatnonzero(~rectangle & ~point)
-    outlines = local_hulls(faces, general)
-    count[general] = [len(outline) for outline in outlines]
+    other_faces = np.flatnonzero(~rectangle & ~point)
+    outlines = local_hulls(faces, other_faces)
+    count[other_faces] = [len(outline) for outline in outlines]
     start = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     dry, inner, dry_corners, inner_corners = (np.zeros((start[-1], 2)) for _ in range(4))
-    place = start[:-1][rectangle][:, None] + np.arange(4)
-    dry[place], dry_corners[place] = _SIDES, _DIAGONALS
+    rows_of_rectangle = start[:-1][rectangle][:, None] + np.arange(4)
+    dry[rows_of_rectangle], dry_corners[rows_of_rectangle] = _SIDES, _DIAGONALS
     rows, corners = (_DIAGONALS, _TIPS) if inner_bending == "kern" else (_SIDES, _DIAGONALS)
-    inner[place], inner_corners[place] = 3.0 * rows, corners / 3.0
-    for position, outline in zip(general.tolist(), outlines, strict=True):
-        part = slice(start[position], start[position + 1])
+    inner[rows_of_rectangle], inner_corners[rows_of_rectangle] = 3.0 * rows, corners / 3.0
+    for face, outline in zip(other_faces.tolist(), outlines, strict=True):
+        rows_of_face = slice(start[face], start[face + 1])
         # Moments are scaled by half the sizes of the face.
-        scale = 0.5 * np.array([faces.l2[position], faces.l1[position]])
+        scale = 0.5 * np.array([faces.l2[face], faces.l1[face]])
         edges = polygons.hull_rows(outline)
-        dry[part] = -edges[:, 1:] / edges[:, :1] * scale
-        inner[part] = -_kern(faces, position, outline)[:, 1:] * scale
-        dry_corners[part], inner_corners[part] = _between(dry[part]), _between(inner[part])
-    chosen = np.flatnonzero(crushed & ~point)
+        dry[rows_of_face] = -edges[:, 1:] / edges[:, :1] * scale
+        inner[rows_of_face] = -_kern(faces, face, outline)[:, 1:] * scale
+        dry_corners[rows_of_face], inner_corners[rows_of_face] = (
+            _between(dry[rows_of_face]),
+            _between(inner[rows_of_face]),
+        )
+    crushing = np.flatnonzero(crushed & ~point)
     solids = [
         _rectangle_solid(inner_corners[start[f] : start[f + 1]])
         if rectangle[f]
         else _solid(inner[start[f] : start[f + 1]])
-        for f in chosen.tolist()
+        for f in crushing.tolist()
     ]
     return Bending(
         start=start,
@@ -114,7 +117,7 @@ def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, cru
         inner=inner,
         dry_corners=dry_corners,
         inner_corners=inner_corners,
-        crushed=chosen,
+        crushed=crushing,
         crush_start=np.concatenate([[0], np.cumsum([len(solid) for solid in solids])]).astype(np.int64),
         crush_corners=np.concatenate(solids) if solids else np.zeros((0, 3)),
     )
@@ -125,11 +128,11 @@ def _local(faces: Interfaces, face: int) -> Floats:
     return np.asarray((faces.polygon[face] - faces.origin[face]) @ np.array([faces.e1[face], faces.e2[face]]).T)
 
 
-def local_hulls(faces: Interfaces, which: Ints) -> list[Floats]:
+def local_hulls(faces: Interfaces, rows: Ints) -> list[Floats]:
     """Return the convex hulls of some faces in their own frames: corners, counter-clockwise, scene units."""
-    local = [_local(faces, face) for face in which.tolist()]
+    corners = [_local(faces, face) for face in rows.tolist()]
     # Take the hull first: the outline of a face with a hole passes its bridges twice.
-    return polygons.without_idle_corners(polygons.hulls(local), tolerances.FACE)
+    return polygons.without_idle_corners(polygons.hulls(corners), tolerances.FACE)
 
 
 def _kern(faces: Interfaces, face: int, outline: Floats) -> Floats:
@@ -140,9 +143,9 @@ def _kern(faces: Interfaces, face: int, outline: Floats) -> Floats:
 
 def _between(rows: Floats) -> Floats:
     """Return the corners (h, 2) of the polygon {m : c·m ≤ 1}, each between a row (h, 2) and the next."""
-    onward = np.roll(rows, -1, axis=0)
-    cross = rows[:, 0] * onward[:, 1] - rows[:, 1] * onward[:, 0]
-    return np.column_stack([onward[:, 1] - rows[:, 1], rows[:, 0] - onward[:, 0]]) / cross[:, None]
+    following = np.roll(rows, -1, axis=0)
+    cross = rows[:, 0] * following[:, 1] - rows[:, 1] * following[:, 0]
+    return np.column_stack([following[:, 1] - rows[:, 1], rows[:, 0] - following[:, 0]]) / cross[:, None]
 
 
 def _rectangle_solid(corners: Floats) -> Floats:
@@ -153,13 +156,13 @@ def _rectangle_solid(corners: Floats) -> Floats:
 
 def _solid(rows: Floats) -> Floats:
     """Return the corners (k, 3) of {(ν, m1, m2) : ν − 1 ≤ c·m ≤ ν} for rows (h, 2), of any inner face that crushes."""
-    one = np.ones(len(rows))
-    lower = np.column_stack([-one, rows, 0.0 * one])
-    upper = np.column_stack([one, -rows, -one])
+    ones = np.ones(len(rows))
+    lower = np.column_stack([-ones, rows, 0.0 * ones])
+    upper = np.column_stack([ones, -rows, -ones])
     from scipy.spatial import HalfspaceIntersection  # slow to import, and only spatial scenes need it
 
-    found = HalfspaceIntersection(np.concatenate([lower, upper]), np.array([0.5, 0.0, 0.0])).intersections
-    return np.asarray(found[np.all(np.isfinite(found), axis=1)])
+    intersections = HalfspaceIntersection(np.concatenate([lower, upper]), np.array([0.5, 0.0, 0.0])).intersections
+    return np.asarray(intersections[np.all(np.isfinite(intersections), axis=1)])
 
 
 _ROUTE: Final = Route("the standard yield set")
@@ -175,53 +178,56 @@ _SOLID: Final = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 1.0 / 6.0
 
 def standard_rows(side: Side, bending: Bending | None, point: Bools, late: int, *, dry: bool) -> LabelRows:
     """Return the standard criterion under one label as rows; the last `late` of each limit compression."""
-    count, unit = len(side.tension), np.ones(len(side.tension))
+    count, ones = len(side.tension), np.ones(len(side.tension))
     scale = np.where(point, 1.0, 1.0 if dry else 3.0)
     curved = dry & np.isfinite(side.crush)
     acting = np.ones((count, 3), dtype=bool)
     if bending is None:
         edges = scale[:, None, None] * _PAIR
         corners, used = _PAIR / scale[:, None, None], np.ones((count, 2), dtype=bool)
-        stands, acting[:, 1] = used, False
+        is_row, acting[:, 1] = used, False
     else:
         edges, corners, used = bending.table(dry=dry)
         # The effective rectangle of a face that crushes implies its rows.
-        stands, acting[point, 1:] = used & ~curved[:, None], False
+        is_row, acting[point, 1:] = used & ~curved[:, None], False
     # Rows are divided by the factor of the moments, so that coefficients are about 1.
-    C, d = _lines(1.0, -edges, stands, scale), stands * (side.tension / scale)[:, None]
+    C, d = _lines(1.0, -edges, is_row, scale), is_row * (side.tension / scale)[:, None]
     vertices = np.zeros((count, 1, 3))
     if late:
-        tops = np.flatnonzero(np.isfinite(side.crush) & ~curved)
-        last, solids = (edges[:, ::-1], _SOLID) if bending is None else (edges, bending.solids(tops))
-        has, ends = np.zeros((count, late), dtype=bool), np.zeros((count, late))
-        has[tops] = used[tops]
-        ends[tops] = used[tops] * (side.crush / scale)[tops, None]
-        C, d = np.concatenate([C, _lines(-1.0, last, has, scale)], axis=1), np.concatenate([d, ends], axis=1)
-        if tops.size:
+        capped = np.flatnonzero(np.isfinite(side.crush) & ~curved)
+        cap_edges, solids = (edges[:, ::-1], _SOLID) if bending is None else (edges, bending.solids(capped))
+        is_cap, constants_of_caps = np.zeros((count, late), dtype=bool), np.zeros((count, late))
+        is_cap[capped] = used[capped]
+        constants_of_caps[capped] = used[capped] * (side.crush / scale)[capped, None]
+        C, d = (
+            np.concatenate([C, _lines(-1.0, cap_edges, is_cap, scale)], axis=1),
+            np.concatenate([d, constants_of_caps], axis=1),
+        )
+        if capped.size:
             vertices = np.zeros((count, solids.shape[-2], 3))
-            vertices[tops] = (side.crush + side.tension)[tops, None, None] * solids
+            vertices[capped] = (side.crush + side.tension)[capped, None, None] * solids
     vertices[..., 0] -= side.tension[:, None]
     return LabelRows(
         C=C,
         d=d,
         B=np.broadcast_to(np.eye(2), (count, 2, 2)),
-        k=np.column_stack([unit, np.where(point, 0.0, unit)]),
+        k=np.column_stack([ones, np.where(point, 0.0, ones)]),
         c=np.repeat(side.shear[:, None], 2, axis=1),
         mu=np.repeat(side.friction[:, None], 2, axis=1),
         coupled=np.ones(count, dtype=bool),
         vertices=vertices,
-        rays=_lines(1.0, corners, used & np.isinf(side.crush)[:, None], unit),
+        rays=_lines(1.0, corners, used & np.isinf(side.crush)[:, None], ones),
         kind=np.zeros(count, dtype=np.int64),
         acting=acting,
     )
 
 
-def _lines(normal: float, moments: Floats, used: Bools, scale: Floats) -> Floats:
+def _lines(normal: float, moments: Floats, is_used: Bools, scale: Floats) -> Floats:
     """Return vectors (normal, moments) / scale (m, e, 3) from moments (m, e, 2); zeros where not `used` (m, e)."""
-    found = np.empty((*used.shape, 3))
-    found[..., 0], found[..., 1:] = normal, moments
-    found *= (used / scale[:, None])[..., None]
-    return found
+    vectors = np.empty((*is_used.shape, 3))
+    vectors[..., 0], vectors[..., 1:] = normal, moments
+    vectors *= (is_used / scale[:, None])[..., None]
+    return vectors
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,15 +245,15 @@ class StandardYield(RowYield):
         # max(c − μ σtA, τA − μ_inner σtA). With compressive strengths, or where inner faces have more friction, the
         # rows enclose the hull: bending without crushing, and in space a limit on N where both labels have one.
         (dry, inner), late = _sides(self.numbers, self.point), self.late
-        most = np.maximum(dry.friction, inner.friction)
-        wide = np.maximum(inner.shear - inner.friction * inner.tension, dry.shear - most * inner.tension)
-        side = Side(inner.tension, wide + most * inner.tension, most, np.full(len(most), np.inf))
+        friction = np.maximum(dry.friction, inner.friction)
+        shear = np.maximum(inner.shear - inner.friction * inner.tension, dry.shear - friction * inner.tension)
+        side = Side(inner.tension, shear + friction * inner.tension, friction, np.full(len(friction), np.inf))
         rows = standard_rows(side, self.bending, self.point, late, dry=True)
         if late and self.dimension == 3:
             capped = np.flatnonzero(np.isfinite(dry.crush) & np.isfinite(inner.crush))
-            last = np.any(rows.C[capped, :-late] != 0.0, axis=2)
-            rows.C[capped, -late:, 0] = -(last / np.maximum(dry.crush, inner.crush)[capped, None])
-            rows.d[capped, -late:] = last
+            has_cap = np.any(rows.C[capped, :-late] != 0.0, axis=2)
+            rows.C[capped, -late:, 0] = -(has_cap / np.maximum(dry.crush, inner.crush)[capped, None])
+            rows.d[capped, -late:] = has_cap
         return replace(rows, sized=self.dry)
 
     @cached_property
@@ -273,11 +279,11 @@ class StandardYield(RowYield):
         return np.asarray(labels | self.point)
 
     def friction_of(self, labels: Bits) -> Floats:
-        return np.array(self._of(labels, "mu")[:, 0])
+        return np.array(self._by_label(labels, "mu")[:, 0])
 
     def capacity_of(self, labels: Bits) -> Floats:
         """Return the scaled shear capacity (m,) of each face at N = 0."""
-        return np.array(self._of(labels, "c")[:, 0])
+        return np.array(self._by_label(labels, "c")[:, 0])
 
     def shear_of(self, forces: Floats) -> Floats:
         """Return the shear demand (m,) of resultants (m, q): |V|, in space |V| + |mT|, but |V| at points."""
@@ -292,13 +298,13 @@ class StandardYield(RowYield):
 
     def with_friction(self, share: float) -> StandardYield:
         """Return a copy with all friction coefficients multiplied by `share`, for proofs alone."""
-        return self._sliding(lambda one: replace(one, mu=share * one.mu))
+        return self._with_shear(lambda one: replace(one, mu=share * one.mu))
 
     def without_shear_limit(self) -> StandardYield:
         """Return a copy without any limit on shear, for proofs of bending alone."""
-        return self._sliding(lambda one: replace(one, c=0.0 * one.c, mu=0.0 * one.mu))
+        return self._with_shear(lambda one: replace(one, c=0.0 * one.c, mu=0.0 * one.mu))
 
-    def _sliding(self, change: Callable[[LabelRows], LabelRows]) -> StandardYield:
+    def _with_shear(self, change: Callable[[LabelRows], LabelRows]) -> StandardYield:
         return replace(self, dry=change(self.dry), inner=change(self.inner))
 
     def parabolic_bending(self, *, undecided: bool) -> ParabolicBending | None:
@@ -309,24 +315,24 @@ class StandardYield(RowYield):
         if undecided:
             return parabolic_hull(*_sides(self.numbers, self.point), crushed)
         c, mu = self.dry.c[crushed, 0], self.dry.mu[crushed, 0]
-        one, none, size = np.ones(len(crushed)), np.zeros(len(crushed)), self.dry.gauge_sizes[crushed, 0]
-        slide = [mu / size, one / size, c / size]
-        rows = np.array([[one, one, none], slide, [none, none, one]]).transpose(2, 0, 1)
+        ones, zeros, size = np.ones(len(crushed)), np.zeros(len(crushed)), self.dry.gauge_sizes[crushed, 0]
+        shear_row = [mu / size, ones / size, c / size]
+        rows = np.array([[ones, ones, zeros], shear_row, [zeros, zeros, ones]]).transpose(2, 0, 1)
         # Where nothing resists shear V is dropped; its row must stay inactive.
-        rows[~self.dry.held[crushed, 0], 1] = (0.0, 1.0, 1.0)
-        return ParabolicBending(crushed, np.column_stack([1.0 / limit, none]), rows)
+        rows[~self.dry.resists[crushed, 0], 1] = (0.0, 1.0, 1.0)
+        return ParabolicBending(crushed, np.column_stack([1.0 / limit, zeros]), rows)
 
     def coulomb_wedge(self, dry: bool) -> CoulombWedge | None:
         """Return the planar sets of one label as wedges; None if any face has a limit on N."""
-        one = self.dry if dry else self.inner
+        rows = self.dry if dry else self.inner
         if self.dimension == 3 or not (self.dry.endless.all() and self.inner.endless.all()):
             return None
-        return CoulombWedge(-one.vertices[:, 0, 0], 1.0 if dry else 3.0, one.mu[:, 0], one.c[:, 0])
+        return CoulombWedge(-rows.vertices[:, 0, 0], 1.0 if dry else 3.0, rows.mu[:, 0], rows.c[:, 0])
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
         # C is (m, 4, 3) and d (m, 4). Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient
         # is a given number or a small integer.
-        if self.dimension == 3 or not self._of(labels, "endless").all():
+        if self.dimension == 3 or not self._by_label(labels, "endless").all():
             return None
         rows, constants = np.zeros((len(labels), 4, 3)), np.zeros((len(labels), 4))
         rows[:, :2, 0] = 1.0
@@ -360,7 +366,9 @@ def _sides(numbers: Strengths, point: Bools) -> tuple[Side, Side]:
     """Return the numbers of dry and of inner faces; points (m,) are dry under either label."""
     dry, inner = (numbers.side(dry=label) for label in (True, False))
     if point.any():
-        inner = Side(*(np.where(point, getattr(dry, one.name), getattr(inner, one.name)) for one in fields(Side)))
+        inner = Side(
+            *(np.where(point, getattr(dry, number.name), getattr(inner, number.name)) for number in fields(Side))
+        )
     return dry, inner
 
 
@@ -386,9 +394,9 @@ def standard_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBen
         return _standard_yield(numbers, None, np.zeros(len(faces), dtype=bool))
     point = np.array([len(polygon) == 1 for polygon in faces.polygon], dtype=bool)
     dry = strengths.side(dry=True)
-    odd = np.flatnonzero(np.isfinite(dry.crush) & ~np.isnan(dry.friction) & ~faces.rectangle)
-    if odd.size:
-        problem = f"face {assembly.pair(odd[0])} is no rectangle"
+    irregular = np.flatnonzero(np.isfinite(dry.crush) & ~np.isnan(dry.friction) & ~faces.rectangle)
+    if irregular.size:
+        problem = f"face {assembly.pair(irregular[0])} is no rectangle"
         raise InputError(f"{key_of('dry', 'crush')} of dry faces", problem, "rectangles only")
     return _standard_yield(
         numbers, bending_of(faces, point, inner_bending, np.isfinite(numbers.side(dry=False).crush)), point
@@ -403,6 +411,8 @@ def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
         free = np.isinf(stress)
         return np.where(free, np.inf, np.nan_to_num(np.where(free, 0.0, stress)) * unit)
 
-    found = strengths.changed(scaled, np.nan_to_num)
-    ends = {name: np.where(unit > 0.0, value, np.inf) for name, value in found.stresses.items() if name in ENDS}
-    return replace(found, **ends)
+    scaled_values = strengths.changed(scaled, np.nan_to_num)
+    uncrushable = {
+        name: np.where(unit > 0.0, value, np.inf) for name, value in scaled_values.stresses.items() if name in ENDS
+    }
+    return replace(scaled_values, **uncrushable)

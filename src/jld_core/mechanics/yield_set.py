@@ -246,11 +246,11 @@ def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
         ("materials.inner", inner, strengths.tension + strengths.shear),
     ):
         name = key.split(".")[1]
-        own = [criterion.faces for criterion in assembly.face_strengths.criteria if criterion.label == name]
-        lacking = np.flatnonzero(mask & np.isnan(values) & ~np.any([~mask & mask, *own], axis=0))
-        if lacking.size:
-            face = assembly.pair(lacking[0])
-            if any(one.any() for one in own):
+        of_criteria = [criterion.faces for criterion in assembly.face_strengths.criteria if criterion.label == name]
+        missing = np.flatnonzero(mask & np.isnan(values) & ~np.any([~mask & mask, *of_criteria], axis=0))
+        if missing.size:
+            face = assembly.pair(missing[0])
+            if any(faces.any() for faces in of_criteria):
                 remedy = "all strengths of it, or a criterion of its own"
                 raise InputError(key, f"it has a criterion, and face {face} states single strengths beside it", remedy)
             raise InputError(key, "missing", f"this material, since face {face} may be {name}")
@@ -283,34 +283,37 @@ class Sheet:
         face: Ints,
         terms: list[Term],
         sides: list[Floats],
-        place: Ints | None = None,
+        rows: Ints | None = None,
         *,
         limits_shear: bool = False,
     ) -> None:
         """Add one row for each face (k,), by default after the present ones; limits_shear: the first term is −μN."""
-        if place is None:
-            place = self.rows + np.arange(len(face))
+        if rows is None:
+            rows = self.rows + np.arange(len(face))
             self.rows += len(face)
-        for number, (column, values) in enumerate(terms):
-            table = np.array(values[: self.sets])
+        for k, (column, values) in enumerate(terms):
+            coefficients = np.array(values[: self.sets])
             # Planar entries stay if they are zero: they hold the columns of a face together.
-            used = np.any(table != 0.0, axis=0)
-            if used.all() or (limits_shear and self.freedoms == 3):
-                entries = place, column, face, table
+            nonzero = np.any(coefficients != 0.0, axis=0)
+            if nonzero.all() or (limits_shear and self.freedoms == 3):
+                entries = rows, column, face, coefficients
             else:
-                entries = place[used], column[used], face[used], table[:, used]
+                entries = rows[nonzero], column[nonzero], face[nonzero], coefficients[:, nonzero]
             if len(entries[0]):
                 self._entries.append(entries)
-            if limits_shear and number == 0:
+            if limits_shear and k == 0:
                 self._capacity.append(self._length + np.arange(len(entries[0])))
             self._length += len(entries[0])
-        self._sides.append((place, face, np.array(sides[: self.sets])))
+        self._sides.append((rows, face, np.array(sides[: self.sets])))
 
     def cones(self, face: Ints, rows: list[Row], *, limits_shear: bool = False) -> None:
         """Add one second-order cone per face (k,); limits_shear: True if its first row begins with −μN."""
         for offset, (terms, sides) in enumerate(rows):
-            place, limits = self.rows + len(rows) * np.arange(len(face)) + offset, limits_shear and offset == 0
-            self.add(face, terms, sides, place, limits_shear=limits)
+            cone_rows, with_friction = (
+                self.rows + len(rows) * np.arange(len(face)) + offset,
+                limits_shear and offset == 0,
+            )
+            self.add(face, terms, sides, cone_rows, limits_shear=with_friction)
         self.rows += len(rows) * len(face)
         self._cones += len(face)
 
@@ -320,7 +323,7 @@ class Sheet:
         order = np.argsort(np.concatenate([rows for rows, _, _ in self._sides]))
         h = np.concatenate([side for _, _, side in self._sides], axis=1)[:, order]
         # sets: dry, inner, and a third that encloses both where there is one
-        plain = RowPattern(
+        of_labels = RowPattern(
             row=row,
             column=column,
             face=face,
@@ -334,4 +337,7 @@ class Sheet:
             capacity=np.concatenate([np.zeros(0, dtype=np.int64), *self._capacity]),
             extra=self.extra,
         )
-        return plain, *(replace(plain, dry=both, h_dry=h_both) for both, h_both in zip(values[2:], h[2:], strict=True))
+        return of_labels, *(
+            replace(of_labels, dry=enclosing, h_dry=h_enclosing)
+            for enclosing, h_enclosing in zip(values[2:], h[2:], strict=True)
+        )

@@ -51,9 +51,9 @@ class FieldResult(Result):
     @property
     def decided(self) -> Governing:
         """Return the governing factor, the least lower bound over load cases of λ / required."""
-        known = [case_bounds_of(bounds) for bounds in self.cases.values()]
-        found = governing(known, self.assembly.required.tolist())
-        return Governing(found.status, found.low, found.high, found.low, found.case)
+        case_bounds = [case_bounds_of(bounds) for bounds in self.cases.values()]
+        outcome = governing(case_bounds, self.assembly.required.tolist())
+        return Governing(outcome.status, outcome.low, outcome.high, outcome.low, outcome.case)
 
     @property
     def governing_case(self) -> tuple[Assembly, Bits, FieldBounds]:
@@ -94,15 +94,15 @@ class FieldResult(Result):
     def _reversed(self) -> list[tuple[float, float]]:
         """Return bounds on the least λ of each load case."""
         return [
-            least_by_fields(alone, self.labels, bounds, max(self.seconds["total"], _LEAST_SECONDS))
-            for alone, bounds in zip(self.assembly.by_case, self.cases.values(), strict=True)
+            least_by_fields(case, self.labels, bounds, max(self.seconds["total"], _LEAST_SECONDS))
+            for case, bounds in zip(self.assembly.by_case, self.cases.values(), strict=True)
         ]
 
     @property
     def stands_at_zero(self) -> bool | None:  # type: ignore[override]
         """Return whether the structure stands without live load in every case; None where undecided."""
-        known = [stands_by(bounds, least) for bounds, least in zip(self.cases.values(), self._reversed, strict=True)]
-        return False if False in known else None if None in known else True
+        stands = [stands_by(bounds, least) for bounds, least in zip(self.cases.values(), self._reversed, strict=True)]
+        return False if False in stands else None if None in stands else True
 
     @property
     def least_bracket(self) -> tuple[float, float]:  # type: ignore[override]
@@ -128,7 +128,7 @@ class FieldResult(Result):
 
     def to_json(self) -> dict[str, Any]:
         """Return the object that `jld solve --cracks fields --json` prints, see `Result.to_json`."""
-        found, several = self.decided, bool(self.assembly.cases)
+        outcome, has_cases = self.decided, bool(self.assembly.cases)
         ids, faces = self.assembly.elements.ids, self.assembly.interfaces
         first = next(iter(self.cases.values()))
         return {
@@ -143,10 +143,10 @@ class FieldResult(Result):
             **self.facts,
             **(
                 {
-                    "governing": list(self.cases)[found.case],
+                    "governing": list(self.cases)[outcome.case],
                     "cases": {name: _bounds_to_json(bounds) for name, bounds in self.cases.items()},
                 }
-                if several
+                if has_cases
                 else {key: value for key, value in _bounds_to_json(first).items() if key in (first.shape, "history")}
             ),
             "faces": [
@@ -156,26 +156,26 @@ class FieldResult(Result):
         }
 
     def facts_in_words(self) -> dict[str, str]:
-        found, several = self.decided, bool(self.assembly.cases)
-        width = _width(found.low, found.high)
-        bracket = f"{_shown(found.low)} {_shown(found.high)}"
+        outcome, has_cases = self.decided, bool(self.assembly.cases)
+        width = _width(outcome.low, outcome.high)
+        bracket = f"{_shown(outcome.low)} {_shown(outcome.high)}"
         facts = {
             "cracks": cracks_in_words(self.cracks),
-            "status": str(found.status),
-            **({"governing": list(self.cases)[found.case]} if several else {}),
-            "λ / required" if several else "λ": _shown(found.load_factor),
+            "status": str(outcome.status),
+            **({"governing": list(self.cases)[outcome.case]} if has_cases else {}),
+            "λ / required" if has_cases else "λ": _shown(outcome.load_factor),
             "bracket": bracket + (f"   (relative width {width:.1e})" if math.isfinite(width) else ""),
         }
         if self.reason:
             facts["reason"] = self.reason
         for (name, bounds), required in zip(self.cases.items(), self.assembly.required, strict=True):
             ends = f"{_shown(bounds.lower)} {_shown(bounds.upper)}"
-            if several:
+            if has_cases:
                 facts[f"λ {name}"] = f"{ends} of {required:g} required ({bounds.status.value})"
         facts |= tilt_in_words(self.facts)
         facts["stands at 0"] = stands_in_words(self)
-        every = list(self.cases.values())
-        facts[every[0].shape] = ", ".join(str(one.simplices) for one in every)
+        all_bounds = list(self.cases.values())
+        facts[all_bounds[0].shape] = ", ".join(str(bounds.simplices) for bounds in all_bounds)
         facts["seconds"] = f"{self.seconds['total']:.3g}"
         return facts
 
@@ -223,27 +223,32 @@ def solve_by_fields(
     Formulas: docs/method.md (9.6) to (9.12), in space (10.1) to (10.6).
     """
     start = time.process_time()
-    own = labels_of(assembly, labels)
+    checked_labels = labels_of(assembly, labels)
     names = [case.name for case in assembly.cases] or [""]
     cases = {
-        name: bounds_by_fields(one, own, gap=gap, seconds=seconds)
-        for name, one in zip(names, assembly.by_case, strict=True)
+        name: bounds_by_fields(case, checked_labels, gap=gap, seconds=seconds)
+        for name, case in zip(names, assembly.by_case, strict=True)
     }
-    spent = {"total": time.process_time() - start}
-    return FieldResult(assembly, own, FieldCracks(kind="fields", gap=gap), cases, spent)
+    seconds_spent = {"total": time.process_time() - start}
+    return FieldResult(assembly, checked_labels, FieldCracks(kind="fields", gap=gap), cases, seconds_spent)
 
 
 def _bounds_to_json(bounds: FieldBounds) -> dict[str, Any]:
-    known = case_bounds_of(bounds)
+    case_bounds = case_bounds_of(bounds)
     return {
-        "load_factor": number(known.low),
-        "bracket": [number(known.low), number(known.high)],
-        "gap": number(_width(known.low, known.high)),
-        "status": str(known.status),
+        "load_factor": number(case_bounds.low),
+        "bracket": [number(case_bounds.low), number(case_bounds.high)],
+        "gap": number(_width(case_bounds.low, case_bounds.high)),
+        "status": str(case_bounds.status),
         bounds.shape: bounds.simplices,
         "history": [
-            {bounds.shape: s.simplices, "lower": number(s.lower), "upper": number(s.upper), "seconds": s.seconds}
-            for s in bounds.history
+            {
+                bounds.shape: step.simplices,
+                "lower": number(step.lower),
+                "upper": number(step.upper),
+                "seconds": step.seconds,
+            }
+            for step in bounds.history
         ],
     }
 
@@ -253,7 +258,7 @@ def _width(low: float, high: float) -> float:
     return (high - low) / max(abs(high), abs(low), 1e-300)
 
 
-def least_by_fields(alone: Assembly, labels: Bits, bounds: FieldBounds, seconds: float) -> tuple[float, float]:
+def least_by_fields(case: Assembly, labels: Bits, bounds: FieldBounds, seconds: float) -> tuple[float, float]:
     """Bound the least λ, maybe below 0, within `seconds`, from below and above; NaN where unknown.
 
     bounds: those of the largest λ.
@@ -262,13 +267,13 @@ def least_by_fields(alone: Assembly, labels: Bits, bounds: FieldBounds, seconds:
     # the sign. Below an upper bound under 0 the structure falls anyway; without dead load it stands at λ = 0.
     if bounds.upper < 0.0:
         return math.nan, math.nan
-    if not alone.dead_loads:
+    if not case.dead_loads:
         return 0.0, 0.0
     if not math.isfinite(bounds.lower):
         return math.nan, math.nan
-    back = replace(alone, live_loads=-1.0 * alone.live_loads)
-    other = next(iter(solve_by_fields(back, labels, gap=_COARSE, seconds=seconds).cases.values()))
-    low, high = -other.upper, -other.lower
+    reversed_case = replace(case, live_loads=-1.0 * case.live_loads)
+    reversed_bounds = next(iter(solve_by_fields(reversed_case, labels, gap=_COARSE, seconds=seconds).cases.values()))
+    low, high = -reversed_bounds.upper, -reversed_bounds.lower
     return low if math.isfinite(low) else math.nan, high if math.isfinite(high) else math.nan
 
 

@@ -59,9 +59,9 @@ def require_cracks(assembly: Assembly, model: Model | None = None) -> None:
     if not isinstance(assembly.cracks, FieldCracks):
         return
     model = model or Model()
-    asked = [*model.beyond_whole_faces]
-    asked += [name for name in ("condense", "solver") if getattr(model, name) != getattr(Model, name)]
-    for name in asked:
+    unsupported = [*model.beyond_whole_faces]
+    unsupported += [name for name in ("condense", "solver") if getattr(model, name) != getattr(Model, name)]
+    for name in unsupported:
         raise ParameterError(name, "cracks by fields do not support it", "the default, or cracks by faces")
     from jld_core.fields.problem import require_fields  # `jld check` without fields is to start quickly
 
@@ -152,9 +152,9 @@ class CaseAnalysis:
     ) -> None:
         self.assembly, self.model = assembly, model or Model()
         self._reference = assembly.labels if reference is None else reference
-        self._single = single_labelling
-        self._turn = threading.Lock()  # A limit analysis may be used by one thread at a time.
-        self._kept = None if single_labelling else [self._analysis(case) for case in assembly.by_case]
+        self._single_labelling = single_labelling
+        self._lock = threading.Lock()  # A limit analysis may be used by one thread at a time.
+        self._analyses_of_cases = None if single_labelling else [self._analysis(case) for case in assembly.by_case]
 
     def solve(self, labels: Bits, *, stands: bool = False) -> LimitAnalysisResult:
         """Solve one labelling under every load case.
@@ -164,36 +164,38 @@ class CaseAnalysis:
         Raises InputError if a material that the labelling needs is missing, or the solver does not accept the programs.
         """
         require_materials(self.assembly, labels, ~labels)
-        with self._turn:
-            found = [self._solve_case(analysis, labels, stands) for analysis in self._analyses()]
+        with self._lock:
+            results = [self._solve_case(analysis, labels, stands) for analysis in self._analyses()]
         if not self.assembly.cases:
-            return found[0]
+            return results[0]
         names = [case.name for case in self.assembly.cases]
-        return governing_result(self.assembly, dict(zip(names, found, strict=True)))
+        return governing_result(self.assembly, dict(zip(names, results, strict=True)))
 
     def _solve_case(self, analysis: LimitAnalysis, labels: Bits, stands: bool) -> LimitAnalysisResult:
         start = time.process_time()
         proof = solve_labelling(analysis, labels, self.model, stands=stands)
-        least = least_bracket(analysis, labels, self.model, proof)
+        least_load = least_bracket(analysis, labels, self.model, proof)
         elapsed = time.process_time() - start
-        assemble = analysis.seconds if self._single else 0.0
-        found = result_of(analysis.template, labels, self.model, proof, assemble=assemble, elapsed=elapsed)
-        return replace(found, least_bracket=least)
+        assemble = analysis.seconds if self._single_labelling else 0.0
+        result = result_of(analysis.template, labels, self.model, proof, assemble=assemble, elapsed=elapsed)
+        return replace(result, least_bracket=least_load)
 
     def _analyses(self) -> Iterator[LimitAnalysis]:
         """Yield the analysis of each load case, in their order."""
-        yield from map(self._analysis, self.assembly.by_case) if self._kept is None else self._kept
+        yield from (
+            map(self._analysis, self.assembly.by_case) if self._analyses_of_cases is None else self._analyses_of_cases
+        )
 
     def _analysis(self, case: Assembly) -> LimitAnalysis:
         """Create the analysis of one load case; raise InputError if the solver does not accept it."""
-        alone = self._single and self.model.supports_bounds_over_labellings
-        analysis = limit_analysis(case, self.model, reference=self._reference, single_labelling=alone)
+        single = self._single_labelling and self.model.supports_bounds_over_labellings
+        analysis = limit_analysis(case, self.model, reference=self._reference, single_labelling=single)
         require_solver_accepts(analysis, self.model)
         return analysis
 
 
 # Factor between a λ at which a structure stands and the least one, above which the least is sought once more
-_FAR: Final = 4.0
+_FAR_ABOVE_LEAST: Final = 4.0
 
 
 def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Proof) -> tuple[float, float]:
@@ -207,21 +209,21 @@ def least_bracket(analysis: LimitAnalysis, labels: Bits, model: Model, proof: Pr
     convex = model.friction == "associative" and not model.effective_area
     if proof.stands is None or proof.state is None or proof.status is Status.UNSTABLE or not convex:
         return unknown
-    assembly, at, found = analysis.assembly, proof.state.load * analysis.template.scaling.load, unknown
+    assembly, standing_load, bracket = analysis.assembly, proof.state.load * analysis.template.scaling.load, unknown
     for _ in range(2):
-        dead = assembly.dead_loads + at * assembly.live_loads
-        back = replace(assembly, dead_loads=dead, live_loads=-1.0 * assembly.live_loads)
-        other = limit_analysis(back, model, reference=labels, single_labelling=True)
-        less = solve_labelling(other, labels, model)
-        scale = other.template.scaling.load
-        ends = at - scale * less.high, at - scale * less.low
-        if not math.isfinite(ends[1]):
+        dead = assembly.dead_loads + standing_load * assembly.live_loads
+        reversed_case = replace(assembly, dead_loads=dead, live_loads=-1.0 * assembly.live_loads)
+        analysis_of_reversed = limit_analysis(reversed_case, model, reference=labels, single_labelling=True)
+        proof_of_reversed = solve_labelling(analysis_of_reversed, labels, model)
+        scale = analysis_of_reversed.template.scaling.load
+        bounds = standing_load - scale * proof_of_reversed.high, standing_load - scale * proof_of_reversed.low
+        if not math.isfinite(bounds[1]):
             break
-        found = max(ends[0], 0.0) if math.isfinite(ends[0]) else math.nan, ends[1]
-        if at <= _FAR * ends[1]:
+        bracket = max(bounds[0], 0.0) if math.isfinite(bounds[0]) else math.nan, bounds[1]
+        if standing_load <= _FAR_ABOVE_LEAST * bounds[1]:
             break
-        at = 2.0 * ends[1]
-    return found
+        standing_load = 2.0 * bounds[1]
+    return bracket
 
 
 # What can be solved: a scene file, a dict as in the file, a scene or an assembly.
@@ -277,14 +279,14 @@ def model_of(model: Model | None, options: dict[str, Any]) -> Model:
 def options_of_model(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function that takes the fields of `Model` as keywords state them in its signature, for editors."""
     signature = inspect.signature(function)
-    own = [
+    parameters = [
         parameter for parameter in signature.parameters.values() if parameter.kind is not inspect.Parameter.VAR_KEYWORD
     ]
     kind = inspect.Parameter.KEYWORD_ONLY
-    stated = [
+    model_fields = [
         inspect.Parameter(field.name, kind, default=field.default, annotation=field.type) for field in fields(Model)
     ]
-    function.__dict__["__signature__"] = signature.replace(parameters=own + stated)
+    function.__dict__["__signature__"] = signature.replace(parameters=parameters + model_fields)
     return function
 
 
@@ -372,9 +374,9 @@ def solve_by_elements(
     InputError
         As `solve`, or if blocks crack by fields.
     """
-    elements, own = rigid(assembly, labels, what)
-    result = solve_rigid(elements, own, model)
-    cases = {name: replace(one, cracks=assembly.cracks) for name, one in result.cases.items()}
+    elements, element_labels = rigid(assembly, labels, what)
+    result = solve_rigid(elements, element_labels, model)
+    cases = {name: replace(case, cracks=assembly.cracks) for name, case in result.cases.items()}
     return replace(result, cracks=assembly.cracks, cases=cases)
 
 
@@ -401,14 +403,14 @@ def solve_rigid(assembly: Assembly, labels: Bits | None = None, model: Model | N
     InputError
         As `solve`.
     """
-    model, own = model or Model(), assembly.labels if labels is None else labels
+    model, labels_solved = model or Model(), assembly.labels if labels is None else labels
     if model.effective_area:
-        require_model(assembly, model, own)
-    analysis = CaseAnalysis(assembly, model, reference=own, single_labelling=True)
+        require_model(assembly, model, labels_solved)
+    analysis = CaseAnalysis(assembly, model, reference=labels_solved, single_labelling=True)
     if model.seconds is None:
-        return with_tilt(analysis.solve(own, stands=True))
+        return with_tilt(analysis.solve(labels_solved, stands=True))
     try:
         with Deadline(len(assembly.by_case) * model.seconds).enforced():
-            return with_tilt(analysis.solve(own, stands=True))
+            return with_tilt(analysis.solve(labels_solved, stands=True))
     except DeadlinePassed:
         raise ParameterError("seconds", f"no answer was found in {model.seconds:g} s", "a longer time") from None

@@ -25,12 +25,12 @@ from jld_core.limit.analysis import LimitAnalysis
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 
-_FAINT = 1e-5  # scaled N below which x tends to zero: M / N is computed as M N / (N² + _FAINT²)
+_LEAST_NORMAL = 1e-5  # scaled N below which x tends to zero: M / N is computed as M N / (N² + _LEAST_NORMAL²)
 _NARROW = 1e-6  # least side of an effective rectangle, relative to the side of the face
-_OWN = (0, 3, 4)  # resultants on which the effective area of a face depends: N, m1, m2
+_AREA_RESULTANTS = (0, 3, 4)  # resultants on which the effective area of a face depends: N, m1, m2
 
 # Resultants whose coefficients depend on the effective area: mT, V1, V2, in the order of the parameters
-_TWISTING = (5, 1, 2)
+_TORSION_RESULTANTS = (5, 1, 2)
 
 
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
@@ -54,7 +54,7 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
     faces = assembly.interfaces
     labels = labels & faces.rectangle
     # M1 is scaled by l2 / 2 and M2 by l1 / 2, so x1 and x2 below are relative to l1 / 2 and l2 / 2.
-    share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + _FAINT**2), 0.0)
+    share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + _LEAST_NORMAL**2), 0.0)
     x1 = np.clip(-forces[:, 4] * share, -1.0, 1.0)
     x2 = np.clip(forces[:, 3] * share, -1.0, 1.0)
     side1 = faces.l1 * np.maximum(1.0 - np.abs(x1), _NARROW)
@@ -65,43 +65,42 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
 
 
 def area_derivatives(assembly: Assembly, forces: Floats, labels: Bits) -> tuple[Floats, Floats]:
-    """Differentiate the areas by N, m1, m2 of forces (m, 6): c_T / c_T,e (m, 3) and x / c_T (m, 2, 3).
-
-    Mean at kinks.
-    """
+    """Differentiate the areas by N, m1, m2 of forces (m, 6): c_T / c_T,e (m, 3), x / c_T (m, 2, 3), mean at kinks."""
     faces = assembly.interfaces
     labels = labels & faces.rectangle
     normal = forces[:, 0]
-    square = normal**2 + _FAINT**2
+    square = normal**2 + _LEAST_NORMAL**2
     share = np.where(labels, normal / square, 0.0)
-    slope = np.where(labels, (_FAINT**2 - normal**2) / square**2, 0.0)
-    none = np.zeros(len(normal))
+    slope = np.where(labels, (_LEAST_NORMAL**2 - normal**2) / square**2, 0.0)
+    zeros = np.zeros(len(normal))
     x1, x2 = -forces[:, 4] * share, forces[:, 3] * share
-    of_x1 = np.column_stack([-forces[:, 4] * slope, none, -share]) * (np.abs(x1) < 1.0)[:, None]
-    of_x2 = np.column_stack([forces[:, 3] * slope, share, none]) * (np.abs(x2) < 1.0)[:, None]
-    room1, room2 = 1.0 - np.abs(x1), 1.0 - np.abs(x2)
-    side1, side2 = faces.l1 * np.maximum(room1, _NARROW), faces.l2 * np.maximum(room2, _NARROW)
+    of_x1 = np.column_stack([-forces[:, 4] * slope, zeros, -share]) * (np.abs(x1) < 1.0)[:, None]
+    of_x2 = np.column_stack([forces[:, 3] * slope, share, zeros]) * (np.abs(x2) < 1.0)[:, None]
+    rest1, rest2 = 1.0 - np.abs(x1), 1.0 - np.abs(x2)
+    side1, side2 = faces.l1 * np.maximum(rest1, _NARROW), faces.l2 * np.maximum(rest2, _NARROW)
     ratio = faces.c_t / rectangle_torsion_length(side1, side2)
-    along1 = -np.sign(x1) * faces.l1 * (room1 > _NARROW) * _torsion_length_slope(side1, side2)
-    along2 = -np.sign(x2) * faces.l2 * (room2 > _NARROW) * _torsion_length_slope(side2, side1)
-    of_length = along1[:, None] * of_x1 + along2[:, None] * of_x2
+    length_by_x1 = -np.sign(x1) * faces.l1 * (rest1 > _NARROW) * _torsion_length_slope(side1, side2)
+    length_by_x2 = -np.sign(x2) * faces.l2 * (rest2 > _NARROW) * _torsion_length_slope(side2, side1)
+    of_length = length_by_x1[:, None] * of_x1 + length_by_x2[:, None] * of_x2
     of_ratio = -(ratio**2 / faces.c_t)[:, None] * of_length
     scale1, scale2 = (0.5 * faces.l1 / faces.c_t)[:, None], (0.5 * faces.l2 / faces.c_t)[:, None]
     return np.where(labels[:, None], of_ratio, 0.0), np.stack([scale2 * of_x2, -scale1 * of_x1], axis=1)
 
 
-def _torsion_length_slope(one: Floats, other: Floats) -> Floats:
-    """Return the derivative (n,) of the torsion length c_T of rectangles by side `one`."""
-    diagonal = np.hypot(one, other)
-    ends = one / (6.0 * other) * np.arcsinh(other / one) - other**2 / (12.0 * one**2) * np.arcsinh(one / other)
-    return np.asarray(one / (12.0 * diagonal) + other**2 / (12.0 * one * diagonal) + ends)
+def _torsion_length_slope(side: Floats, other: Floats) -> Floats:
+    """Return the derivative (n,) of the torsion length c_T of rectangles by the first side."""
+    diagonal = np.hypot(side, other)
+    logarithms = side / (6.0 * other) * np.arcsinh(other / side) - other**2 / (12.0 * side**2) * np.arcsinh(
+        side / other
+    )
+    return np.asarray(side / (12.0 * diagonal) + other**2 / (12.0 * side * diagonal) + logarithms)
 
 
 def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
     """Build the template of associative friction with torsion about given effective areas."""
     base = template.yield_set.associative
-    none = np.zeros(len(template.assembly.interfaces))
-    return template.renumbered(PrescribedFriction(base, 1.0, none, areas))
+    zeros = np.zeros(len(template.assembly.interfaces))
+    return template.renumbered(PrescribedFriction(base, 1.0, zeros, areas))
 
 
 class MovingRows:
@@ -132,16 +131,18 @@ class MovingRows:
 
     def _torsion_coefficients(self, template: Template) -> Floats:
         """Return coefficients (3, k) by which ρ, ρ a1 and ρ a2 enter the torsion rows."""
-        # Entry [i, j] is the derivative of the entry of G in torsion row j and column `_columns[i, j]` (mT, V1, V2) by
-        # parameter i. G is linear in the parameters.
+        # Entry [i, j] is the derivative of the entry of G in torsion row j and column `_torsion_columns[i, j]` (mT, V1,
+        # V2) by parameter i. G is linear in the parameters.
         labels, first = self.labels, self.balance.shape[0]
         shifted = [self._matrix(template, labels, 1.0, arm)[first:] - self.rows for arm in ((1.0, 0.0), (0.0, 1.0))]
-        parts = [self.rows, *shifted]
+        matrices = [self.rows, *shifted]
         if not self.torsion.size:
             return np.zeros((3, 0))
-        return np.stack(
-            [np.asarray(sp.csr_matrix(part)[self.torsion, self._columns[k]]).ravel() for k, part in enumerate(parts)]
-        )
+        coefficients = [
+            sp.csr_matrix(matrix)[self.torsion, columns]
+            for matrix, columns in zip(matrices, self._torsion_columns, strict=True)
+        ]
+        return np.stack([np.asarray(row).ravel() for row in coefficients])
 
     def _matrix(self, template: Template, labels: Bits, ratio: float, arm: tuple[float, float]) -> sp.csr_array:
         """Return the matrix with one and the same area of all faces; arm: (x2, −x1) / c_T."""
@@ -156,14 +157,14 @@ class MovingRows:
         return len(self.objective)
 
     @cached_property
-    def _columns(self) -> Ints:
+    def _torsion_columns(self) -> Ints:
         """Return the columns (3, k) of mT, V1, V2 of the faces of the torsion rows."""
-        return np.asarray(6 * self.face[self.torsion][None] + np.array(_TWISTING)[:, None])
+        return np.asarray(6 * self.face[self.torsion][None] + np.array(_TORSION_RESULTANTS)[:, None])
 
     @cached_property
-    def own(self) -> Ints:
+    def area_columns(self) -> Ints:
         """Return the columns (3, k) of N, m1, m2 of the faces of the torsion rows."""
-        return np.asarray(6 * self.face[self.torsion][None] + np.array(_OWN)[:, None])
+        return np.asarray(6 * self.face[self.torsion][None] + np.array(_AREA_RESULTANTS)[:, None])
 
     def parameters(self, y: Floats) -> tuple[Floats, Floats]:
         """Compute ρ, ρ a1, ρ a2 (3, k) of the torsion rows at y (n,), and slopes (3, 3, k) by N, m1, m2."""
@@ -178,7 +179,7 @@ class MovingRows:
     def entries(self, values: Floats) -> tuple[Ints, Ints, Floats]:
         """Return the changes of G from whole faces to parameters (3, k): rows, columns, values (3k,)."""
         coefficients = self._coefficients * (values - np.array([1.0, 0.0, 0.0])[:, None])
-        return np.tile(self.torsion, 3), self._columns.ravel(), coefficients.ravel()
+        return np.tile(self.torsion, 3), self._torsion_columns.ravel(), coefficients.ravel()
 
     def matrix(self, values: Floats) -> sp.csr_array:
         """Return the sparse matrix G for parameters (3, k) of the torsion rows."""
@@ -188,9 +189,9 @@ class MovingRows:
     def row_slopes(self, y: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
         """Return the derivative of G(y) v by y, at v = y held fixed, for Newton steps: rows, columns, values."""
         # y enters by the parameters alone: sum their slopes (3, 3, k) by N, m1, m2 over the entries of each row.
-        by_parameter = self._coefficients * y[self._columns]
+        by_parameter = self._coefficients * y[self._torsion_columns]
         values = np.einsum("pk,pjk->jk", by_parameter, slopes)
-        return np.tile(self.torsion, 3), self.own.ravel(), values.ravel()
+        return np.tile(self.torsion, 3), self.area_columns.ravel(), values.ravel()
 
     def column_slopes(self, z: Floats, slopes: Floats) -> tuple[Ints, Ints, Floats]:
         """Return the derivative of G(y)ᵀ z by y, at fixed multipliers z (rows,): rows, columns, values."""
@@ -198,8 +199,8 @@ class MovingRows:
         # `slopes` are; face k.
         by_parameter = self._coefficients * z[self.torsion]
         values = by_parameter[:, None] * slopes
-        row = np.broadcast_to(self._columns[:, None], values.shape)
-        column = np.broadcast_to(self.own[None], values.shape)
+        row = np.broadcast_to(self._torsion_columns[:, None], values.shape)
+        column = np.broadcast_to(self.area_columns[None], values.shape)
         return row.ravel(), column.ravel(), values.ravel()
 
 
@@ -214,7 +215,7 @@ _CENTRED: Final = 0.9
 _REDUCTIONS: Final = (0.1, 0.3, 0.8)  # least, first and largest factor on the parameter of the path in one step
 _STALLED: Final = 30  # number of steps within which the gap must halve
 _UNBOUNDED: Final = 1e7  # scaled λ at which the path ends, because λ grows without limit
-_FLIP: Final = np.array([1.0, -1.0, -1.0])  # signs of the quadratic form of a second-order cone of size three
+_CONE_SIGNS: Final = np.array([1.0, -1.0, -1.0])  # signs of the quadratic form of a second-order cone of size three
 
 
 @dataclass(frozen=True)
@@ -258,7 +259,7 @@ class CentralPath:
         # The path ends where it converges, stalls, λ grows without limit, or rounding takes an iterate out of the
         # cones.
         point, reduction = self._start(), _REDUCTIONS[1]
-        best, since = np.inf, 0
+        best, since_halved = np.inf, 0
         while True:
             checkpoint()
             values, slopes = self.rows.parameters(point.y)
@@ -270,18 +271,18 @@ class CentralPath:
             point = PathPoint(point.y, point.u, point.s, point.z, gap, residual)
             yield point
             parameter = gap / self._degree
-            off = residual > _RESIDUAL * gap or self._distance(point, parameter) > _CENTRED * np.sqrt(self._degree)
-            best, since = (gap, 0) if gap < 0.5 * best else (best, since + 1)
-            if self.steps >= self.most or since > _STALLED or abs(point.load) > _UNBOUNDED or not np.isfinite(residual):
+            off_path = residual > _RESIDUAL * gap or self._distance(point, parameter) > _CENTRED * np.sqrt(self._degree)
+            best, since_halved = (gap, 0) if gap < 0.5 * best else (best, since_halved + 1)
+            if self.steps >= self.most or since_halved > _STALLED or abs(point.load) > _UNBOUNDED:
                 return
-            if not (self._inside(point.s) and self._inside(point.z)):
+            if not (np.isfinite(residual) and self._inside(point.s) and self._inside(point.z)):
                 return
-            target = parameter * (1.0 if off else reduction)
+            target = parameter * (1.0 if off_path else reduction)
             step = self._step(point, target, (dual, balance, primal), matrix, slopes)
             if step is None:
                 return
             share = min(1.0, _BOUNDARY * min(self._largest_step(point.s, step.s), self._largest_step(point.z, step.z)))
-            if not off:
+            if not off_path:
                 least, _, largest = _REDUCTIONS
                 reduction = max(least, 0.6 * reduction) if share > 0.7 else reduction
                 reduction = min(largest, 1.6 * reduction) if share < 0.3 else reduction
@@ -304,14 +305,14 @@ class CentralPath:
     def _inside(self, values: Floats) -> bool:
         """Return True if a vector (rows,) lies strictly inside all cones."""
         cones = values[self.rows.linear :].reshape(-1, 3)
-        curved = (cones[:, 0] > 0.0) & (cones**2 @ _FLIP > 0.0)
+        curved = (cones[:, 0] > 0.0) & (cones**2 @ _CONE_SIGNS > 0.0)
         return bool((values[: self.rows.linear] > 0.0).all() and curved.all())
 
     def _inverse(self, s: Floats) -> Floats:
         """Return the inverse of slacks s in the Jordan algebra of the cones, minus the barrier's gradient."""
         linear, cones = s[: self.rows.linear], s[self.rows.linear :].reshape(-1, 3)
-        form = (cones**2 @ _FLIP)[:, None]
-        return np.concatenate([1.0 / linear, (cones * _FLIP / form).ravel()])
+        form = (cones**2 @ _CONE_SIGNS)[:, None]
+        return np.concatenate([1.0 / linear, (cones * _CONE_SIGNS / form).ravel()])
 
     def _distance(self, point: PathPoint, parameter: float) -> float:
         """Return the norm of s∘z − weight · parameter, relative to the parameter."""
@@ -322,31 +323,31 @@ class CentralPath:
         tails = s[:, :1] * z[:, 1:] + z[:, :1] * s[:, 1:]
         return float(np.linalg.norm(np.concatenate([linear, heads, tails.ravel()]))) / parameter
 
-    def _largest_step(self, start: Floats, way: Floats) -> float:
-        """Return the largest t ≤ 3 for which start + t · way (rows,) still lies in the cones."""
-        first, share = self.rows.linear, 3.0
-        down = way[:first] < 0.0
-        share = min(share, float((start[:first][down] / -way[:first][down]).min(initial=share)))
-        at, along = start[first:].reshape(-1, 3), way[first:].reshape(-1, 3)
-        # the first positive root of |at + t along|² = 0 in the quadratic form of the cone
-        square, cross, whole = along**2 @ _FLIP, (at * along) @ _FLIP, at**2 @ _FLIP
-        root = np.sqrt(np.maximum(cross**2 - square * whole, 0.0))
+    def _largest_step(self, start: Floats, direction: Floats) -> float:
+        """Return the largest t ≤ 3 for which start + t · direction (rows,) still lies in the cones."""
+        first, longest = self.rows.linear, 3.0
+        decreasing = direction[:first] < 0.0
+        longest = min(longest, float((start[:first][decreasing] / -direction[:first][decreasing]).min(initial=longest)))
+        cones, changes = start[first:].reshape(-1, 3), direction[first:].reshape(-1, 3)
+        # the first positive root of |cones + t changes|² = 0 in the quadratic form of the cone
+        square, cross, constant = changes**2 @ _CONE_SIGNS, (cones * changes) @ _CONE_SIGNS, cones**2 @ _CONE_SIGNS
+        root = np.sqrt(np.maximum(cross**2 - square * constant, 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
-            turned = -(cross + np.where(cross >= 0.0, root, -root))
-            ends = np.concatenate([turned / square, whole / turned, -at[:, 0] / along[:, 0]])
-        real = np.tile(cross**2 >= square * whole, 2)
-        real = np.concatenate([real, along[:, 0] < 0.0]) & np.isfinite(ends) & (ends > 0.0)
-        return min(share, float(ends[real].min(initial=share)))
+            stable_sum = -(cross + np.where(cross >= 0.0, root, -root))
+            roots = np.concatenate([stable_sum / square, constant / stable_sum, -cones[:, 0] / changes[:, 0]])
+        valid = np.tile(cross**2 >= square * constant, 2)
+        valid = np.concatenate([valid, changes[:, 0] < 0.0]) & np.isfinite(roots) & (roots > 0.0)
+        return min(longest, float(roots[valid].min(initial=longest)))
 
     @cached_property
     def _fixed(self) -> tuple[Ints, Ints, Floats]:
         """Return rows, columns and values of those entries of the Newton matrix that never change."""
         rows, n, e = self.rows, self.rows.size, len(self.rows.load)
-        balance, whole = sp.coo_array(rows.balance), sp.coo_array(rows.rows)
-        one, two, head, tail = (index.astype(np.int64) for index in (*balance.coords, *whole.coords))
-        row: list[Ints] = [one + n, two, head + n + e, tail, np.arange(n), n + np.arange(e)]
-        column: list[Ints] = [two, one + n, tail, head + n + e, np.arange(n), n + np.arange(e)]
-        data = [balance.data, balance.data, whole.data, whole.data, np.full(n, _REGULAR[0]), np.full(e, -_REGULAR[1])]
+        balance, yields = sp.coo_array(rows.balance), sp.coo_array(rows.rows)
+        e_row, e_column, g_row, g_column = (index.astype(np.int64) for index in (*balance.coords, *yields.coords))
+        row: list[Ints] = [e_row + n, e_column, g_row + n + e, g_column, np.arange(n), n + np.arange(e)]
+        column: list[Ints] = [e_column, e_row + n, g_column, g_row + n + e, np.arange(n), n + np.arange(e)]
+        data = [balance.data, balance.data, yields.data, yields.data, np.full(n, _REGULAR[0]), np.full(e, -_REGULAR[1])]
         return np.concatenate(row), np.concatenate(column), np.concatenate(data)
 
     def _step(
@@ -362,15 +363,15 @@ class CentralPath:
         dual, balance, primal = residuals
         parameters, _ = rows.parameters(point.y)
         g_row, g_column, g_value = rows.entries(parameters)
-        row_at, row_by, row_slope = rows.row_slopes(point.y, slopes)
-        column_at, column_by, column_slope = rows.column_slopes(point.z, slopes)
+        slope_row, slope_column, slope_value = rows.row_slopes(point.y, slopes)
+        adjoint_row, adjoint_column, adjoint_value = rows.column_slopes(point.z, slopes)
         w_row, w_column, w_value = self._scaling(point)
         # Unknowns: y, multipliers u of E y = e, multipliers z of the rows. G and Gᵀ stand below and beside y, their
         # slopes by y with them, and the scaling W² of the cones at z; `_fixed` has what never changes.
         first = n + len(self.rows.load)
-        row = [self._fixed[0], g_column, g_row + first, row_at + first, column_at, w_row + first]
-        column = [self._fixed[1], g_row + first, g_column, row_by, column_by, w_column + first]
-        data = [self._fixed[2], g_value, g_value, row_slope, column_slope, -w_value]
+        row = [self._fixed[0], g_column, g_row + first, slope_row + first, adjoint_row, w_row + first]
+        column = [self._fixed[1], g_row + first, g_column, slope_column, adjoint_column, w_column + first]
+        data = [self._fixed[2], g_value, g_value, slope_value, adjoint_value, -w_value]
         entries = np.concatenate(data), (np.concatenate(row), np.concatenate(column))
         newton = sp.csc_array(entries, shape=(first + count,) * 2)
         try:
@@ -378,35 +379,35 @@ class CentralPath:
         except RuntimeError:
             return None
         self.steps += 1
-        towards = target * self.weights * self._inverse(point.s) - point.z
+        centring = target * self.weights * self._inverse(point.s) - point.z
         scaling = sp.csr_array((w_value, (w_row, w_column)), shape=(count,) * 2)
-        right = np.concatenate([-dual, -balance, -primal - scaling @ towards])
+        right = np.concatenate([-dual, -balance, -primal - scaling @ centring])
         step = factor.solve(right)
         step = step + factor.solve(right - newton @ step)  # one refinement
         if not np.isfinite(step).all():
             return None
         y, u, z = step[:n], step[n:first], step[first:]
-        by_slopes = np.zeros(count)
-        np.add.at(by_slopes, row_at, row_slope * y[row_by])
-        return PathPoint(y, u, -primal - matrix @ y - by_slopes, z)
+        slack_change = np.zeros(count)
+        np.add.at(slack_change, slope_row, slope_value * y[slope_column])
+        return PathPoint(y, u, -primal - matrix @ y - slack_change, z)
 
     def _scaling(self, point: PathPoint) -> tuple[Ints, Ints, Floats]:
         """Return rows, columns and values of the squared scaling W², for which W² z = s."""
         # s are slacks and z multipliers of the point. Source: Nesterov and Todd.
         first = self.rows.linear
         s, z = point.s[first:].reshape(-1, 3), point.z[first:].reshape(-1, 3)
-        length_s, length_z = (np.sqrt(v**2 @ _FLIP)[:, None] for v in (s, z))
+        length_s, length_z = (np.sqrt(v**2 @ _CONE_SIGNS)[:, None] for v in (s, z))
         unit_s, unit_z = s / length_s, z / length_z
-        half = np.sqrt(0.5 * (1.0 + (unit_s * unit_z).sum(axis=1)))[:, None]
-        middle = 0.5 * (unit_s + unit_z * _FLIP) / half
-        blocks = 2.0 * middle[:, :, None] * middle[:, None, :] - np.diag(_FLIP)
+        cosine = np.sqrt(0.5 * (1.0 + (unit_s * unit_z).sum(axis=1)))[:, None]
+        bisector = 0.5 * (unit_s + unit_z * _CONE_SIGNS) / cosine
+        blocks = 2.0 * bisector[:, :, None] * bisector[:, None, :] - np.diag(_CONE_SIGNS)
         blocks *= (length_s / length_z)[:, :, None]
-        place = first + np.arange(3 * len(s)).reshape(-1, 3)
-        row = np.repeat(place, 3, axis=1).ravel()
-        column = np.tile(place, (1, 3)).ravel()
-        line = np.arange(first)
+        cone_rows = first + np.arange(3 * len(s)).reshape(-1, 3)
+        row = np.repeat(cone_rows, 3, axis=1).ravel()
+        column = np.tile(cone_rows, (1, 3)).ravel()
+        linear_rows = np.arange(first)
         data = np.concatenate([point.s[:first] / point.z[:first], blocks.ravel()])
-        return np.concatenate([line, row]), np.concatenate([line, column]), data
+        return np.concatenate([linear_rows, row]), np.concatenate([linear_rows, column]), data
 
 
 STARTS: Final = 16  # number of central paths tried
@@ -426,7 +427,7 @@ _REFINEMENTS: Final = 8  # number of iterates after the first converged one, so 
 _PROMISING: Final = 1e-4
 
 # Scaled λ at the end of a path above which λ may be unbounded; no third path of this kind is followed
-_GROWS: Final = 1e4
+_LARGE_LOAD: Final = 1e4
 _EDGE: Final = 1e-9  # scaled violation up to which forces are moved onto the boundary of the yield sets
 _PARALLEL: Final = 0.1  # sine of the angle below which two directions count as parallel
 
@@ -476,21 +477,21 @@ def find_fixed_point(analysis: LimitAnalysis, labels: Bits, starts: int = STARTS
     growing = 0
     for start in range(starts):
         path = CentralPath(rows, barrier_weights(analysis.assembly, rows, start), _SIZES[start // 2 % len(_SIZES)])
-        asked, more = np.inf, _REFINEMENTS
+        next_gap, refinements_left = np.inf, _REFINEMENTS
         for point in path.points():
             size = max(abs(point.load), analysis.load_scale)
-            if point.gap <= min(_CLOSE * size, asked) and point.residual <= _BALANCED:
-                asked = point.gap if point.gap < 4.0 * analysis.gap * size else 0.1 * point.gap
-                found = _check(analysis, labels, point, start + 1)
-                if best is None or found.width < best.width:
-                    best = found
+            if point.gap <= min(_CLOSE * size, next_gap) and point.residual <= _BALANCED:
+                next_gap = point.gap if point.gap < 4.0 * analysis.gap * size else 0.1 * point.gap
+                candidate = _check(analysis, labels, point, start + 1)
+                if best is None or candidate.width < best.width:
+                    best = candidate
             if best is not None and best.width <= analysis.gap:
-                more -= 1
-                if best.width <= _FINE or more <= 0:
+                refinements_left -= 1
+                if best.width <= _FINE or refinements_left <= 0:
                     return best
         if best is not None and best.width <= analysis.gap:
             return best
-        growing += abs(point.load) > _GROWS
+        growing += abs(point.load) > _LARGE_LOAD
         if growing > 1:
             return best
         if best is not None and best.starts == start + 1 and best.width < _PROMISING:
@@ -511,8 +512,8 @@ def _check(analysis: LimitAnalysis, labels: Bits, point: PathPoint, starts: int)
     state, areas, frozen = under_own_areas(analysis.prover, analysis.prover.state(point.y, labels), labels)
     if not state.admissible and state.slack > -_EDGE:
         # faces that bear nothing have no slack at all
-        at_edge = analysis.with_template(frozen.template, labels).repair.boundary_state(point.y, labels)
-        state = at_edge or state
+        boundary_state = analysis.with_template(frozen.template, labels).repair.boundary_state(point.y, labels)
+        state = boundary_state or state
     motion = frozen.motion(point.u, labels)
     opening = None if motion.margin >= 0.0 else analysis.repair.opening()
     if opening is not None:
@@ -533,10 +534,10 @@ def barrier_weights(assembly: Assembly, rows: MovingRows, start: int) -> Floats:
     places = places / (np.abs(places).max() or 1.0)
     # SeedSequence and PCG64 give the same numbers on every machine
     rng = np.random.default_rng(start)
-    kinds = [places @ rng.uniform(-_WAVES, _WAVES, 3) + rng.uniform(0.0, 2.0 * np.pi) for _ in range(3)]
-    kind = np.zeros(len(rows.face), dtype=int)
-    kind[rows.torsion], kind[rows.linear :] = 1, 2
-    weights = np.exp(spread * np.sin(np.stack(kinds)))[kind, rows.face]
+    phases = [places @ rng.uniform(-_WAVES, _WAVES, 3) + rng.uniform(0.0, 2.0 * np.pi) for _ in range(3)]
+    kind_of_row = np.zeros(len(rows.face), dtype=int)
+    kind_of_row[rows.torsion], kind_of_row[rows.linear :] = 1, 2
+    weights = np.exp(spread * np.sin(np.stack(phases)))[kind_of_row, rows.face]
     weights[0] = 1.0
     return np.asarray(weights)
 
@@ -549,17 +550,17 @@ def load_axes(assembly: Assembly) -> Floats:
     elements, free = assembly.elements, assembly.elements.free
     dead, live = assembly.dead[free, :3], assembly.live[free, :3]
     size = np.linalg.norm(live, axis=1)
-    away = elements.centroid[free] - elements.centroid[free].mean(axis=0)
-    middle = size @ away / (float(size.sum()) or 1.0)
+    offset = elements.centroid[free] - elements.centroid[free].mean(axis=0)
+    middle = size @ offset / (float(size.sum()) or 1.0)
     if np.linalg.norm(middle) < tolerances.CONTACT * assembly.size:
         middle = np.zeros(3)
     first = (assembly.interfaces.e1[0], assembly.interfaces.e2[0], assembly.interfaces.normal[0])
     axes: list[Floats] = []
     for direction in (dead.sum(axis=0), live.sum(axis=0), middle, *first):
-        across = direction - sum((axis * (axis @ direction) for axis in axes), np.zeros(3))
-        length = float(np.linalg.norm(across))
+        perpendicular = direction - sum((axis * (axis @ direction) for axis in axes), np.zeros(3))
+        length = float(np.linalg.norm(perpendicular))
         if length > _PARALLEL * float(np.linalg.norm(direction)):
-            axes.append(across / length)
+            axes.append(perpendicular / length)
         if len(axes) == 2:
             break
     return np.stack([*axes, np.cross(axes[0], axes[1])])

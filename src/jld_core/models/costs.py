@@ -33,8 +33,8 @@ class CostEstimate:
         """Return a sentence with the expected time if it is above `LONG`, else None."""
         if self.seconds <= LONG:
             return None
-        few = f"{self.seconds:.0f} s" if self.seconds < 100.0 else f"{self.seconds / 60.0:.0f} min"
-        return f"one layout of this size is expected to take some {few} to evaluate"
+        time = f"{self.seconds:.0f} s" if self.seconds < 100.0 else f"{self.seconds / 60.0:.0f} min"
+        return f"one layout of this size is expected to take some {time} to evaluate"
 
 
 @typed
@@ -82,12 +82,12 @@ def _least_faces(scene: Scene) -> int:
 
 def _grid_faces(rows: Sequence[str]) -> int:
     """Return the number of faces between neighbouring cells of a grid, those between two supports excepted."""
-    wide = max(len(row) for row in rows)
-    cells = np.array([list(row.ljust(wide, ".")) for row in rows])
-    cell, free = cells != ".", (cells != ".") & (cells != "#")
-    across = cell[:, 1:] & cell[:, :-1] & (free[:, 1:] | free[:, :-1])
-    along = cell[1:] & cell[:-1] & (free[1:] | free[:-1])
-    return int(np.count_nonzero(across) + np.count_nonzero(along))
+    width = max(len(row) for row in rows)
+    cells = np.array([list(row.ljust(width, ".")) for row in rows])
+    filled, free = cells != ".", (cells != ".") & (cells != "#")
+    beside = filled[:, 1:] & filled[:, :-1] & (free[:, 1:] | free[:, :-1])
+    above = filled[1:] & filled[:-1] & (free[1:] | free[:-1])
+    return int(np.count_nonzero(beside) + np.count_nonzero(above))
 
 
 @typed
@@ -98,16 +98,16 @@ def require_memory(structure: Assembly | Scene) -> CostEstimate:
     early.
     """
     if isinstance(structure, Scene):
-        faces, few = _least_faces(structure), "at least "
-        effort = _cost(structure.dimension, faces, 1)
+        faces, prefix = _least_faces(structure), "at least "
+        estimate = _cost(structure.dimension, faces, 1)
     else:
-        faces, few = len(structure.interfaces), ""
-        effort = cost_estimate(structure)
-    most = memory_limit()
-    if effort.memory > most:
+        faces, prefix = len(structure.interfaces), ""
+        estimate = cost_estimate(structure)
+    available = memory_limit()
+    if estimate.memory > available:
         raise InputError(
             "",
-            f"{few}{faces} faces take {few or 'some '}{effort.memory / 1e9:.1f} GB of memory to evaluate",
-            f"a scene that the {most / 1e9:.1f} GB there are suffice for",
+            f"{prefix}{faces} faces take {prefix or 'some '}{estimate.memory / 1e9:.1f} GB of memory to evaluate",
+            f"a scene that the {available / 1e9:.1f} GB there are suffice for",
         )
-    return effort
+    return estimate

@@ -48,9 +48,9 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
         raise ParameterError("effective_area", "the scene is planar", "a spatial scene")
     if assembly.members.bond is not None:
         raise ParameterError("effective_area", "dry faces have tensile strength", "joints without it")
-    odd = np.flatnonzero(labels & ~assembly.interfaces.rectangle)
-    if odd.size and odd.size == np.count_nonzero(labels):
-        problem = f"dry face {assembly.pair(odd[0])} is no rectangle, nor is any other"
+    irregular = np.flatnonzero(labels & ~assembly.interfaces.rectangle)
+    if irregular.size and irregular.size == np.count_nonzero(labels):
+        problem = f"dry face {assembly.pair(irregular[0])} is no rectangle, nor is any other"
         raise ParameterError("effective_area", problem, "a scene with dry rectangles")
     assembly.strengths(_ROUTE, labels)  # refuses what it does not know
 
@@ -66,9 +66,9 @@ def _changes(old: EffectiveAreas, new: EffectiveAreas) -> Floats:
     return np.asarray(np.maximum(ratio, np.abs(old.arm - new.arm).max(axis=1)))
 
 
-def slack_to_request(own: State, margin: float, tries: int) -> float:
+def slack_to_request(under_own: State, margin: float, tries: int) -> float:
     """Return the scaled slack to request in the yield rows of the next state."""
-    return min(max(margin, -2.0 * own.slack), _SLACK * min(1 + tries // 5, 5))
+    return min(max(margin, -2.0 * under_own.slack), _SLACK * min(1 + tries // 5, 5))
 
 
 def prove_effective_area(
@@ -84,48 +84,50 @@ def prove_effective_area(
     # a ray within the areas that the ray itself causes, since the areas approach those as λ grows.
     start = time.perf_counter()
     require_rectangles(analysis.assembly, labels)
-    plain = analysis.prove(labels, stands=stands)
-    if plain.state is None or plain.status is Status.UNSTABLE:
-        falling = plain.collapse_below_zero or plain.motion
-        if plain.status is Status.UNSTABLE and not (falling and _falls(analysis, labels, falling)):
-            plain = replace(plain, status=Status.UNCERTIFIED, collapse_below_zero=None, motion=None, stands=None)
-        return replace(plain, extra={**plain.extra, "effective_area": None})
-    found = find_fixed_point(analysis, labels)
+    plain_proof = analysis.prove(labels, stands=stands)
+    if plain_proof.state is None or plain_proof.status is Status.UNSTABLE:
+        fall = plain_proof.collapse_below_zero or plain_proof.motion
+        if plain_proof.status is Status.UNSTABLE and not (fall and _falls(analysis, labels, fall)):
+            plain_proof = replace(
+                plain_proof, status=Status.UNCERTIFIED, collapse_below_zero=None, motion=None, stands=None
+            )
+        return replace(plain_proof, extra={**plain_proof.extra, "effective_area": None})
+    point = find_fixed_point(analysis, labels)
     facts: dict[str, Any] = {"fixed_point": 0.0, "frozen": True}
-    route: list[str] = []
-    if found is not None:
-        route.append(f"central paths ({found.starts})")
-        facts["starts"] = found.starts
-    if found is not None and found.width <= analysis.gap:
-        proof = _proof_of(analysis, labels, found)
-    elif (locked := _prove_locked(analysis, labels, plain)) is not None:
+    solve_log: list[str] = []
+    if point is not None:
+        solve_log.append(f"central paths ({point.starts})")
+        facts["starts"] = point.starts
+    if point is not None and point.width <= analysis.gap:
+        proof = _proof_of(analysis, labels, point)
+    elif (locked := _prove_locked(analysis, labels, plain_proof)) is not None:
         proof = locked
-        route.append("ray within its own areas")
+        solve_log.append("ray within its own areas")
     else:
-        proof, iterated = _proof_of_iteration(analysis, labels, plain.state.forces.ravel(), most, weight)
-        route.append(f"effective area ({proof.solves})")
-        if proof.status is Status.UNCERTIFIED and found is not None and found.width < iterated.get("above", math.inf):
-            proof = replace(_proof_of(analysis, labels, found), solves=proof.solves)
-            iterated = {"above": found.width}
+        proof, iterated = _proof_of_iteration(analysis, labels, plain_proof.state.forces.ravel(), most, weight)
+        solve_log.append(f"effective area ({proof.solves})")
+        if proof.status is Status.UNCERTIFIED and point is not None and point.width < iterated.get("above", math.inf):
+            proof = replace(_proof_of(analysis, labels, point), solves=proof.solves)
+            iterated = {"above": point.width}
         facts |= iterated
     return replace(
         proof,
-        notes=[*proof.notes, *_notes(analysis, labels, plain, proof)],
-        stands=plain.stands,
-        solves=plain.solves + proof.solves,
-        solve_log=[*plain.solve_log, *route],
+        notes=[*proof.notes, *_notes(analysis, labels, plain_proof, proof)],
+        stands=plain_proof.stands,
+        solves=plain_proof.solves + proof.solves,
+        solve_log=[*plain_proof.solve_log, *solve_log],
         seconds=time.perf_counter() - start,
         extra={
             "effective_area": facts,
-            "load_factor_whole_faces": number(plain.load_factor * analysis.template.scaling.load),
+            "load_factor_whole_faces": number(plain_proof.load_factor * analysis.template.scaling.load),
         },
     )
 
 
-def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof:
+def _proof_of(analysis: LimitAnalysis, labels: Bits, fixed_point: FixedPoint) -> Proof:
     """Convert a fixed point to a proof at its areas; a wide bracket or other status becomes uncertified."""
-    proof = Proof(state=found.state, motion=found.motion)
-    frozen = analysis.with_template(found.prover.template, labels)
+    proof = Proof(state=fixed_point.state, motion=fixed_point.motion)
+    frozen = analysis.with_template(fixed_point.prover.template, labels)
     proof.status = frozen.status_of(proof)
     if proof.status is not Status.COLLAPSE or frozen.is_open(proof):
         # other areas may hold what these do not: without forces above zero nothing is proven
@@ -133,17 +135,17 @@ def _proof_of(analysis: LimitAnalysis, labels: Bits, found: FixedPoint) -> Proof
     return proof
 
 
-def _prove_locked(analysis: LimitAnalysis, labels: Bits, plain: Proof) -> Proof | None:
+def _prove_locked(analysis: LimitAnalysis, labels: Bits, plain_proof: Proof) -> Proof | None:
     """Prove that λ is unbounded, by a ray and forces within their own areas, or return None."""
-    ray = ray_under_own_areas(analysis, labels, plain.ray) if plain.status is Status.LOCKED else None
-    if ray is None or plain.state is None:
+    ray = ray_under_own_areas(analysis, labels, plain_proof.ray) if plain_proof.status is Status.LOCKED else None
+    if ray is None or plain_proof.state is None:
         return None
     for load in _ALONG:
-        forces = (plain.state.forces + load * ray.forces).ravel()
-        state = analysis.prover.state(np.append(forces, plain.state.load + load), labels)
-        own, _, _ = under_own_areas(analysis.prover, state, labels)
-        if own.admissible:
-            return Proof(state=own, ray=ray, status=Status.LOCKED)
+        forces = (plain_proof.state.forces + load * ray.forces).ravel()
+        state = analysis.prover.state(np.append(forces, plain_proof.state.load + load), labels)
+        under_own, _, _ = under_own_areas(analysis.prover, state, labels)
+        if under_own.admissible:
+            return Proof(state=under_own, ray=ray, status=Status.LOCKED)
     return None
 
 
@@ -151,17 +153,17 @@ def _proof_of_iteration(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
 ) -> tuple[Proof, dict[str, Any]]:
     """Prove the load factor by the proximal iteration on forces and effective areas."""
-    state, proof, moves, solves = _iterate(analysis, labels, forces, most, weight)
-    moved = float(moves.max(initial=0.0))
-    settled = state.admissible and moved <= tolerances.FIXED_POINT
-    facts: dict[str, Any] = {"fixed_point": moved}
+    state, proof, changes, solves = _iterate(analysis, labels, forces, most, weight)
+    change = float(changes.max(initial=0.0))
+    settled = state.admissible and change <= tolerances.FIXED_POINT
+    facts: dict[str, Any] = {"fixed_point": change}
     if settled:
         proof.state = state
         width = relative_width(proof.low, proof.high, analysis.load_scale)
         if proof.status is Status.COLLAPSE and width > analysis.gap:
             facts["above"] = width
-    elif moved > tolerances.FIXED_POINT:
-        facts["face"] = analysis.assembly.pair(int(moves.argmax()))
+    elif change > tolerances.FIXED_POINT:
+        facts["face"] = analysis.assembly.pair(int(changes.argmax()))
     if proof.status is Status.COLLAPSE and (not settled or "above" in facts):
         proof.status = Status.UNCERTIFIED
     if proof.status is Status.UNSTABLE:
@@ -178,18 +180,18 @@ def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
     """Return whether a motion, opened a little if needed, proves a fall for any effective areas."""
     opening = analysis.repair.opening()
     for share in (0.0, *_OPENINGS):
-        tried = motion
+        opened = motion
         if share:
             if opening is None:
                 return False
             size = float(abs(motion.velocity).max()) / float(abs(opening.velocity).max())
             velocity = motion.velocity + share * size * opening.velocity
-            tried = analysis.prover.motion(velocity, labels, normalise=False)
-        gains = tried.margin >= 0.0 and tried.work >= min(0.0, motion.work)
+            opened = analysis.prover.motion(velocity, labels, normalise=False)
+        admissible = opened.margin >= 0.0 and opened.work >= min(0.0, motion.work)
         if (
-            gains
-            and tried.bound < -max(tolerances.ROUNDING, tried.noise)
-            and valid_for_any_areas(analysis, labels, tried)
+            admissible
+            and opened.bound < -max(tolerances.ROUNDING, opened.noise)
+            and valid_for_any_areas(analysis, labels, opened)
         ):
             return True
     return False
@@ -204,14 +206,14 @@ def valid_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -
     friction = analysis.template.yield_set.associative.friction_of(labels)
     twist = np.abs(jumps[:, 5])
     crushes = np.isfinite(analysis.assembly.strengths(_ROUTE, labels).side(dry=True).crush)
-    concerned = labels & faces.rectangle & (twist > 0.0)
+    twisting = labels & faces.rectangle & (twist > 0.0)
     # corner (x1, x2) in halves of the sides l1, l2; rotations are scaled by half-sides, the twist by c_T
     for x1, x2 in itertools.product((-1.0, 1.0), repeat=2):
         opening = jumps[:, 0] + x2 * jumps[:, 3] - x1 * jumps[:, 4]
         slip1 = jumps[:, 1] - x2 * 0.5 * faces.l2 / faces.c_t * jumps[:, 5]
         slip2 = jumps[:, 2] + x1 * 0.5 * faces.l1 / faces.c_t * jumps[:, 5]
         violates = opening < friction * np.maximum(np.hypot(slip1, slip2), twist)
-        if np.any(concerned & (violates | crushes)):
+        if np.any(twisting & (violates | crushes)):
             return False
     return True
 
@@ -224,34 +226,36 @@ def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None
             return None
         areas = areas_under(analysis.assembly, ray.forces, labels)
         frozen = analysis.with_template(frozen_areas(analysis.template, areas), labels)
-        own = frozen.prover.ray(np.append(ray.forces.ravel(), 1.0), labels)
+        frozen_ray = frozen.prover.ray(np.append(ray.forces.ravel(), 1.0), labels)
         if (
-            analysis.prover.is_ray(own)
-            and largest_area_change(areas, areas_under(analysis.assembly, own.forces, labels)) <= _SAME
+            analysis.prover.is_ray(frozen_ray)
+            and largest_area_change(areas, areas_under(analysis.assembly, frozen_ray.forces, labels)) <= _SAME
         ):
-            return own
+            return frozen_ray
         ray = frozen.repair.ray(labels)
     return None
 
 
-def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) -> list[str]:
+def _notes(analysis: LimitAnalysis, labels: Bits, plain_proof: Proof, proof: Proof) -> list[str]:
     """List sentences on dry faces that are no rectangles, and on an increase of λ."""
-    found = []
-    odd = int(np.count_nonzero(labels & ~analysis.assembly.interfaces.rectangle))
-    if odd:
-        found.append(f"{odd} of {int(labels.sum())} dry faces are no rectangles and keep their whole area in torsion")
-    whole, own = plain.load_factor, proof.load_factor
+    sentences = []
+    irregular = int(np.count_nonzero(labels & ~analysis.assembly.interfaces.rectangle))
+    if irregular:
+        sentences.append(
+            f"{irregular} of {int(labels.sum())} dry faces are no rectangles and keep their whole area in torsion"
+        )
+    with_whole, with_areas = plain_proof.load_factor, proof.load_factor
     if (
-        math.isfinite(whole)
-        and math.isfinite(own)
-        and own - whole > analysis.gap * max(abs(whole), analysis.load_scale)
+        math.isfinite(with_whole)
+        and math.isfinite(with_areas)
+        and with_areas - with_whole > analysis.gap * max(abs(with_whole), analysis.load_scale)
     ):
-        more = (own - whole) / max(abs(whole), analysis.load_scale)
-        found.append(
-            f"λ with effective areas is {more:.1%} above that of whole faces: "
+        increase = (with_areas - with_whole) / max(abs(with_whole), analysis.load_scale)
+        sentences.append(
+            f"λ with effective areas is {increase:.1%} above that of whole faces: "
             "shear at the centre of pressure, not at the centroid, is what twists a face"
         )
-    return found
+    return sentences
 
 
 def _iterate(
@@ -261,27 +265,27 @@ def _iterate(
     # `_STEPS` free steps come first, then steps that keep the forces near those before.
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin, residual = template.precision.margin, template.precision.residual
-    stepping, holding = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLDING_WEIGHT))
+    moving_solver, holding_solver = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLDING_WEIGHT))
     areas = areas_under(analysis.assembly, forces.reshape(-1, 6), labels)
     prover = analysis.prover.with_template(frozen_areas(template, areas))
     solves, steps, slack = 0, 0, margin
     while True:
-        route = stepping if steps < _STEPS else holding
-        point = route.solve(prover.template.program(labels, slack), forces).point
+        solver = moving_solver if steps < _STEPS else holding_solver
+        point = solver.solve(prover.template.program(labels, slack), forces).point
         solves, steps = solves + 1, steps + 1
         state = prover.state(point, labels, passes=3)
-        own, asked, prover = under_own_areas(prover, state, labels)
-        moves, areas = _changes(areas, asked), asked
+        under_own, required_areas, prover = under_own_areas(prover, state, labels)
+        changes, areas = _changes(areas, required_areas), required_areas
         forces = state.forces.ravel()
-        slack = slack_to_request(own, margin, steps)
-        settled = own.admissible and (moves.max(initial=0.0) <= tolerances.FIXED_POINT or steps > _STEPS)
+        slack = slack_to_request(under_own, margin, steps)
+        settled = under_own.admissible and (changes.max(initial=0.0) <= tolerances.FIXED_POINT or steps > _STEPS)
         if settled or solves >= most:
             proof = analysis.with_template(prover.template, labels).prove(labels)
             solves += proof.solves
             if not settled:
-                return own, proof, moves, solves
-            left = _changes(areas, areas_under(analysis.assembly, own.forces, labels))
-            low, high = own.load, proof.bracket[1]
+                return under_own, proof, changes, solves
+            remaining_changes = _changes(areas, areas_under(analysis.assembly, under_own.forces, labels))
+            low, high = under_own.load, proof.bracket[1]
             if solves >= most or not high - low > analysis.gap * max(abs(high), abs(low)):
-                return own, proof, left, solves
+                return under_own, proof, remaining_changes, solves
             steps = 0

@@ -11,8 +11,6 @@ from typing import Final, cast
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
@@ -23,8 +21,8 @@ from jld_core.geometry.vectors import resultants
 from jld_core.limit import Motion, Proof, State
 from jld_core.limit.analysis import FALLBACKS, Fallback, LimitAnalysis, ProofAttempt, insert_before
 from jld_core.limit.options import Model, Status
-from jld_core.limit.options import SolveOptions as SolveOptions
 from jld_core.limit.result import element_velocities
+from jld_core.linalg import components
 from jld_core.loads import Loads
 from jld_core.mechanics.standard import local_hulls
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
@@ -66,71 +64,68 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
     return bool(weakest.min() > _STRONG)
 
 
-def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
-    """Join elements through inner faces into rigid blocks, except those in `apart` (k,).
-
-    One glued to a support is one.
-    """
+def rigid_blocks(assembly: Assembly, labels: Bits, separate: Ints) -> RigidBlocks:
+    """Join elements through inner faces into rigid blocks, also with supports, except those of `separate` (k,)."""
     elements, faces = assembly.elements, assembly.interfaces
-    alone = np.zeros(len(elements), dtype=bool)
-    alone[apart] = True
-    group = blocks_of(assembly, labels | alone[faces.a] | alone[faces.b])
-    number = int(group.max()) + 1
-    support = np.zeros(number, dtype=bool)
+    is_separate = np.zeros(len(elements), dtype=bool)
+    is_separate[separate] = True
+    group = blocks_of(assembly, labels | is_separate[faces.a] | is_separate[faces.b])
+    count = int(group.max()) + 1
+    support = np.zeros(count, dtype=bool)
     np.logical_or.at(support, group, elements.support)
-    acts = (group[faces.a] != group[faces.b]) & ~(support[group[faces.a]] & support[group[faces.b]])
+    is_joint = (group[faces.a] != group[faces.b]) & ~(support[group[faces.a]] & support[group[faces.b]])
     members = assembly.members
-    for face, held in zip(members.face.tolist(), members.elements, strict=True):
+    for face, owners in zip(members.face.tolist(), members.elements, strict=True):
         if face >= 0:
-            acts[face] = len(np.unique(group[held])) > 1 and not support[group[held]].all()
-    kept = np.flatnonzero(acts)
-    return RigidBlocks(_condense(assembly, labels, group, support, kept), group, kept)
+            is_joint[face] = len(np.unique(group[owners])) > 1 and not support[group[owners]].all()
+    joint_faces = np.flatnonzero(is_joint)
+    return RigidBlocks(_condense(assembly, labels, group, support, joint_faces), group, joint_faces)
 
 
-def _condense(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
+def _condense(assembly: Assembly, labels: Bits, group: Ints, support: Bits, joint_faces: Ints) -> Assembly:
     """Build the condensed assembly: sum loads and weights per block `group` (n,), keep some interfaces."""
     elements, faces, d = assembly.elements, assembly.interfaces, assembly.dimension
-    number = len(support)
-    size = np.bincount(group, minlength=number)
-    centroid = np.zeros((number, d))
+    count = len(support)
+    size = np.bincount(group, minlength=count)
+    centroid = np.zeros((count, d))
     np.add.at(centroid, group, elements.centroid)
     centroid /= size[:, None]
     arm = np.where(elements.support[:, None], 0.0, elements.centroid - centroid[group])
 
     def of_blocks(load: Floats) -> Floats:
         """Return the loads (blocks, q) of elements (n, q) on their blocks, zero on supports."""
-        total = resultants(number, group, np.where(elements.support[:, None], 0.0, load), arm)
+        total = resultants(count, group, np.where(elements.support[:, None], 0.0, load), arm)
         total[support] = 0.0
         return total
 
-    weight = np.zeros((number, d))
+    weight = np.zeros((count, d))
     np.add.at(weight, group, elements.weight)
-    volume = np.bincount(group, weights=elements.volume, minlength=number).astype(float)
+    volume = np.bincount(group, weights=elements.volume, minlength=count).astype(float)
     order = np.argsort(group, kind="stable")
     starts = np.concatenate([[0], np.cumsum(size)])
     # Only the radius of a block is computed from its corners.
-    shape = tuple(np.concatenate([elements.shape[k] for k in order[starts[g] : starts[g + 1]]]) for g in range(number))
+    shape = tuple(np.concatenate([elements.shape[k] for k in order[starts[g] : starts[g + 1]]]) for g in range(count))
     blocks = Elements(
-        ids=tuple(f"block {g}" for g in range(number)),
-        blocks=(None,) * number,
+        ids=tuple(f"block {g}" for g in range(count)),
+        blocks=(None,) * count,
         support=support,
         centroid=centroid,
         volume=volume,
         weight=weight,
         shape=shape,
     )
-    joints = replace(faces.take(kept), a=group[faces.a[kept]], b=group[faces.b[kept]])
-    members, stress = assembly.members.joined(group, kept), assembly.members.self_stress
+    joints = replace(faces.take(joint_faces), a=group[faces.a[joint_faces]], b=group[faces.b[joint_faces]])
+    members, self_stress = assembly.members.joined(group, joint_faces), assembly.members.self_stress
     return replace(
         assembly,
         elements=blocks,
         interfaces=joints,
-        face_strengths=assembly.face_strengths.take(kept),
+        face_strengths=assembly.face_strengths.take(joint_faces),
         dead_loads=Loads.of_resultants(of_blocks(assembly.dead)),
         live_loads=Loads.of_resultants(of_blocks(assembly.live)),
-        labels=labels[kept],
+        labels=labels[joint_faces],
         touching=(),
-        members=replace(members, self_stress=None if stress is None else of_blocks(stress)),
+        members=replace(members, self_stress=None if self_stress is None else of_blocks(self_stress)),
     )
 
 
@@ -148,58 +143,65 @@ def cracked(full: LimitAnalysis, labels: Bits, velocity: Floats) -> Ints:
     return np.flatnonzero(np.isin(block, block[full.assembly.interfaces.a[open_faces]]))
 
 
-def prove_condensed(full: LimitAnalysis, labels: Bits, apart: Ints | None = None) -> Proof | None:
-    """Prove λ with rigid blocks but elements `apart` (k,), taking apart blocks that fail a check.
+def prove_condensed(full: LimitAnalysis, labels: Bits, separate: Ints | None = None) -> Proof | None:
+    """Prove λ with rigid blocks but elements `separate` (k,), taking apart blocks that fail a check.
 
     The proof holds in the full model; it may lack the lower bound. None where the full model must be solved instead.
     """
     # Source: docs/method.md (7.1), (7.2).
     assembly, options = full.assembly, full.options
-    apart = np.zeros(0, dtype=np.int64) if apart is None else apart
-    route: list[str] = []
+    separate = np.zeros(0, dtype=np.int64) if separate is None else separate
+    solve_log: list[str] = []
     solves = 0
     for _ in range(_ROUNDS):
-        rigid = rigid_blocks(assembly, labels, apart)
+        rigid = rigid_blocks(assembly, labels, separate)
         if not rigid.assembly.live.any() or not len(rigid.face):
             return None
-        given = rigid.assembly.labels
-        inner = LimitAnalysis(
-            rigid.assembly, solver=options.solver, gap=options.gap, inner_bending=options.inner_bending, reference=given
+        joints = rigid.assembly.labels
+        condensed = LimitAnalysis(
+            rigid.assembly,
+            solver=options.solver,
+            gap=options.gap,
+            inner_bending=options.inner_bending,
+            reference=joints,
         )
         # Where the full model is large, its own repairs take less time than a simplex on rigid blocks.
-        simple = is_large(full.template.structure)
-        proof = inner.prove(
-            given, tuple(fallback for fallback in FALLBACKS if not simple or fallback.name != "dual simplex")
+        large = is_large(full.template.structure)
+        proof = condensed.prove(
+            joints, tuple(fallback for fallback in FALLBACKS if not large or fallback.name != "dual simplex")
         )
-        scaling = inner.template.scaling
+        scaling = condensed.template.scaling
         solves += proof.solves
-        route += [f"rigid: {step}" for step in proof.solve_log]
+        solve_log += [f"rigid: {step}" for step in proof.solve_log]
         if proof.status is Status.UNSTABLE:
             # If the assembly of rigid blocks is unstable, the full model is too: cracks only add mechanisms.
-            falls = proof.collapse_below_zero or proof.motion
-            lifted_fall = None if falls is None else _of_elements(full, rigid, inner, falls)
-            return Proof(status=Status.UNSTABLE, solve_log=route, solves=solves, collapse_below_zero=lifted_fall)
+            fall = proof.collapse_below_zero or proof.motion
+            lifted_fall = None if fall is None else _of_elements(full, rigid, condensed, fall)
+            return Proof(status=Status.UNSTABLE, solve_log=solve_log, solves=solves, collapse_below_zero=lifted_fall)
         if proof.status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
             return None
-        boundary = proof.state.forces * scaling.face
+        joint_forces = proof.state.forces * scaling.face
         load = proof.state.load * scaling.load
-        inner_forces = _inner_forces(full.template, labels, rigid, boundary, load)
+        inner_forces = _inner_forces(full.template, labels, rigid, joint_forces, load)
         solves += 1
         if inner_forces is None:
             return None
         forces, failing = inner_forces
         if failing.size == 0:
-            checked, blended = _checked_state(full, labels, rigid, forces, load, empty=not (boundary.any() or load))
+            empty = not (joint_forces.any() or load)
+            checked, blended = _checked_state(full, labels, rigid, forces, load, empty=empty)
             solves += blended
-            lifted = Proof(solve_log=route, solves=solves, extra={"rigid_blocks": len(rigid.assembly.elements.free)})
-            lifted.offer_state(checked)
-            lifted.offer_motion(_of_elements(full, rigid, inner, proof.motion))
-            lifted.status = full.status_of(lifted)
-            return lifted if lifted.status in (Status.COLLAPSE, Status.UNCERTIFIED) else None
+            full_proof = Proof(
+                solve_log=solve_log, solves=solves, extra={"rigid_blocks": len(rigid.assembly.elements.free)}
+            )
+            full_proof.offer_state(checked)
+            full_proof.offer_motion(_of_elements(full, rigid, condensed, proof.motion))
+            full_proof.status = full.status_of(full_proof)
+            return full_proof if full_proof.status in (Status.COLLAPSE, Status.UNCERTIFIED) else None
         if is_large(full.template.structure) and failing.size > _FAILING * len(rigid.assembly.elements):
             return None
-        route.append(f"{failing.size} blocks taken apart")
-        apart = np.union1d(apart, np.flatnonzero(np.isin(rigid.group, failing)))
+        solve_log.append(f"{failing.size} blocks taken apart")
+        separate = np.union1d(separate, np.flatnonzero(np.isin(rigid.group, failing)))
     return None
 
 
@@ -210,72 +212,73 @@ def _checked_state(
 
     empty: joints between blocks carry no force.
     """
-    checked = full.prover.state(np.append(forces.ravel(), load / full.template.scaling.load), labels)
-    if not checked.admissible and empty:
+    state = full.prover.state(np.append(forces.ravel(), load / full.template.scaling.load), labels)
+    if not state.admissible and empty:
         # Loads that cancel within each block leave its joints empty.
-        inside = ~np.isin(np.arange(len(labels)), rigid.face)
-        checked = full.prover.state_within(forces, labels, inside)
-    within = None if checked.admissible else full.repair.state(labels)
-    if within is not None:
+        inner_faces = ~np.isin(np.arange(len(labels)), rigid.face)
+        state = full.prover.state_within(forces, labels, inner_faces)
+    interior_state = None if state.admissible else full.repair.state(labels)
+    if interior_state is not None:
         # equilibrium of the cells has moved forces on the boundary of a yield set a last digit too far
-        checked = full.prover.blend(checked, within, labels)
-    if not checked.admissible:
-        checked = full.unloaded(labels) or checked
-    return checked, within is not None
+        state = full.prover.blend(state, interior_state, labels)
+    if not state.admissible:
+        state = full.unloaded(labels) or state
+    return state, interior_state is not None
 
 
 def _inner_forces(
-    template: Template, labels: Bits, rigid: RigidBlocks, boundary: Floats, load: float
+    template: Template, labels: Bits, rigid: RigidBlocks, joint_forces: Floats, load: float
 ) -> tuple[Floats, Ints] | None:
     """Compute scaled forces (m, q) on all faces, and blocks without admissible ones; None if not finite.
 
-    boundary: (m', q) resultants on the faces between blocks, load: λ, both in scene units. Blocks as in `rigid.group`.
+    joint_forces: (m', q) resultants between blocks, load: λ, both in scene units. Blocks as in `rigid.group`.
     """
     # Given boundary forces and λ, each block maximises its own least slack, at most 1. Row `equalities`, which bounds
     # λ, is left out.
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
     forces = np.zeros((len(labels), q))
-    forces[rigid.face] = boundary / scale.face[rigid.face]
+    forces[rigid.face] = joint_forces / scale.face[rigid.face]
     faces, pattern = template.assembly.interfaces, sets.pattern
     support = rigid.assembly.elements.support[rigid.group]
-    within = np.ones(len(labels), dtype=bool)
-    within[rigid.face] = False
-    within &= ~(support[faces.a] & support[faces.b])  # Faces between supports need no forces.
-    inside = np.flatnonzero(within)
-    if inside.size == 0:
-        return forces, inside
+    is_inner = np.ones(len(labels), dtype=bool)
+    is_inner[rigid.face] = False
+    is_inner &= ~(support[faces.a] & support[faces.b])  # Faces between supports need no forces.
+    inner = np.flatnonzero(is_inner)
+    if inner.size == 0:
+        return forces, inner
     program = template.program(labels)
     structure = program.structure
-    rows, columns = _independent_rows(template, rigid, support), _columns_of(template, within)
+    rows, columns = _independent_rows(template, rigid, support), _columns_of(template, is_inner)
     matrix = program.matrix.tocsr()
     target = -(template.dead + load / scale.load * template.live) - template.matrix @ forces.ravel()
-    yields = structure.equalities + 1 + np.flatnonzero(within[pattern.row_face])
+    yields = structure.equalities + 1 + np.flatnonzero(is_inner[pattern.row_face])
     linear = yields[yields < structure.equalities + structure.linear]
     conic = yields[yields >= structure.equalities + structure.linear]
     of_cones = pattern.row_face[pattern.linear + beginnings(structure.cones)]
-    sizes = tuple(np.array(structure.cones, dtype=np.int64)[within[of_cones]].tolist())
+    sizes = tuple(np.array(structure.cones, dtype=np.int64)[is_inner[of_cones]].tolist())
     # one slack for each block, in its linear rows and in the first rows of its cones
     block = rigid.group[faces.a]
-    names, position = np.unique(block[inside], return_inverse=True)
+    blocks, block_position = np.unique(block[inner], return_inverse=True)
     of_block = np.full(int(rigid.group.max()) + 1, -1)
-    of_block[names] = np.arange(len(names))
-    tips = np.concatenate([linear, conic[np.concatenate([[0], np.cumsum(sizes)])[: len(sizes)].astype(int)]])
-    owner = of_block[block[pattern.row_face[tips - structure.equalities - 1]]]
-    slack = sp.csr_array((np.ones(len(tips)), (tips, owner)), shape=(structure.shape[0], len(names)))
+    of_block[blocks] = np.arange(len(blocks))
+    rows_of_slack = np.concatenate([linear, conic[np.concatenate([[0], np.cumsum(sizes)])[: len(sizes)].astype(int)]])
+    column_of_slack = of_block[block[pattern.row_face[rows_of_slack - structure.equalities - 1]]]
+    entries = np.ones(len(rows_of_slack)), (rows_of_slack, column_of_slack)
+    slack = sp.csr_array(entries, shape=(structure.shape[0], len(blocks)))
     with_slack = sp.hstack([matrix[:, columns], slack]).tocsr()
-    cap = sp.hstack([sp.csr_array((len(names), len(columns))), sp.eye_array(len(names))])
+    cap = sp.hstack([sp.csr_array((len(blocks), len(columns))), sp.eye_array(len(blocks))])
     stacked = sp.vstack([with_slack[rows], with_slack[linear], cap, with_slack[conic]])
-    rhs = np.concatenate([target[rows], program.rhs[linear], np.ones(len(names)), program.rhs[conic]])
-    objective = np.concatenate([np.zeros(len(columns)), -np.ones(len(names))])
+    rhs = np.concatenate([target[rows], program.rhs[linear], np.ones(len(blocks)), program.rhs[conic]])
+    objective = np.concatenate([np.zeros(len(columns)), -np.ones(len(blocks))])
     # Far below yield slacks hardly depend on forces: without refinement of its steps the method stops short of balance.
     solver = ClarabelSolver(iterative_refinement_enable=True)
-    raw = solver.solve(pack(stacked, rhs, objective, len(rows), len(linear) + len(names), sizes))
-    forces_inside = raw.point[: q * inside.size].reshape(-1, q)
+    raw = solver.solve(pack(stacked, rhs, objective, len(rows), len(linear) + len(blocks), sizes))
+    forces_inside = raw.point[: q * inner.size].reshape(-1, q)
     if not np.all(np.isfinite(forces_inside)):
         return None
-    forces[inside] = np.where(sets.active(labels)[inside], forces_inside, 0.0)
-    slacks = sets.slack(forces, labels)[inside]
-    return forces, names[np.unique(position[slacks < _LEAST_SLACK])]
+    forces[inner] = np.where(sets.active(labels)[inner], forces_inside, 0.0)
+    slacks = sets.slack(forces, labels)[inner]
+    return forces, blocks[np.unique(block_position[slacks < _LEAST_SLACK])]
 
 
 _LEAST_SLACK = 1e-9  # slack, scaled, below which the forces of a face count as inadmissible
@@ -286,73 +289,73 @@ def _independent_rows(template: Template, rigid: RigidBlocks, support: Bools) ->
     # Within a block that is in balance, the equations of one element follow from those of the others. Interior points
     # take the rounding of that balance for a contradiction.
     free = template.assembly.elements.free
-    follows = np.zeros(len(support), dtype=bool)
-    follows[free[np.unique(rigid.group[free], return_index=True)[1]]] = True
-    return np.flatnonzero(~np.repeat((support | follows)[free], template.assembly.freedoms))
+    is_dependent = np.zeros(len(support), dtype=bool)
+    is_dependent[free[np.unique(rigid.group[free], return_index=True)[1]]] = True
+    return np.flatnonzero(~np.repeat((support | is_dependent)[free], template.assembly.freedoms))
 
 
-def _columns_of(template: Template, within: Bools) -> Ints:
+def _columns_of(template: Template, selected: Bools) -> Ints:
     """Return the columns (k,) of the resultants of some faces (m,), then of their further unknowns."""
-    q, count, pattern = template.assembly.freedoms, len(within), template.yield_set.pattern
-    columns = (q * np.flatnonzero(within)[:, None] + np.arange(q)).ravel()
+    q, count, pattern = template.assembly.freedoms, len(selected), template.yield_set.pattern
+    columns = (q * np.flatnonzero(selected)[:, None] + np.arange(q)).ravel()
     if not pattern.extra:
         return columns
     # a face may have none or several further unknowns
     further = pattern.column >= q * count
     owner = np.zeros(pattern.extra, dtype=np.int64)
     owner[pattern.column[further] - q * count] = pattern.face[further]
-    return np.concatenate([columns, q * count + np.flatnonzero(within[owner])])
+    return np.concatenate([columns, q * count + np.flatnonzero(selected[owner])])
 
 
-def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, motion: Motion) -> Motion:
+def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, blocks_analysis: LimitAnalysis, motion: Motion) -> Motion:
     """Convert a motion of rigid blocks into a motion of the elements of the full model."""
     # Faces inside a block do not jump.
     assembly, scale = full.assembly, full.template.scaling
-    mechanism = element_velocities(inner.template, motion.velocity)[rigid.group]
+    mechanism = element_velocities(blocks_analysis.template, motion.velocity)[rigid.group]
     arm = assembly.elements.centroid - rigid.assembly.elements.centroid[rigid.group]
     d = assembly.dimension
     mechanism[:, :d] += spun(mechanism[:, d:], arm)
     velocity = (mechanism[assembly.elements.free] * scale.row.reshape(-1, assembly.freedoms)).ravel() / scale.load
     jumps = np.zeros(scale.face.shape)
     jumps[rigid.face] = (full.prover.transposed @ velocity).reshape(scale.face.shape)[rigid.face]
-    unit = inner.template.scaling.load / scale.load
+    unit = blocks_analysis.template.scaling.load / scale.load
     return Motion(velocity, jumps, 1.0, motion.margin, motion.bound * unit, motion.noise * unit)
 
 
-def prove_loaded_part(full: LimitAnalysis, labels: Bits, known: Proof) -> Proof | None:
+def prove_loaded_part(full: LimitAnalysis, labels: Bits, proof_so_far: Proof) -> Proof | None:
     """Prove bounds by the elements connected to a loaded one, in their own scale.
 
     None if that are all, or none holds.
     """
     assembly, scale = full.assembly, full.template.scaling
     elements, faces = assembly.elements, assembly.interfaces
-    if known.state is None or assembly.members:
+    if proof_so_far.state is None or assembly.members:
         return None
-    joined = ~(elements.support[faces.a] | elements.support[faces.b])
-    links = csr_array((np.ones(int(joined.sum())), (faces.a[joined], faces.b[joined])), shape=(len(elements),) * 2)
-    part = connected_components(links, directed=False)[1]
-    gone = ~elements.support & ~np.isin(part, part[assembly.live.any(axis=1)])
-    if not gone.any():
+    between_free = ~(elements.support[faces.a] | elements.support[faces.b])
+    component = components(len(elements), faces.a[between_free], faces.b[between_free])
+    unloaded = ~elements.support & ~np.isin(component, component[assembly.live.any(axis=1)])
+    if not unloaded.any():
         return None
-    left, kept = without(assembly, gone)
-    inner = LimitAnalysis(left, gap=full.gap, inner_bending=full.options.inner_bending, reference=labels[kept])
-    proof = inner.prove(labels[kept])
+    part_assembly, kept_faces = without(assembly, unloaded)
+    part_labels, bending = labels[kept_faces], full.options.inner_bending
+    analysis = LimitAnalysis(part_assembly, gap=full.gap, inner_bending=bending, reference=part_labels)
+    proof = analysis.prove(part_labels)
     if proof.status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
         return None
-    own = inner.template.scaling
-    share, unit = own.force / scale.force, own.load / scale.load
-    forces = known.state.forces.copy()
-    forces[kept] = proof.state.forces * own.face / scale.face[kept]
-    state = State(forces, proof.state.load * unit, proof.state.slack * share, proof.state.error * share)
+    part_scaling = analysis.template.scaling
+    per_force, per_load = part_scaling.force / scale.force, part_scaling.load / scale.load
+    forces = proof_so_far.state.forces.copy()
+    forces[kept_faces] = proof.state.forces * part_scaling.face / scale.face[kept_faces]
+    state = State(forces, proof.state.load * per_load, proof.state.slack * per_force, proof.state.error * per_force)
     mechanism = np.zeros((len(elements), assembly.freedoms))
-    mechanism[~gone] = element_velocities(inner.template, proof.motion.velocity)
+    mechanism[~unloaded] = element_velocities(analysis.template, proof.motion.velocity)
     velocity = (mechanism[elements.free] * scale.row).ravel() / scale.load
     jumps = (full.prover.transposed @ velocity).reshape(forces.shape)
-    moved = proof.motion
-    motion = Motion(velocity, jumps, 1.0, moved.margin, moved.bound * unit, moved.noise * unit)
-    found = Proof(state=state, motion=motion, solve_log=[f"loaded part: {step}" for step in proof.solve_log])
-    found.solves, found.status = proof.solves, full.status_of(Proof(state=state, motion=motion))
-    return found
+    bound, noise = proof.motion.bound * per_load, proof.motion.noise * per_load
+    motion = Motion(velocity, jumps, 1.0, proof.motion.margin, bound, noise)
+    result = Proof(state=state, motion=motion, solve_log=[f"loaded part: {step}" for step in proof.solve_log])
+    result.solves, result.status = proof.solves, full.status_of(Proof(state=state, motion=motion))
+    return result
 
 
 _ROUTE: Final = Route("contact at points", STANDARD - ADHESION - {"dry crushing"})
@@ -374,19 +377,19 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     for face, outline in zip(dry.tolist(), local_hulls(faces, dry), strict=True):
         points[face] = faces.origin[face] + outline @ np.array([faces.e1[face], faces.e2[face]])
     parent = np.repeat(np.arange(len(faces)), [len(p) for p in points])
-    place = np.concatenate(points) if points else np.zeros((0, 3))
+    positions = np.concatenate(points) if points else np.zeros((0, 3))
     is_point = labels[parent]
-    spread = faces.take(parent)
-    spread = replace(
-        spread,
-        origin=np.where(is_point[:, None], place, spread.origin),
-        area=np.where(is_point, 0.0, spread.area),
-        rectangle=spread.rectangle & ~is_point,
-        polygon=tuple(place[[k]] if is_point[k] else outline for k, outline in enumerate(spread.polygon)),
+    point_faces = faces.take(parent)
+    point_faces = replace(
+        point_faces,
+        origin=np.where(is_point[:, None], positions, point_faces.origin),
+        area=np.where(is_point, 0.0, point_faces.area),
+        rectangle=point_faces.rectangle & ~is_point,
+        polygon=tuple(positions[[k]] if is_point[k] else outline for k, outline in enumerate(point_faces.polygon)),
     )
     expanded = replace(
         assembly,
-        interfaces=spread,
+        interfaces=point_faces,
         face_strengths=assembly.face_strengths.take(parent),
         labels=np.where(is_point, DRY, INNER).astype(bool),
         members=assembly.members.joined(np.arange(len(assembly.elements)), parent),
@@ -396,20 +399,22 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
 
 def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, proof: Proof) -> Proof:
     """Convert a proof about point contacts to one about whole faces, without the ray and the collapse below zero."""
-    one, other = full.template.scaling, points.template.scaling
-    unit = other.load / one.load
+    whole, pointwise = full.template.scaling, points.template.scaling
+    unit = pointwise.load / whole.load
 
-    def state(found: State | None) -> State | None:
-        if found is None:
+    def state(of_points: State | None) -> State | None:
+        if of_points is None:
             return None
-        forces = resultants_of_faces(full.assembly, points.assembly, parent, found.forces * other.face) / one.face
-        return replace(found, forces=forces, load=found.load * unit)
+        forces = (
+            resultants_of_faces(full.assembly, points.assembly, parent, of_points.forces * pointwise.face) / whole.face
+        )
+        return replace(of_points, forces=forces, load=of_points.load * unit)
 
     motion = proof.motion
     if motion is not None:
-        moves = element_velocities(points.template, motion.velocity)[full.assembly.elements.free]
-        velocity = moves.ravel() * one.row.ravel() / one.load
-        jumps = (full.prover.transposed @ velocity).reshape(one.face.shape)
+        velocities = element_velocities(points.template, motion.velocity)[full.assembly.elements.free]
+        velocity = velocities.ravel() * whole.row.ravel() / whole.load
+        jumps = (full.prover.transposed @ velocity).reshape(whole.face.shape)
         motion = replace(motion, velocity=velocity, jumps=jumps, bound=motion.bound * unit, noise=motion.noise * unit)
     return replace(
         proof,
@@ -431,12 +436,12 @@ def resultants_of_faces(assembly: Assembly, points: Assembly, parent: Ints, forc
     x2 = np.einsum("ij,ij->i", arm, faces.e2[parent])
     n, v1, v2 = forces[:, 0], forces[:, 1], forces[:, 2]
     # Moment of n·N + e1·V1 + e2·V2 acting at x1 e1 + x2 e2, in the frame (e1, e2, n) with e1 × e2 = n.
-    moved = forces.copy()
-    moved[:, 3] += x2 * n
-    moved[:, 4] -= x1 * n
-    moved[:, 5] += x1 * v2 - x2 * v1
+    about_centroid = forces.copy()
+    about_centroid[:, 3] += x2 * n
+    about_centroid[:, 4] -= x1 * n
+    about_centroid[:, 5] += x1 * v2 - x2 * v1
     total = np.zeros((len(faces), 6))
-    np.add.at(total, parent, moved)
+    np.add.at(total, parent, about_centroid)
     return total
 
 
@@ -522,9 +527,9 @@ def solve_labelling(
     """
     if options.contact == "concave" and analysis.assembly.dimension == 3:
         points, parent = point_contact_assembly(analysis.assembly, labels)
-        other = limit_analysis(points, options, reference=points.labels)
-        proof = _proof(other, points.labels, options, stands, pruning_threshold)
-        return proof_of_faces(analysis, other, parent, proof)
+        point_analysis = limit_analysis(points, options, reference=points.labels)
+        proof = _proof(point_analysis, points.labels, options, stands, pruning_threshold)
+        return proof_of_faces(analysis, point_analysis, parent, proof)
     return _proof(analysis, labels, options, stands, pruning_threshold)
 
 
@@ -551,10 +556,10 @@ def _rigid_blocks(attempt: ProofAttempt) -> None:
 def _rigid_where_uncracked(attempt: ProofAttempt) -> None:
     """Adopt bounds with rigid blocks, except for blocks that crack in the last answer, see `cracked`."""
     analysis, raw = cast(LimitAnalysis, attempt.analysis), attempt.raw
-    apart = None
+    cracked_elements = None
     if raw is not None and raw.status is not RawStatus.UNBOUNDED:
-        apart = cracked(analysis, attempt.labels, raw.dual)
-    proof = prove_condensed(analysis, attempt.labels, apart)
+        cracked_elements = cracked(analysis, attempt.labels, raw.dual)
+    proof = prove_condensed(analysis, attempt.labels, cracked_elements)
     if proof is not None:
         attempt.adopt(proof)
 

@@ -43,22 +43,22 @@ _STEP: Final = 1e-7  # step of the finite difference of program data, relative t
 
 # Programs with cones (in space, and where joints crush) are solved at two steps to either side, and the rates
 # extrapolated. This is the larger step, relative to the parameter.
-_FAR: Final = 1e-3
+_LARGER_STEP: Final = 1e-3
 
-# Ratio of the smaller step to `_FAR`. A kink stays as steps shrink; curvature (crushing, friction cone) vanishes.
-_NEARER: Final = 0.1
+# Ratio of the smaller step to the larger. A kink stays as steps shrink; curvature (crushing, friction cone) vanishes.
+_STEP_RATIO: Final = 0.1
 
 # Rate relative to λ/p below which no kink is reported for programs with cones, which are solved to 1e-10
-_FAINT: Final = 1e-4
+_SMALL_RATE: Final = 1e-4
 
 _DOUBT: Final = 1e-3  # difference of the rates by multipliers and by steps, over λ/p, below which the first are taken
 
 _SLACK: Final = 1e-7  # row tolerance of the programs for one-sided rates, as optimal points are known only to rounding
 
 # Relative difference of the two one-sided rates of a linear program below which they count as equal
-_ALIKE: Final = 1e-3
+_EQUAL: Final = 1e-3
 
-_BENT: Final = 1e-2  # relative difference of the two chord slopes of a program with cones above which λ has a kink
+_KINK: Final = 1e-2  # relative difference of the two chord slopes of a program with cones above which λ has a kink
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class Sensitivity:
 
     def to_json(self) -> dict[str, float | str | None]:
         """Return the fields as plain numbers, None for a rate that is not finite."""
-        plain = {name: getattr(self, name) for name in ("derivative", "left", "right")}
-        return {**{name: value if math.isfinite(value) else None for name, value in plain.items()}, "unit": self.unit}
+        rates = {name: getattr(self, name) for name in ("derivative", "left", "right")}
+        return {**{name: value if math.isfinite(value) else None for name, value in rates.items()}, "unit": self.unit}
 
 
 @typed
@@ -100,24 +100,24 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
     if result.cases:
         names = [case.name for case in result.assembly.cases]
         required = float(result.assembly.required[names.index(str(result.governing))])
-        one = sensitivities(result.cases[str(result.governing)])
+        rates = sensitivities(result.cases[str(result.governing)])
         return {
-            name: Sensitivity(s.derivative / required, s.left / required, s.right / required, s.unit)
-            for name, s in one.items()
+            name: Sensitivity(rate.derivative / required, rate.left / required, rate.right / required, rate.unit)
+            for name, rate in rates.items()
         }
     model = result.model
-    plain = model.supports_bounds_over_labellings and model.inner_bending == "uncoupled"
+    supported = model.supports_bounds_over_labellings and model.inner_bending == "uncoupled"
     # With bond the strengths of the program depend on one another.
-    if result.status is not Status.COLLAPSE or not plain or result.assembly.members.bond is not None:
+    if result.status is not Status.COLLAPSE or not supported or result.assembly.members.bond is not None:
         return {}
     analysis = LimitAnalysis(result.assembly)
     if is_large(analysis.template.structure):
         return {}
     base = SolvedProgram(analysis, result.labels)
-    found = {}
+    rates_by_name = {}
     for name, change, unit in _parameters(result.assembly, result.labels):
-        found[name] = base.sensitivity(change, unit)
-    return found
+        rates_by_name[name] = base.sensitivity(change, unit)
+    return rates_by_name
 
 
 @dataclass(frozen=True)
@@ -133,15 +133,15 @@ class _Change:
             strengths = assembly.strengths(_ROUTE)
             values = getattr(strengths, self.strength) + step * ~assembly.of_members
             return assembly.with_strengths(replace(strengths, **{self.strength: values}))
-        more = np.where(assembly.elements.support[:, None], 0.0, step * assembly.elements.weight)
+        body = np.where(assembly.elements.support[:, None], 0.0, step * assembly.elements.weight)
         dead = assembly.dead_loads
-        return replace(assembly, dead_loads=replace(dead, body=dead.body + more))
+        return replace(assembly, dead_loads=replace(dead, body=dead.body + body))
 
 
 def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, str]]:
     """List name, change and unit of each parameter that is not zero and that a labelling uses."""
     stress = f"{assembly.units[1]}/{assembly.units[0]}²"
-    found = []
+    parameters = []
     for name, strength, faces, unit in (
         ("friction_coefficient", "friction", labels, ""),
         ("shear_strength", "shear", ~labels, stress),
@@ -149,10 +149,10 @@ def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, st
     ):
         values = getattr(assembly.strengths(_ROUTE), strength)[faces & ~assembly.of_members]
         if len(values) and np.isfinite(values).all() and values.min() > 0.0:
-            found.append((name, _Change(float(values.min()), strength), unit))
+            parameters.append((name, _Change(float(values.min()), strength), unit))
     if np.any(assembly.elements.weight[assembly.elements.free]):
-        found.append(("weight", _Change(1.0), "of itself"))
-    return found
+        parameters.append(("weight", _Change(1.0), "of itself"))
+    return parameters
 
 
 class SolvedProgram:
@@ -195,35 +195,35 @@ class SolvedProgram:
     def sensitivity(self, change: _Change, unit: str) -> Sensitivity:
         """Return dλ per unit of a change; NaN where both sides differ or are unsure."""
         step = _STEP * change.size
-        more, less = self._moved(change, step), self._moved(change, -step)
-        matrix = sp.csr_array((more.matrix - less.matrix) / (2.0 * step))
-        rhs = (more.rhs - less.rhs) / (2.0 * step)
+        above, below = self._program_at(change, step), self._program_at(change, -step)
+        matrix = sp.csr_array((above.matrix - below.matrix) / (2.0 * step))
+        rhs = (above.rhs - below.rhs) / (2.0 * step)
         scale = self._template.scaling.load
         value = scale * float(self.dual @ (rhs - matrix @ self.point))
         if self.program.structure.cones:
-            left, right, bent, noise = self._by_steps(change)
+            left, right, kink, noise = self._by_steps(change)
         else:
             right, left = -self.side(matrix, rhs), self.side(-matrix, -rhs)
-            bent, noise = abs(right - left), 0.0
-        left, right, bent, noise = scale * left, scale * right, scale * bent, scale * noise
+            kink, noise = abs(right - left), 0.0
+        left, right, kink, noise = scale * left, scale * right, scale * kink, scale * noise
         # Rates too small to change λ by more than rounding count as zero.
         cones = bool(self.program.structure.cones)
-        faint = _FAINT if cones else tolerances.GAP
-        least = faint * scale * max(abs(float(self.point[-1])), 1.0) / change.size
+        share = _SMALL_RATE if cones else tolerances.GAP
+        least = share * scale * max(abs(float(self.point[-1])), 1.0) / change.size
         largest = max(abs(left), abs(right), abs(value), least)
         if math.isnan(left) or math.isnan(right):
             # with cones a side without end, beyond which the scene is locked, leaves multipliers without one too
             return Sensitivity(math.nan if cones else value, left, right, unit)
-        if bent > (_BENT if cones else _ALIKE) * largest:
+        if kink > (_KINK if cones else _EQUAL) * largest:
             return Sensitivity(math.nan, left, right, unit)
         if not cones:
             return Sensitivity(value, left, right, unit)
         # at friction of 45° multipliers are not unique, and chords are known to few digits: neither is to be believed
-        doubt = max(_BENT * largest, _DOUBT / _FAINT * least, noise)
+        doubt = max(_KINK * largest, _DOUBT / _SMALL_RATE * least, noise)
         unknown = abs(value - 0.5 * (left + right)) > doubt
         return Sensitivity(math.nan, left, right, unit) if unknown else Sensitivity(value, value, value, unit)
 
-    def _moved(self, change: _Change, step: float) -> ConicProgram:
+    def _program_at(self, change: _Change, step: float) -> ConicProgram:
         """Build the program with a parameter increased by `step`, in the original scaling."""
         assembly = change.of(self._template.assembly, step)
         return Template(assembly, self._template.scaling).program(self.labels)
@@ -232,19 +232,19 @@ class SolvedProgram:
         """Compute left and right rate of scaled λ, size of the kink, rounding error, from chords at two steps."""
         # The size of the kink excludes curvature, which vanishes as steps shrink, and rounding, which is estimated from
         # the difference of primal and dual values.
-        here, noise = self._value(self.program)
+        value, noise = self._value(self.program)
         chords, kinks, noises = [], [], []
-        for step in (_FAR * change.size, _NEARER * _FAR * change.size):
-            (below, low), (above, high) = (self._value(self._moved(change, by)) for by in (-step, step))
-            left, right = (here - below) / step, (above - here) / step
+        for step in (_LARGER_STEP * change.size, _STEP_RATIO * _LARGER_STEP * change.size):
+            (below, low), (above, high) = (self._value(self._program_at(change, by)) for by in (-step, step))
+            left, right = (value - below) / step, (above - value) / step
             chords.append((left, right))
             noises.append((2.0 * noise + low + high) / step)
             kinks.append(abs(right - left) - noises[-1])
         (far_left, far_right), (left, right) = chords
         # f(x + h) = f + f' h + f'' h²/2: chords differ from f' by a share of h
-        share = _NEARER / (1.0 - _NEARER)
-        bent = max(0.0, min(kinks[0], kinks[1] + share * (kinks[1] - kinks[0])))
-        return left + share * (left - far_left), right + share * (right - far_right), bent, min(noises)
+        share = _STEP_RATIO / (1.0 - _STEP_RATIO)
+        kink = max(0.0, min(kinks[0], kinks[1] + share * (kinks[1] - kinks[0])))
+        return left + share * (left - far_left), right + share * (right - far_right), kink, min(noises)
 
     def _value(self, program: ConicProgram) -> tuple[float, float]:
         """Return λ of a program and primal less dual λ, scaled; NaN without a solution."""
@@ -258,28 +258,28 @@ class SolvedProgram:
         """Compute the rate of −λ for rates ΔM (rows, columns), Δr (rows,) of the program, scaled; NaN without."""
         # The rate is the value of the linear program in the module docstring.
         equal = np.arange(self.first)
-        held = np.flatnonzero(self.held)
-        loose = np.setdiff1d(np.arange(self.first, self.last), held)
+        held_rows = np.flatnonzero(self.held)
+        loose = np.setdiff1d(np.arange(self.first, self.last), held_rows)
         rows, count = sp.csr_array(self.program.matrix), len(self.point)
-        tight = np.concatenate([equal, held])
-        none = sp.csr_array((len(tight), count))
-        stated = pack(
+        tight = np.concatenate([equal, held_rows])
+        zeros = sp.csr_array((len(tight), count))
+        program = pack(
             sp.vstack(
                 [
-                    sp.hstack([rows[tight], none]),
+                    sp.hstack([rows[tight], zeros]),
                     sp.hstack([matrix[equal], rows[equal]]),
                     sp.hstack([rows[loose], sp.csr_array((len(loose), count))]),
-                    sp.hstack([matrix[held], rows[held]]),
+                    sp.hstack([matrix[held_rows], rows[held_rows]]),
                 ]
             ),
-            np.concatenate([self.program.rhs[tight], rhs[equal], self.program.rhs[loose], rhs[held]]),
+            np.concatenate([self.program.rhs[tight], rhs[equal], self.program.rhs[loose], rhs[held_rows]]),
             np.concatenate([np.zeros(count), self.program.objective]),
             len(tight) + len(equal),
-            len(loose) + len(held),
+            len(loose) + len(held_rows),
             (),
         )
-        answer = HighsSolver(tolerance=_SLACK).solve(stated)
-        return float(stated.objective @ answer.point) if answer.status is RawStatus.OPTIMAL else math.nan
+        answer = HighsSolver(tolerance=_SLACK).solve(program)
+        return float(program.objective @ answer.point) if answer.status is RawStatus.OPTIMAL else math.nan
 
 
 @dataclass(frozen=True)
@@ -341,5 +341,5 @@ def geometry_sensitivities(result: LimitAnalysisResult, *, one_sided: bool = Tru
     >>> rates = geometry_sensitivities(solve("scenes/flat_beam_arch.json"))
     >>> rates.derivative[0]
     """
-    found: GeometrySensitivities | None = plugins.part("geometry_sensitivities")(result, one_sided=one_sided)
-    return found
+    rates: GeometrySensitivities | None = plugins.part("geometry_sensitivities")(result, one_sided=one_sided)
+    return rates

@@ -77,12 +77,12 @@ class BatchResult:
         return len(self.status)
 
     def __repr__(self) -> str:
-        best = (
+        best_in_words = (
             ""
             if np.isnan(self.load_factor).all()
             else f", largest λ = {np.nanmax(self.load_factor):.9g}, cracks {cracks_in_short(self.cracks)}"
         )
-        return f"BatchResult({self.assembly.name!r}, {len(self)} labellings{best})"
+        return f"BatchResult({self.assembly.name!r}, {len(self)} labellings{best_in_words})"
 
     @property
     def best(self) -> int | None:
@@ -137,7 +137,7 @@ class BatchResult:
         }
         if self.cases:
             columns["governing"] = list(self.governing)
-            columns |= {f"load_factor[{name}]": one.load_factor for name, one in self.cases.items()}
+            columns |= {f"load_factor[{name}]": case.load_factor for name, case in self.cases.items()}
         return pd.DataFrame(columns)
 
 
@@ -184,27 +184,29 @@ def solve_many(
     require_cracks(assembly, chosen)
     if isinstance(assembly.cracks, FieldCracks):
         return _by_fields(assembly, rows, chosen)
-    elements, own = rigid(assembly, rows)
-    each = [_solve_many(case, own, chosen) for case in elements.by_case]
-    whole = [replace(one, assembly=case, labels=rows) for case, one in zip(assembly.by_case, each, strict=True)]
-    return _governing(assembly, rows, chosen, whole)
+    elements, element_labels = rigid(assembly, rows)
+    results = [
+        replace(_solve_many(element_case, element_labels, chosen), assembly=case, labels=rows)
+        for case, element_case in zip(assembly.by_case, elements.by_case, strict=True)
+    ]
+    return _governing(assembly, rows, chosen, results)
 
 
 def _by_fields(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
     """Bound k labellings (k, m) of blocks that crack by fields, one by one."""
     from jld_core.models.by_fields import FieldResult, case_bounds_of  # loads the mesh and the programs of fields
 
-    found = [solve_cracked(assembly, row, model) for row in labels]
-    bounds = [[case_bounds_of(one) for one in each.cases.values()] for each in found if isinstance(each, FieldResult)]
-    each = [_collect(case, labels, model, [row[k] for row in bounds]) for k, case in enumerate(assembly.by_case)]
-    return _governing(assembly, labels, model, each)
+    results = [solve_cracked(assembly, row, model) for row in labels]
+    bounds = [[*map(case_bounds_of, result.cases.values())] for result in results if isinstance(result, FieldResult)]
+    by_case = [_collect(case, labels, model, [row[k] for row in bounds]) for k, case in enumerate(assembly.by_case)]
+    return _governing(assembly, labels, model, by_case)
 
 
 def _collect(assembly: Assembly, labels: Bits, model: Model, bounds: list[CaseBounds]) -> BatchResult:
     value, low, high = (
-        np.array([getattr(one, name) for one in bounds], dtype=float) for name in ("load_factor", "low", "high")
+        np.array([getattr(case, name) for case in bounds], dtype=float) for name in ("load_factor", "low", "high")
     )
-    return BatchResult(assembly, labels, value, low, high, tuple(one.status for one in bounds), model)
+    return BatchResult(assembly, labels, value, low, high, tuple(case.status for case in bounds), model)
 
 
 def _solve_many(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
@@ -216,34 +218,33 @@ def _solve_many(assembly: Assembly, labels: Bits, model: Model) -> BatchResult:
     status: list[Status | None] = [None] * count
     batch = BatchAnalysis.of(analysis) if model.supports_bounds_over_labellings and count else None
     if batch is not None:
-        found = batch.prove(labels)
-        low, high = scale * found.low, scale * found.high
+        bounds = batch.prove(labels)
+        low, high = scale * bounds.low, scale * bounds.high
         with np.errstate(invalid="ignore"):  # of a bracket without ends
             load_factor = 0.5 * (low + high)
-        status = [found.status(k) for k in np.arange(count).tolist()]
-    for k in (k for k, known in enumerate(status) if known is None):
+        status = [bounds.status(k) for k in np.arange(count).tolist()]
+    for k in (k for k, case_status in enumerate(status) if case_status is None):
         proof = solve_labelling(analysis, labels[k], model)
         status[k], load_factor[k] = proof.status, scale * proof.load_factor
         low[k], high[k] = (scale * end for end in proof.bracket)
-    done = tuple(one for one in status if one is not None)
-    return BatchResult(assembly, labels, load_factor, low, high, done, model)
+    statuses = tuple(case_status for case_status in status if case_status is not None)
+    return BatchResult(assembly, labels, load_factor, low, high, statuses, model)
 
 
 def _governing(assembly: Assembly, labels: Bits, model: Model, results: list[BatchResult]) -> BatchResult:
     """Combine the results of load cases into the least λ / required of each labelling; without cases the one."""
     if not assembly.cases:
         return results[0]
-    cases = {case.name: one for case, one in zip(assembly.cases, results, strict=True)}
+    cases = {case.name: result for case, result in zip(assembly.cases, results, strict=True)}
     required, names = assembly.required.tolist(), list(cases)
-    decided = [
-        governing(
-            [CaseBounds(one.status[k], one.low[k], one.high[k], one.load_factor[k]) for one in cases.values()], required
-        )
+    outcomes = [
+        governing([CaseBounds(r.status[k], r.low[k], r.high[k], r.load_factor[k]) for r in results], required)
         for k in np.arange(len(labels)).tolist()
     ]
     value, low, high = (
-        np.array([getattr(outcome, name) for outcome in decided], dtype=float)
+        np.array([getattr(outcome, name) for outcome in outcomes], dtype=float)
         for name in ("load_factor", "low", "high")
     )
-    status, chosen = tuple(outcome.status for outcome in decided), tuple(names[outcome.case] for outcome in decided)
-    return BatchResult(assembly, labels, value, low, high, status, model, cases, chosen)
+    status = tuple(outcome.status for outcome in outcomes)
+    governing_names = tuple(names[outcome.case] for outcome in outcomes)
+    return BatchResult(assembly, labels, value, low, high, status, model, cases, governing_names)

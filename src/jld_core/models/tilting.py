@@ -24,7 +24,7 @@ from jld_core.models.rigid_blocks import limit_analysis, solve_labelling
 
 _STEPS: Final = 20  # largest number of steps from below
 _SMALL: Final = 1e-10  # step, radians, at which they end
-_ABOVE: Final = tuple(10.0**k for k in range(-9, -2))  # angles, radians, above the last step at which falling is tried
+_INCREMENTS: Final = tuple(10.0**k for k in range(-9, -2))  # radians above the last step, at which falling is tried
 Bracket = tuple[float, float]  # bounds on an angle, degrees; NaN where one is unknown, infinite where nothing falls
 
 
@@ -34,7 +34,7 @@ def directions(assembly: Assembly) -> dict[str, Floats]:
         return {}
     loads = assembly.scene.loads
     entries = {"": loads.live or [], **{case.name: case.live for case in loads.cases or []}}
-    return {name: np.array(one.body) for name, live in entries.items() for one in live if hasattr(one, "tilt")}
+    return {name: np.array(load.body) for name, live in entries.items() for load in live if hasattr(load, "tilt")}
 
 
 def tilt_bracket(assembly: Assembly, labels: Bits, model: Model, towards: Floats, low: float, high: float) -> Bracket:
@@ -55,26 +55,32 @@ def tilt_bracket(assembly: Assembly, labels: Bits, model: Model, towards: Floats
             return math.inf, math.inf
         if step < _SMALL:
             break
-        status, low, _ = _at(assembly, labels, model, towards, angle)
+        status, low, _ = _bound_at(assembly, labels, model, towards, angle)
         # locked: it stands a quarter turn further
         step = math.pi / 2.0 if status is Status.LOCKED else math.atan(max(low, 0.0)) if math.isfinite(low) else 0.0
-    falls = (angle + more for more in _ABOVE if _at(assembly, labels, model, towards, angle + more)[2])
-    return math.degrees(angle), math.degrees(next(falls, math.nan))
+    fall_angles = (
+        angle + step_up for step_up in _INCREMENTS if _bound_at(assembly, labels, model, towards, angle + step_up)[2]
+    )
+    return math.degrees(angle), math.degrees(next(fall_angles, math.nan))
 
 
 def _degrees(load_factor: float) -> float:
     return math.degrees(math.atan(load_factor))
 
 
-def _at(assembly: Assembly, labels: Bits, model: Model, towards: Floats, angle: float) -> tuple[Status, float, bool]:
+def _bound_at(
+    assembly: Assembly, labels: Bits, model: Model, towards: Floats, angle: float
+) -> tuple[Status, float, bool]:
     """Return status and proven λ along the tangent at an angle, and whether the structure is proven to fall there."""
     weight = np.where(assembly.elements.support[:, None], 0.0, assembly.elements.weight)
-    across = np.linalg.norm(weight, axis=1)[:, None] * towards
+    tilted_weight = np.linalg.norm(weight, axis=1)[:, None] * towards
     cos, sin = math.cos(angle), math.sin(angle)
-    live = replace(assembly.live_loads, body=cos * across - sin * weight)
-    dead: Loads = replace(assembly.dead_loads, body=assembly.dead_loads.body + (cos - 1.0) * weight + sin * across)
-    turned = replace(assembly, dead_loads=dead, live_loads=live)
-    analysis = limit_analysis(turned, model, reference=labels, single_labelling=True)
+    live = replace(assembly.live_loads, body=cos * tilted_weight - sin * weight)
+    dead: Loads = replace(
+        assembly.dead_loads, body=assembly.dead_loads.body + (cos - 1.0) * weight + sin * tilted_weight
+    )
+    tilted = replace(assembly, dead_loads=dead, live_loads=live)
+    analysis = limit_analysis(tilted, model, reference=labels, single_labelling=True)
     proof = solve_labelling(analysis, labels, model)
     low, high = (end * analysis.template.scaling.load for end in proof.bracket)
     return proof.status, low, proof.status is Status.UNSTABLE or high < 0.0
@@ -82,15 +88,15 @@ def _at(assembly: Assembly, labels: Bits, model: Model, towards: Floats, angle: 
 
 def with_tilt(result: LimitAnalysisResult) -> LimitAnalysisResult:
     """Return a result with the angles of its load cases that tilt among its facts."""
-    towards = directions(result.assembly)
-    if not towards:
+    towards_by_case = directions(result.assembly)
+    if not towards_by_case:
         return result
     cases = {
-        name: replace(one, facts=one.facts | _facts(one, towards[name])) if name in towards else one
-        for name, one in result.cases.items()
+        name: replace(case, facts=case.facts | _facts(case, towards_by_case[name])) if name in towards_by_case else case
+        for name, case in result.cases.items()
     }
-    own = _facts(result, towards[""]) if "" in towards else {}
-    return replace(result, cases=cases, facts=result.facts | own)
+    single_case_facts = _facts(result, towards_by_case[""]) if "" in towards_by_case else {}
+    return replace(result, cases=cases, facts=result.facts | single_case_facts)
 
 
 def _facts(result: LimitAnalysisResult, towards: Floats) -> dict[str, Any]:
@@ -108,8 +114,8 @@ def tilt_in_words(facts: Mapping[str, Any], name: str = "") -> dict[str, str]:
         return {}
     angle, *ends = ("none" if end is None else f"{end:.9g}" for end in (facts["tilt_angle"], *facts["tilt_bracket"]))
     bound = facts.get("tilt_bound")
-    most = "" if bound is None else f"; no layout tilts beyond {bound:.6g}°, proven"
-    return {f"tilt angle{name}": f"{angle}°   (bracket {' '.join(ends)}{most})"}
+    proven_limit = "" if bound is None else f"; no layout tilts beyond {bound:.6g}°, proven"
+    return {f"tilt angle{name}": f"{angle}°   (bracket {' '.join(ends)}{proven_limit})"}
 
 
 def tilt_facts(ends: Bracket) -> dict[str, Any]:

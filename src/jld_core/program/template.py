@@ -39,19 +39,19 @@ class Bodies:
         # block. Elements of blocks that contain a support represent themselves.
         elements = self.assembly.elements
         block = blocks_of(self.assembly, self.labels)
-        held = np.zeros(int(block.max(initial=-1)) + 1, dtype=bool)
-        held[block[elements.support]] = True
+        has_support = np.zeros(int(block.max(initial=-1)) + 1, dtype=bool)
+        has_support[block[elements.support]] = True
         free = elements.free
         block, centroid = block[free], elements.centroid[free]
-        size = np.maximum(np.bincount(block, minlength=len(held)), 1)
-        middle = np.column_stack([np.bincount(block, way, len(held)) / size for way in centroid.T])
+        size = np.maximum(np.bincount(block, minlength=len(has_support)), 1)
+        centre = np.column_stack([np.bincount(block, coordinate, len(has_support)) / size for coordinate in centroid.T])
         # Rounding lets the choice between elements at the same distance depend neither on units nor on position.
-        distance = np.round(np.linalg.norm(centroid - middle[block], axis=1) / self.assembly.size, 6)
+        distance = np.round(np.linalg.norm(centroid - centre[block], axis=1) / self.assembly.size, 6)
         order = np.lexsort((distance, block))
-        first = np.full(len(held), -1)
-        names, start = np.unique(block[order], return_index=True)
-        first[names] = order[start]
-        return np.asarray(np.where(held[block], np.arange(len(free)), first[block]), dtype=np.int64)
+        nearest = np.full(len(has_support), -1)
+        blocks, start = np.unique(block[order], return_index=True)
+        nearest[blocks] = order[start]
+        return np.asarray(np.where(has_support[block], np.arange(len(free)), nearest[block]), dtype=np.int64)
 
     def sums(self, equations: int) -> sp.csr_array | None:
         """Return the invertible matrix T that replaces the equations of each root by those of its block.
@@ -61,26 +61,26 @@ class Bodies:
         # A block's equations are sums over its elements, with moments about the centroid of the root. Source:
         # docs/method.md (8.6).
         root = self.root
-        member = np.flatnonzero(root != np.arange(len(root)))
-        if not len(member):
+        members = np.flatnonzero(root != np.arange(len(root)))
+        if not len(members):
             return None
         assembly = self.assembly
         d, q = assembly.dimension, assembly.freedoms
         centroid = assembly.elements.centroid[assembly.elements.free]
         scale = self.scaling.row.reshape(-1, q)
-        head = root[member]
-        arm = centroid[member] - centroid[head]
-        block = np.tile(np.eye(q), (len(member), 1, 1))
+        root_of_member = root[members]
+        arm = centroid[members] - centroid[root_of_member]
+        block = np.tile(np.eye(q), (len(members), 1, 1))
         for j in range(d):
             block[:, d:, j] = moment_about(arm, np.broadcast_to(np.eye(d)[j], arm.shape))
-        block *= scale[member][:, None, :] / scale[head][:, :, None]
-        rows = q * head[:, None, None] + np.arange(q)[:, None]
-        columns = q * member[:, None, None] + np.arange(q)
+        block *= scale[members][:, None, :] / scale[root_of_member][:, :, None]
+        rows = q * root_of_member[:, None, None] + np.arange(q)[:, None]
+        columns = q * members[:, None, None] + np.arange(q)
         rows, columns = np.broadcast_to(rows, block.shape).ravel(), np.broadcast_to(columns, block.shape).ravel()
-        kept = block.ravel() != 0.0
+        nonzero = block.ravel() != 0.0
         shape = (equations, equations)
         return sp.eye_array(equations, format="csr") + sp.csr_array(
-            (block.ravel()[kept], (rows[kept], columns[kept])), shape=shape
+            (block.ravel()[nonzero], (rows[nonzero], columns[nonzero])), shape=shape
         )
 
 
@@ -304,19 +304,19 @@ class Template:
 
     def renumbered(self, sets: YieldSet) -> Template:
         """Return a template with another yield set, which shares scaling, equilibrium and, if equal, sparsity."""
-        other = self.with_rows(sets)
-        other.yield_set = sets
-        return other
+        copied = self.with_rows(sets)
+        copied.yield_set = sets
+        return copied
 
     def with_rows(self, rows: Rows) -> Template:
         """Return a template with other rows in its programs, whose attribute `yield_set` stays."""
-        other = copy.copy(self)
-        other._lay_out(rows)
-        old, new = self.structure, other.structure
-        same = (old.shape, old.linear, old.cones) == (new.shape, new.linear, new.cones)
-        if same and np.array_equal(old.indptr, new.indptr) and np.array_equal(old.indices, new.indices):
-            other.structure = old
-        return other
+        copied = copy.copy(self)
+        copied._lay_out(rows)
+        before, after = self.structure, copied.structure
+        same = (before.shape, before.linear, before.cones) == (after.shape, after.linear, after.cones)
+        if same and np.array_equal(before.indptr, after.indptr) and np.array_equal(before.indices, after.indices):
+            copied.structure = before
+        return copied
 
     @property
     def columns(self) -> int:
@@ -327,41 +327,41 @@ class Template:
         """Build structure, coefficients and right-hand sides of the programs under either label."""
         pattern, matrix, q = sets.pattern, self.matrix, self.assembly.freedoms
         equalities, resultants = matrix.shape
-        every = np.ones(len(self.assembly.interfaces), dtype=bool)
-        on_dry, on_inner = sets.active(every), sets.active(~every)
+        all_dry = np.ones(len(self.assembly.interfaces), dtype=bool)
+        on_dry, on_inner = sets.active(all_dry), sets.active(~all_dry)
         coo = matrix.tocoo()
         row, column = coo.coords
-        keep_dry, keep_inner = on_dry.ravel()[column], on_inner.ravel()[column]
+        active_dry, active_inner = on_dry.ravel()[column], on_inner.ravel()[column]
         live = np.flatnonzero(self.live)
-        last = resultants + pattern.extra
+        column_of_load = resultants + pattern.extra
         rows = np.concatenate([row, live, [equalities], pattern.row + equalities + 1])
-        columns = np.concatenate([column, np.full(live.size, last), [last], pattern.column])
-        dry = np.concatenate([coo.data * keep_dry, self.live[live], [-1.0], pattern.dry])
-        inner = np.concatenate([coo.data * keep_inner, self.live[live], [-1.0], pattern.inner])
+        columns = np.concatenate([column, np.full(live.size, column_of_load), [column_of_load], pattern.column])
+        dry = np.concatenate([coo.data * active_dry, self.live[live], [-1.0], pattern.dry])
+        inner = np.concatenate([coo.data * active_inner, self.live[live], [-1.0], pattern.inner])
         face = np.concatenate([column // q, np.zeros(live.size + 1, dtype=np.int64), pattern.face])
         order = np.lexsort((rows, columns))
         self._dry, self._inner, self._face = dry[order], inner[order], face[order]
         count = equalities + 1 + len(pattern.h_dry)
-        indptr = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=last + 1))])
+        indptr = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=column_of_load + 1))])
         self.structure = Structure(
             indices=rows[order],
             indptr=indptr,
-            shape=(count, last + 1),
+            shape=(count, column_of_load + 1),
             equalities=equalities,
             linear=1 + pattern.linear,
             cones=pattern.cones,
             places=self._places(),
         )
-        head = np.concatenate([-self.dead, [self.floor]])
-        self._rhs_dry = np.concatenate([head, pattern.h_dry])
-        self._rhs_inner = np.concatenate([head, pattern.h_inner])
-        self._row_face = np.concatenate([np.zeros(len(head), dtype=np.int64), pattern.row_face])
-        self._tips = np.zeros(count)
-        self._tips[len(head) : len(head) + pattern.linear] = 1.0
-        self._tips[self.structure.heads] = 1.0
-        self._objective = np.zeros(last + 1)
+        shared_rhs = np.concatenate([-self.dead, [self.floor]])
+        self._rhs_dry = np.concatenate([shared_rhs, pattern.h_dry])
+        self._rhs_inner = np.concatenate([shared_rhs, pattern.h_inner])
+        self._row_face = np.concatenate([np.zeros(len(shared_rhs), dtype=np.int64), pattern.row_face])
+        self._slack_rows = np.zeros(count)
+        self._slack_rows[len(shared_rhs) : len(shared_rhs) + pattern.linear] = 1.0
+        self._slack_rows[self.structure.heads] = 1.0
+        self._objective = np.zeros(column_of_load + 1)
         self._objective[-1] = -1.0
-        self._pressure = np.zeros(last + 1)
+        self._pressure = np.zeros(column_of_load + 1)
         self._pressure[np.arange(0, resultants, q)] = -1.0
 
     def _places(self) -> Floats:
@@ -402,6 +402,6 @@ class Template:
             rhs = np.where(taken[self._row_face], other._rhs_dry, rhs)
         objective = self._objective
         if margin:
-            rhs = rhs - margin * self._tips
+            rhs = rhs - margin * self._slack_rows
             objective = objective + margin * self._pressure
         return ConicProgram(self.structure, data, rhs, objective, Bodies(self.assembly, self.scaling, labels))

@@ -118,14 +118,14 @@ class ClarabelSolver(Solver):
         """Make a new Clarabel instance for the structure of a program, with this objective."""
         self.rebuilds += 1
         structure = program.structure
-        usual = tolerances.CRUSHING if structure.cones else tolerances.LINEAR
-        tolerance = self._tolerance or usual.residual
+        defaults = tolerances.CRUSHING if structure.cones else tolerances.LINEAR
+        tolerance = self._tolerance or defaults.residual
         for key in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
             setattr(self._settings, key, tolerance)
         count, weight = self._proximal or (0, 0.0)
-        place = np.arange(count)
+        column = np.arange(count)
         quadratic = sp.csc_matrix(
-            (np.full(count, weight), (place, place)), shape=(structure.shape[1], structure.shape[1])
+            (np.full(count, weight), (column, column)), shape=(structure.shape[1], structure.shape[1])
         )
         matrix = sp.csc_matrix((program.data, structure.indices, structure.indptr), shape=structure.shape)
         self._solver = clarabel.DefaultSolver(

@@ -43,30 +43,24 @@ class CvxpySolver(Solver):
         structure = program.structure
         matrix: Any = program.matrix.tocsr()  # CVXPY's operators have no types
         y = cp.Variable(structure.shape[1])
-        edge = structure.equalities + structure.linear
+        first_cone = structure.equalities + structure.linear
         constraints = [
             matrix[: structure.equalities] @ y == program.rhs[: structure.equalities],
-            matrix[structure.equalities : edge] @ y <= program.rhs[structure.equalities : edge],
+            matrix[structure.equalities : first_cone] @ y <= program.rhs[structure.equalities : first_cone],
         ]
-        for low, size in zip(structure.heads, structure.cones, strict=True):
-            inside = program.rhs[low : low + size] - matrix[low : low + size] @ y
-            constraints.append(cp.SOC(inside[0], inside[1:]))
+        for first, size in zip(structure.heads, structure.cones, strict=True):
+            slacks = program.rhs[first : first + size] - matrix[first : first + size] @ y
+            constraints.append(cp.SOC(slacks[0], slacks[1:]))
         problem: Any = cp.Problem(cp.Minimize(program.objective @ y), constraints)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # an inaccurate solution shows in the proven bounds
             problem.solve(solver=self._solver, **self._options)
         status = _STATUS.get(problem.status, RawStatus.FAILED)
-        nothing = np.zeros(structure.shape[1]), np.zeros(structure.shape[0])
-        point = nothing[0] if y.value is None else np.array(y.value)
+        point = np.zeros(structure.shape[1]) if y.value is None else np.array(y.value)
         duals = []
         for constraint in constraints:
             value = constraint.dual_value
-            duals.append(
-                np.zeros(constraint.size)
-                if value is None
-                else np.concatenate(
-                    [np.ravel(part) for part in value] if isinstance(value, list) else [np.ravel(value)]
-                )
-            )
+            parts = value if isinstance(value, list) else [np.zeros(constraint.size) if value is None else value]
+            duals.append(np.concatenate([np.ravel(part) for part in parts]))
         iterations = int(problem.solver_stats.num_iters or 0) if problem.solver_stats else 0
         return RawSolution(status, point, np.concatenate(duals), iterations, time.perf_counter() - start)

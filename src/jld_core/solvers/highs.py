@@ -79,12 +79,12 @@ class HighsSolver(Solver):
         point = np.array(solution.col_value)
         dual = -np.array(solution.row_dual)
         if status is RawStatus.UNBOUNDED:
-            _, has, ray = highs.getPrimalRay()
-            point = np.array(ray) if has else point
+            _, has_ray, ray = highs.getPrimalRay()
+            point = np.array(ray) if has_ray else point
         elif status is RawStatus.INFEASIBLE:
-            _, has, ray = highs.getDualRay()
+            _, has_ray, ray = highs.getDualRay()
             # HiGHS' dual ray improves Σ ray·rhs over the rows; a ray in the dual cones must decrease the sum.
-            dual = np.array(ray) if has else dual
+            dual = np.array(ray) if has_ray else dual
             if program.rhs @ dual > 0.0:
                 dual = -dual
         info = highs.getInfo()
@@ -149,19 +149,19 @@ def _new() -> Any:
         if not _greeted:
             _greeted = True
             with suppress(OSError):  # without a stdout there is nothing to keep free
-                kept = os.dup(1)
-                nowhere = os.open(os.devnull, os.O_WRONLY)
+                stdout = os.dup(1)
+                devnull = os.open(os.devnull, os.O_WRONLY)
                 try:
                     if sys.stdout is not None:
                         sys.stdout.flush()
                     _flush()
-                    os.dup2(nowhere, 1)
+                    os.dup2(devnull, 1)
                     highspy.Highs()  # type: ignore[no-untyped-call]
                     _flush()
                 finally:
-                    os.dup2(kept, 1)
-                    os.close(kept)
-                    os.close(nowhere)
+                    os.dup2(stdout, 1)
+                    os.close(stdout)
+                    os.close(devnull)
     return highspy.Highs()  # type: ignore[no-untyped-call]
 
 

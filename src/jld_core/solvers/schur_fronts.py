@@ -31,10 +31,7 @@ _LONGEST = 1e10  # longest step, where no cone bounds it
 
 @dataclass(frozen=True)
 class Cones:
-    """Product of `linear` half-lines and `count` second-order cones of `size` dimensions each.
-
-    Vectors in this order.
-    """
+    """Product of `linear` half-lines and then `count` second-order cones of `size` dimensions each."""
 
     linear: int
     count: int
@@ -188,20 +185,19 @@ def _addresses() -> tuple[int, ...] | None:
 class CompiledFronts:
     def __init__(self, fronts: Fronts, variant: str, routines: tuple[int, ...]) -> None:
         self._library = library(variant)
-        self.order, self.place = fronts.order, fronts.place
-        pivots, passed_count = (
-            np.diff(fronts.bounds),
-            np.array([len(passed) for passed in fronts.passed], dtype=np.int64),
-        )
+        self.order, self.rank = fronts.order, fronts.rank
+        pivots = np.diff(fronts.bounds)
+        passed_count = np.array([len(passed) for passed in fronts.passed], dtype=np.int64)
         ends = np.cumsum(pivots * (pivots + passed_count))
         start, self.size = ends - pivots * (pivots + passed_count), int(ends[-1]) if len(ends) else 0
-        # Entries are numbered in the pivot matrix and in the panel of their front; here both are one array.
-        half = np.repeat(np.arange(2 * len(pivots)), np.diff(fronts.cut))
-        front, below = half // 2, half % 2
+        # Entries are numbered in the pivot matrix and in the panel of their front; here both are one array, column by
+        # column.
+        part = np.repeat(np.arange(2 * len(pivots)), np.diff(fronts.cut))
+        front, below = part // 2, part % 2
         height = np.where(below == 1, passed_count[front], pivots[front])
-        local, row = fronts.where // height, fronts.where % height
+        column, row = fronts.target // height, fronts.target % height
         self._entries = fronts.entries
-        self._where = start[front] + local * (pivots + passed_count)[front] + row + below * pivots[front]
+        self._target = start[front] + column * (pivots + passed_count)[front] + row + below * pivots[front]
         self._arrays: dict[str, NDArray[Any]] = {
             "bounds": np.ascontiguousarray(fronts.bounds, dtype=np.int64),
             "passed_start": np.concatenate([[0], np.cumsum(passed_count)]).astype(np.int64),
@@ -211,34 +207,34 @@ class CompiledFronts:
             "factor_start": start.astype(np.int64),
             "routines": np.array(routines, dtype=np.int64),
         }
-        self.stated = FrontsOfC(count=len(pivots), **pointers(**self._arrays))
+        self._struct = FrontsOfC(count=len(pivots), **pointers(**self._arrays))
 
     def factor(self, data: Floats) -> CompiledFactor:
-        numbers, definite = np.zeros(self.size), np.zeros(1, dtype=np.uint8)
-        numbers[self._where] = data[self._entries]
-        given = pointers(factor=numbers, definite=definite)
-        require_success(self._library.jld_factor_fronts(self.stated, given["factor"], given["definite"]))
+        values, definite = np.zeros(self.size), np.zeros(1, dtype=np.uint8)
+        values[self._target] = data[self._entries]
+        arguments = pointers(factor=values, definite=definite)
+        require_success(self._library.jld_factor_fronts(self._struct, arguments["factor"], arguments["definite"]))
         if not definite[0]:
             raise np.linalg.LinAlgError("matrix is not positive definite")
-        return CompiledFactor(self, numbers)
+        return CompiledFactor(self, values)
 
     def solve(self, factor: Floats, columns: Floats) -> None:
         """Solve for right-hand sides (k, n) in the order of elimination, in place."""
-        given = pointers(factor=factor, x=columns)
-        require_success(self._library.jld_solve_fronts(self.stated, given["factor"], len(columns), given["x"]))
+        arguments = pointers(factor=factor, x=columns)
+        require_success(self._library.jld_solve_fronts(self._struct, arguments["factor"], len(columns), arguments["x"]))
 
 
 class CompiledFactor:
     """Cholesky factorisation; numbers: pivot columns of all fronts."""
 
-    def __init__(self, fronts: CompiledFronts, numbers: Floats) -> None:
-        self._fronts, self._numbers = fronts, numbers
+    def __init__(self, fronts: CompiledFronts, values: Floats) -> None:
+        self._fronts, self._values = fronts, values
 
     def solve(self, rhs: Floats) -> Floats:
         fronts = self._fronts
         columns = np.ascontiguousarray(np.atleast_2d(rhs.T)[:, fronts.order], dtype=float)
-        fronts.solve(self._numbers, columns)
-        return np.asarray(columns[:, fronts.place].T.reshape(rhs.shape))
+        fronts.solve(self._values, columns)
+        return np.asarray(columns[:, fronts.rank].T.reshape(rhs.shape))
 
 
 def _rows_in_parents(fronts: Fronts) -> Ints:
@@ -261,69 +257,65 @@ _CANCELLED = 1e-11
 
 
 class BlockEquations:
-    """Equations of a program replaced by those of whole blocks, for one labelling; sums: matrix T of `Bodies.sums`."""
+    """Equations of a program replaced by those of whole blocks, for one labelling; sums: matrix T of `Bodies.sums`.
+
+    Only data change from program to program: the new ones are a linear map of the old.
+    """
 
     def __init__(self, program: ConicProgram, sums: sp.csr_array) -> None:
-        old = program.structure
-        edge, width = old.equalities, old.shape[1]
-        self._sums, self._edge = sums, edge
-        self._program, self._inside = program, old.indices < edge
-        column = np.repeat(np.arange(width), np.diff(old.indptr))
-        inside = self._inside
-        picked, row = np.flatnonzero(inside), old.indices[inside]
+        structure = program.structure
+        equalities, (height, width) = structure.equalities, structure.shape
+        self._sums, self._equalities = sums, equalities
+        self._program, self._is_equation = program, structure.indices < equalities
+        column = np.repeat(np.arange(width), np.diff(structure.indptr))
+        is_equation = self._is_equation
+        # An entry in equation j becomes one term, with a factor, in each equation i where T has an entry (i, j).
+        in_equations, row = np.flatnonzero(is_equation), structure.indices[is_equation]
         by_column = sp.csc_array(sums)
         count = np.diff(by_column.indptr)[row]
-        source = np.repeat(picked, count)
+        source = np.repeat(in_equations, count)
         start = np.cumsum(count) - count
-        position = np.arange(len(source)) - np.repeat(start - by_column.indptr[row], count)
-        target, factor = by_column.indices[position].astype(np.int64), by_column.data[position]
+        entry = np.arange(len(source)) - np.repeat(start - by_column.indptr[row], count)
+        target, factor = by_column.indices[entry].astype(np.int64), by_column.data[entry]
         # Yield rows stay as they are.
-        yield_entries = np.flatnonzero(~inside)
+        yield_entries = np.flatnonzero(~is_equation)
         source = np.concatenate([source, yield_entries])
-        target = np.concatenate([target, old.indices[yield_entries]])
+        target = np.concatenate([target, structure.indices[yield_entries]])
         factor = np.concatenate([factor, np.ones(len(yield_entries))])
-        keys, place = np.unique(column[source] * old.shape[0] + target, return_inverse=True)
+        keys, key_of_term = np.unique(column[source] * height + target, return_inverse=True)
         terms = factor * program.data[source]
-        total = np.bincount(place, terms, len(keys))
+        total = np.bincount(key_of_term, terms, len(keys))
         largest = np.zeros(width)
         np.maximum.at(largest, column[source], abs(terms))
-        roots = np.zeros(old.shape[0], dtype=bool)
-        roots[:edge][np.diff(sums.indptr) > 1] = True
-        kept = ~roots[keys % old.shape[0]] | (abs(total) > _CANCELLED * largest[keys // old.shape[0]])
-        number = np.cumsum(kept) - 1
-        chosen = kept[place]
-        self._map = sp.csr_array(
-            (factor[chosen], (number[place[chosen]], source[chosen])), shape=(int(kept.sum()), len(program.data))
-        )
-        keys = keys[kept]
-        self.structure = Structure(
-            indices=keys % old.shape[0],
-            indptr=np.searchsorted(keys // old.shape[0], np.arange(width + 1)),
-            shape=old.shape,
-            equalities=edge,
-            linear=old.linear,
-            cones=old.cones,
-            places=old.places,
-        )
+        summed = np.zeros(height, dtype=bool)  # equations of blocks of several elements
+        summed[:equalities][np.diff(sums.indptr) > 1] = True
+        significant = ~summed[keys % height] | (abs(total) > _CANCELLED * largest[keys // height])
+        position = np.cumsum(significant) - 1
+        used = significant[key_of_term]
+        shape = int(significant.sum()), len(program.data)
+        self._map = sp.csr_array((factor[used], (position[key_of_term[used]], source[used])), shape=shape)
+        keys = keys[significant]
+        indptr = np.searchsorted(keys // height, np.arange(width + 1))
+        self.structure = replace(structure, indices=keys % height, indptr=indptr)
 
     def fits(self, program: ConicProgram) -> bool:
         """Return True if `changed` applies: same structure, labelling and equation coefficients."""
-        known = self._program
-        if program is known:
+        original = self._program
+        if program is original:
             return True
-        if program.structure is not known.structure or program.bodies is None or known.bodies is None:
+        if program.structure is not original.structure or program.bodies is None or original.bodies is None:
             return False
-        same = np.array_equal(program.bodies.labels, known.bodies.labels)
-        return same and np.array_equal(program.data[self._inside], known.data[self._inside])
+        same = np.array_equal(program.bodies.labels, original.bodies.labels)
+        return same and np.array_equal(program.data[self._is_equation], original.data[self._is_equation])
 
     def changed(self, program: ConicProgram) -> ConicProgram:
         """Replace the equations of a program that fits by those of whole blocks."""
-        rhs = np.concatenate([self._sums @ program.rhs[: self._edge], program.rhs[self._edge :]])
+        rhs = np.concatenate([self._sums @ program.rhs[: self._equalities], program.rhs[self._equalities :]])
         return replace(program, structure=self.structure, data=np.asarray(self._map @ program.data), rhs=rhs)
 
     def multipliers(self, dual: Floats) -> Floats:
         """Return the multipliers (rows,) of the original program from those of the changed one."""
-        return np.concatenate([self._sums.T @ dual[: self._edge], dual[self._edge :]])
+        return np.concatenate([self._sums.T @ dual[: self._equalities], dual[self._equalities :]])
 
 
 _WIDE = 100  # a column with more entries borders the system and belongs to no face
@@ -400,26 +392,26 @@ def face_blocks(structure: Structure) -> FaceBlocks:
     head[first:] = first + (np.arange(rows - first) // size) * size
     touched = np.zeros(columns, dtype=bool)
     touched[column[yields]] = True
-    part, apart = _parts(column, row, yields, head, touched)
-    idle = np.flatnonzero(~touched & ~apart)
-    face_column = np.flatnonzero(touched & ~apart)
-    border = np.flatnonzero(apart)
+    part, is_border = _parts(column, row, yields, head, touched)
+    idle = np.flatnonzero(~touched & ~is_border)
+    face_column = np.flatnonzero(touched & ~is_border)
+    border = np.flatnonzero(is_border)
     if len(border) > _MOST_BORDER:
         raise SolverError("the columns of this program are not separable by face")
     faces, column_face = np.unique(part[face_column], return_inverse=True)
     row_part = part[columns + head]
-    place = np.minimum(np.searchsorted(faces, row_part), max(len(faces) - 1, 0))
-    row_face = np.where(faces[place] == row_part, place, -1) if len(faces) else np.full(rows, -1)
+    nearest = np.minimum(np.searchsorted(faces, row_part), max(len(faces) - 1, 0))
+    row_face = np.where(faces[nearest] == row_part, nearest, -1) if len(faces) else np.full(rows, -1)
     row_face[:equalities] = -1
     border_index = np.full(columns, -1)
     border_index[border] = np.arange(len(border))
     if np.any(row_face[first:] < 0):
         raise SolverError("a cone of this program belongs to no face")
-    in_equations, in_yields = apart[column] & ~yields, apart[column] & yields & (row_face[row] < 0)
-    laid = _Layout(face_column, column_face, row_face, equalities, first, columns)
+    in_equations, in_yields = is_border[column] & ~yields, is_border[column] & yields & (row_face[row] < 0)
+    layout = _Layout(face_column, column_face, row_face, equalities, first, columns)
     return FaceBlocks(
         cones=cones,
-        families=laid.families(row, column, data, yields, apart, border_index, size),
+        families=layout.families(row, column, data, yields, is_border, border_index, size),
         border=border,
         idle=idle,
         border_yields=BorderEntries(data[in_yields], row[in_yields] - equalities, border_index[column[in_yields]]),
@@ -433,16 +425,16 @@ def _parts(column: Ints, row: Ints, yields: Bools, head: Ints, touched: Bools) -
     column, row, yields: of each entry; head: (rows,) row that stands for it; touched: (columns,) enter yield rows.
     """
     columns, rows = len(touched), len(head)
-    apart = np.zeros(columns, dtype=bool)
-    apart[np.bincount(column, minlength=columns) > _WIDE] = True
-    apart[-1] = True
-    chosen = yields & ~apart[column]
+    is_border = np.zeros(columns, dtype=bool)
+    is_border[np.bincount(column, minlength=columns) > _WIDE] = True
+    is_border[-1] = True
+    chosen = yields & ~is_border[column]
     part = components(columns + rows, column[chosen], columns + head[row[chosen]])
     # A column that shares its rows with no other column is a load factor and belongs to no face.
-    columns_of_part = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
+    columns_of_part = np.bincount(part[:columns][~is_border], minlength=part.max() + 1)
     if columns_of_part.max(initial=0) > _MOST:
         raise SolverError("the columns of this program are not separable by face")
-    return part, apart | (touched & (columns_of_part[part[:columns]] == 1))
+    return part, is_border | (touched & (columns_of_part[part[:columns]] == 1))
 
 
 class _Layout:
@@ -461,17 +453,17 @@ class _Layout:
         self.half_lines = np.bincount(row_face[equalities:first][row_face[equalities:first] >= 0], minlength=self.count)
 
     def families(
-        self, row: Ints, column: Ints, data: Ints, yields: Bools, apart: Bools, border_index: Ints, size: int
+        self, row: Ints, column: Ints, data: Ints, yields: Bools, is_border: Bools, border_index: Ints, size: int
     ) -> tuple[Family, ...]:
-        """Group the faces by size, and locate their data. yields: entries of yield rows. apart: border columns."""
+        """Group the faces by size, and locate their data; yields: entries of yield rows, is_border: (columns,)."""
         # entries of equations, of yield rows, and of yield rows in border columns
         in_a = ~yields & (self.face_of_column[column] >= 0)
         in_g = yields & (self.face_of_column[column] >= 0)
-        in_border = yields & apart[column] & (self.face_of_row[row] >= 0)
+        in_border = yields & is_border[column] & (self.face_of_row[row] >= 0)
         face_a = self.face_of_column[column[in_a]]
         # equations of each face, once each
-        pairs, equation = np.unique(face_a * self.equalities + row[in_a], return_inverse=True)
-        pair_face = pairs // max(self.equalities, 1)
+        face_equations, equation = np.unique(face_a * self.equalities + row[in_a], return_inverse=True)
+        pair_face = face_equations // max(self.equalities, 1)
         equations = np.searchsorted(pair_face, np.arange(self.count + 1))
         local_equation = equation - equations[face_a]
         sizes = np.column_stack(
@@ -482,25 +474,25 @@ class _Layout:
         families = []
         for number, (k, rows, r, half_lines) in enumerate(kinds.tolist()):
             faces = np.flatnonzero(family == number)
-            at = np.full(self.count + 1, -1)  # place of each face in this family, −1 elsewhere
-            at[faces] = np.arange(len(faces))
-            at_a, at_g = at[face_a], at[self.face_of_column[column[in_g]]]
-            at_border = at[self.face_of_row[row[in_border]]]
+            place_in_family = np.full(self.count + 1, -1)  # place of each face in this family, −1 elsewhere
+            place_in_family[faces] = np.arange(len(faces))
+            family_place_a, family_place_g = place_in_family[face_a], place_in_family[self.face_of_column[column[in_g]]]
+            family_place_border = place_in_family[self.face_of_row[row[in_border]]]
             # positions in the flat arrays of `Family`
-            place_a = (at_a * r + local_equation) * k + self.columns.number[column[in_a]]
-            place_g = (at_g * rows + self.rows.number[row[in_g]]) * k + self.columns.number[column[in_g]]
-            place_border = (at_border * rows + self.rows.number[row[in_border]]) * border
+            place_a = (family_place_a * r + local_equation) * k + self.columns.number[column[in_a]]
+            place_g = (family_place_g * rows + self.rows.number[row[in_g]]) * k + self.columns.number[column[in_g]]
+            place_border = (family_place_border * rows + self.rows.number[row[in_border]]) * border
             place_border += border_index[column[in_border]]
             families.append(
                 Family(
                     columns=self.columns.of(faces, k),
                     rows=self.rows.of(faces, rows) - self.equalities,
-                    equations=(pairs % max(self.equalities, 1))[equations[faces][:, None] + np.arange(r)],
+                    equations=(face_equations % max(self.equalities, 1))[equations[faces][:, None] + np.arange(r)],
                     linear=half_lines,
                     cones=(rows - half_lines) // size,
-                    g=Entries(data[in_g][at_g >= 0], place_g[at_g >= 0]),
-                    a=Entries(data[in_a][at_a >= 0], place_a[at_a >= 0]),
-                    border=Entries(data[in_border][at_border >= 0], place_border[at_border >= 0]),
+                    g=Entries(data[in_g][family_place_g >= 0], place_g[family_place_g >= 0]),
+                    a=Entries(data[in_a][family_place_a >= 0], place_a[family_place_a >= 0]),
+                    border=Entries(data[in_border][family_place_border >= 0], place_border[family_place_border >= 0]),
                 )
             )
         return tuple(families)

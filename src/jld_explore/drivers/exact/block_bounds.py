@@ -16,7 +16,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.block_relaxation import Asked, Choice, applies_to
+from jld_core.limit.block_relaxation import BlockRequest, Choice, applies_to
 from jld_core.limit.case_relaxation import AnyBlockRelaxation, block_relaxation_of
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.context import BlockTables, CheckedProof, PossibleBlocks, ProofContext
@@ -43,7 +43,7 @@ class BlockSpace:
 
 
 @one_thread()
-def bound_blocks(block_space: bytes, program: Asked) -> SolvedProgram:
+def bound_blocks(block_space: bytes, program: BlockRequest) -> SolvedProgram:
     """Solve a block relaxation in this worker process, with the number of programs."""
     made: BlockSpace = pickle.loads(block_space)
     relaxation = made.relaxation()
@@ -82,7 +82,7 @@ class BlockBoundPool:
         """True if the batch solver solves many programs in one call."""
         return self._here.batched
 
-    def bound_all(self, programs: Sequence[Asked]) -> list[Choice]:
+    def bound_all(self, programs: Sequence[BlockRequest]) -> list[Choice]:
         """Solve block relaxations (allowed (p,), threshold, most), and return their results in order."""
         if self._here.batched and self._two_threads and self._threads is None:
             self._threads = ThreadPoolExecutor(1)

@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
-from jld_core.limit.block_relaxation import Asked, Choice, applies_to
+from jld_core.limit.block_relaxation import BlockRequest, Choice, applies_to
 from jld_explore.drivers.exact.block_bounds import BlockBoundPool
 from jld_explore.drivers.exact.context import BlockTables, PossibleBlocks, ProofContext
 from jld_explore.drivers.exact.formula import Formula
@@ -235,7 +235,7 @@ class BlockTree:
         return []
 
     @staticmethod
-    def _program(branching: Branching, child: Node) -> Asked:
+    def _program(branching: Branching, child: Node) -> BlockRequest:
         return child.allowed, branching.threshold, branching.node.choice.bound
 
     def _children(self, branching: Branching, faces: list[int], conflicts: list[Conflict]) -> list[UnsolvedChild]:

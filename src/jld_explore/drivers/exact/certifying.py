@@ -253,7 +253,7 @@ class Certifier:
         """Return a mechanism in whole numbers that proves the bound for labels (m,) where decided, or None."""
         labels = np.where(self._space.candidates, labels, self._space.fixed)
         undecided = self._space.candidates & ~decided
-        for case, relaxation in enumerate(self._relaxation.each):
+        for case, relaxation in enumerate(self._relaxation.by_case):
             raw = self._solver.solve(relaxation.program(labels, undecided))
             velocity = raw.dual[: relaxation.template.matrix.shape[0]]
             reason = self._rounded(case, velocity, self._space.candidates & decided, labels)
@@ -264,7 +264,7 @@ class Certifier:
     def _ceilings(self) -> Iterator[Mechanism]:
         """Yield for each load case a mechanism that bounds λ of all labellings, if not by the bound."""
         labels, candidates = self._space.fixed, self._space.candidates
-        for case, relaxation in enumerate(self._relaxation.each):
+        for case, relaxation in enumerate(self._relaxation.by_case):
             raw = self._solver.solve(relaxation.program(labels, candidates))
             velocity = raw.dual[: relaxation.template.matrix.shape[0]]
             reason = self._rounded(case, velocity, ~candidates & candidates, labels, self._checker.lowers_ceiling)
