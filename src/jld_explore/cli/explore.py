@@ -24,7 +24,7 @@ from jld_explore import Exploration, explore
 from jld_explore.cli.ending import raise_on_signals
 from jld_explore.cli.options import AsJson, Option, SceneFile, refuse_itself, setting_options, with_cracks, with_options
 from jld_explore.cli.streams import say
-from jld_explore.drivers.choice import driver_kinds, owners
+from jld_explore.drivers.choice import driver_kinds, kinds_with_option
 from jld_explore.report import words
 from jld_explore.report.folder import check_folder
 from jld_explore.report.words import speed
@@ -56,7 +56,9 @@ MoveBest = Annotated[
 
 def driver_options(taken: Collection[str]) -> dict[str, Option]:
     """Return the options of all search drivers, texts or None: the drivers state them and validate their values."""
-    kinds = {name: list(owners(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields}
+    kinds = {
+        name: list(kinds_with_option(name)) for kind in driver_kinds().values() for name in kind.Options.model_fields
+    }
     found = {}
     for name, drivers in kinds.items():
         if name in taken:

@@ -61,19 +61,19 @@ def save_conflicts(folder: Path, driver: FieldExact) -> None:
         return
     problems, shared = driver.refuter.relaxation.problems, driver.refuter.cases
     mechanisms = [conflict.mechanism for conflict in conflicts if conflict.mechanism is not None]
-    own = sorted({mechanism.case for mechanism in mechanisms if mechanism.case >= shared})
-    number = {case: shared + place for place, case in enumerate(own)}
+    extra_cases = sorted({mechanism.case for mechanism in mechanisms if mechanism.case >= shared})
+    number_of = {case: shared + index for index, case in enumerate(extra_cases)}
     content: dict[str, Any] = {
         "shared": np.array(shared),
-        "case": np.array([number.get(mechanism.case, mechanism.case) for mechanism in mechanisms], dtype=np.int64),
-        "load": np.array([driver.refuter.load_case(problems[case]) for case in own], dtype=np.int64),
-        **_joined("faces", [conflict.faces for conflict in conflicts]),
-        **_joined("labels", [conflict.labels for conflict in conflicts]),
-        **_joined("velocity", [mechanism.velocity.ravel() for mechanism in mechanisms]),
+        "case": np.array([number_of.get(mechanism.case, mechanism.case) for mechanism in mechanisms], dtype=np.int64),
+        "load": np.array([driver.refuter.load_case(problems[case]) for case in extra_cases], dtype=np.int64),
+        **_join_arrays("faces", [conflict.faces for conflict in conflicts]),
+        **_join_arrays("labels", [conflict.labels for conflict in conflicts]),
+        **_join_arrays("velocity", [mechanism.velocity.ravel() for mechanism in mechanisms]),
     }
     for name in _MESH:
-        arrays = [getattr(problems[case].mesh, name) for case in own]
-        content |= _joined(f"mesh_{name}", [array.ravel() for array in arrays])
+        arrays = [getattr(problems[case].mesh, name) for case in extra_cases]
+        content |= _join_arrays(f"mesh_{name}", [array.ravel() for array in arrays])
     with whole_file(folder / CONFLICTS_FILE) as fresh, fresh.open("wb") as file:
         np.savez(file, **content)
 
@@ -99,32 +99,36 @@ def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]
     if int(content["shared"]) != driver.refuter.cases:
         return []
     cases = content["case"].tolist()
-    parts = {name: _parted(content, f"mesh_{name}") for name in _MESH}
-    for place, load in enumerate(content["load"].tolist()):
+    parts = {name: _split_arrays(content, f"mesh_{name}") for name in _MESH}
+    for index, load in enumerate(content["load"].tolist()):
         shapes = {"points": (-1, 2), "simplices": (-1, 3), "tagged": (-1, 2)}
-        arrays: dict[str, Any] = {name: parts[name][place].reshape(shapes.get(name, (-1,))) for name in _MESH}
+        arrays: dict[str, Any] = {name: parts[name][index].reshape(shapes.get(name, (-1,))) for name in _MESH}
         driver.refuter.add_problem(load, Mesh(**arrays))
     triples = zip(
-        _parted(content, "faces"), _parted(content, "labels"), _parted(content, "velocity"), cases, strict=True
+        _split_arrays(content, "faces"),
+        _split_arrays(content, "labels"),
+        _split_arrays(content, "velocity"),
+        cases,
+        strict=True,
     )
     conflicts = []
     for faces, labels, velocity, case in triples:
         mechanism = Mechanism(case, velocity.reshape(-1, 3, 2))
-        one = Conflict(faces.astype(np.int64), labels.astype(bool), np.inf, mechanism=mechanism)
-        bound = driver.refuter.weigh(one)
+        conflict = Conflict(faces.astype(np.int64), labels.astype(bool), np.inf, mechanism=mechanism)
+        bound = driver.refuter.weigh(conflict)
         if np.isfinite(bound):
-            conflicts.append(replace(one, bound=bound))
+            conflicts.append(replace(conflict, bound=bound))
     return conflicts
 
 
-def _joined(name: str, arrays: list[Any]) -> dict[str, Any]:
+def _join_arrays(name: str, arrays: list[Any]) -> dict[str, Any]:
     """Return arrays (j,) of different lengths as one array `name`, with lengths `name_sizes`."""
     sizes = np.array([len(array) for array in arrays], dtype=np.int64)
     return {name: np.concatenate(arrays) if arrays else np.empty(0), f"{name}_sizes": sizes}
 
 
-def _parted(content: dict[str, Any], name: str) -> list[Floats]:
-    """Return the arrays that `_joined` joined under a name."""
+def _split_arrays(content: dict[str, Any], name: str) -> list[Floats]:
+    """Return the arrays that `_join_arrays` joined under a name."""
     return np.split(content[name], np.cumsum(content[f"{name}_sizes"])[:-1]) if len(content[f"{name}_sizes"]) else []
 
 
@@ -168,7 +172,7 @@ class FieldExact(ProvingDriver):
         # until its own fields refute it or make it the strongest. A bracket as narrow as the gap is always refuted
         # above best / (1 − gap).
         super().__init__(space, seed)
-        self._aim, self._aimed_at = aim_of(space, aim, gap), aim
+        self._aim, self._aim_name = aim_of(space, aim, gap), aim
         if space.void is not None:
             raise ParameterError("driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
         self._blocks = listed_blocks(space)
@@ -179,7 +183,7 @@ class FieldExact(ProvingDriver):
         self._search_left = search * int(space.candidates.sum())
         self._search_deadline = Deadline()
         self._folder: Path | None = None
-        self._asked = False
+        self._search_asked = False
         self.refuter = FieldRefuter(space, self._blocks)
         self.incumbents = FieldIncumbents(space, self._aim)
         self._batch_seconds = 0.0
@@ -205,13 +209,15 @@ class FieldExact(ProvingDriver):
         self._rng = np.random.default_rng([self.seed, 3])  # other drivers have streams 1 and 2
         self._schedule = TargetSchedule(_PATIENCE)
         # λ that labellings are refuted above now; up to which the target is open; up to which any target is
-        self._aimed = self._left_open = self._bound = math.inf
+        self._threshold = self._target_bound = self._bound = math.inf
         self._target: int | Range | None = None
-        self._began = 0  # conflicts when the aim was set
+        self._conflicts_at_aim = 0  # conflicts when the aim was set
         self._waiting: list[Bits] = []  # drawn, to be handed over
         # the first aim is set; time left a target open; ended with a proof of all targets; ended without
-        self._begun = self._cut = self._settled = self._stopped = False
-        self._refuted = np.full(len(self.pool), np.inf)  # least bound of a conflict of each labelling of the pool
+        self._has_begun = self._target_left_open = self._settled = self._stopped = False
+        self._conflict_bounds = np.full(
+            len(self.pool), np.inf
+        )  # least bound of a conflict of each labelling of the pool
         self.pool.given_up[:] = False
         self._proof_check = None
 
@@ -228,15 +234,15 @@ class FieldExact(ProvingDriver):
 
     def bounds_above(self, labellings: Bits) -> Floats:
         """Return proven upper bounds (k,) on the governing factor of labellings (k, m)."""
-        return np.full(len(labellings), np.inf) if self.complaints else self._refuted_above(labellings)
+        return np.full(len(labellings), np.inf) if self.complaints else self._bounds_by_conflicts(labellings)
 
-    def _refuted_above(self, labellings: Bits) -> Floats:
+    def _bounds_by_conflicts(self, labellings: Bits) -> Floats:
         """Return upper bounds (k,) on the governing factor of labellings (k, m) by the conflicts."""
-        found = np.full(len(labellings), self._bound)
+        bounds = np.full(len(labellings), self._bound)
         for conflict in self._state.conflicts:
             matching = has_conflict(conflict, labellings, self.space.group)
-            found[matching] = np.minimum(found[matching], conflict.bound)
-        return found
+            bounds[matching] = np.minimum(bounds[matching], conflict.bound)
+        return bounds
 
     @property
     def bound(self) -> float | None:
@@ -251,7 +257,7 @@ class FieldExact(ProvingDriver):
 
     @property
     def settings(self) -> dict[str, Any]:
-        return {"aim": self._aimed_at} if self._aimed_at == "front" else {}
+        return {"aim": self._aim_name} if self._aim_name == "front" else {}
 
     @property
     def working(self) -> bool:
@@ -273,7 +279,7 @@ class FieldExact(ProvingDriver):
         self._search_deadline = self._deadline.within(_ANNEALED * self._deadline.remaining())
         if records is not None:
             self._folder = records.folder
-            self._add(load_conflicts(self._folder, self))
+            self._add_conflicts(load_conflicts(self._folder, self))
 
     def close(self) -> None:
         self.pool.tasks.close()
@@ -284,8 +290,8 @@ class FieldExact(ProvingDriver):
 
     def ask(self, limit: int | None = None) -> Bits:
         # The first labellings come from a search. Later calls continue the proof until it needs evaluations.
-        if not self._asked:
-            self._asked = True
+        if not self._search_asked:
+            self._search_asked = True
             self._bound_at_root()
             if self._reached:
                 self._search_left = 1  # nothing is left to prove, but a study has one result
@@ -309,14 +315,16 @@ class FieldExact(ProvingDriver):
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        low = [found.low if found.status is Status.COLLAPSE else -math.inf for found in evaluations]
-        high = [found.high if math.isfinite(found.high) else math.inf for found in evaluations]
+        low = [evaluation.low if evaluation.status is Status.COLLAPSE else -math.inf for evaluation in evaluations]
+        high = [evaluation.high if math.isfinite(evaluation.high) else math.inf for evaluation in evaluations]
         self.incumbents.learn(labellings, low, high)
-        if self._begun:
+        if self._has_begun:
             self._join(list(labellings))
 
     def _join(self, labellings: Sequence[Bits]) -> None:
-        self._refuted = np.concatenate([self._refuted, self._refuted_above(self.incumbents.join(labellings))])
+        self._conflict_bounds = np.concatenate(
+            [self._conflict_bounds, self._bounds_by_conflicts(self.incumbents.join(labellings))]
+        )
 
     # --- the proof --------------------------------------------------------------------------------------
 
@@ -328,27 +336,31 @@ class FieldExact(ProvingDriver):
     def _work(self) -> None:
         """Take one step of the proof: begin, refine, draw labellings, or lower the bound."""
         # The caller repeats it, and evaluates `_waiting` labellings, until `_settled` or `_stopped`.
-        if not self._begun:
+        if not self._has_begun:
             self._begin()
             return
         best = self.incumbents.best()
-        goal_rose = self._aim.goal(best) > self._aimed
-        if goal_rose or self._aimed >= self._left_open or self._aim.target(best) != self._target:
+        goal_rose = self._aim.goal(best) > self._threshold
+        if goal_rose or self._threshold >= self._target_bound or self._aim.target(best) != self._target:
             self._aim_formula()
-        elif (rows := self._open()).size:  # evaluated labellings that neither a conflict nor their fields refute
+        elif (
+            rows := self._rows_to_refine()
+        ).size:  # evaluated labellings that neither a conflict nor their fields refute
             self._refine(rows)
         elif (rows := self._wide_rows()).size:  # strong ones whose lower bounds may still rise
             self._refine_lower(rows)
         elif not self._draw():  # the formula has no labelling left
-            self._lower()
-        elif self._schedule.is_stuck(len(self._state.conflicts) - self._began, self._left_open, self._aimed):
+            self._lower_bound()
+        elif self._schedule.is_stuck(
+            len(self._state.conflicts) - self._conflicts_at_aim, self._target_bound, self._threshold
+        ):
             self._aim_formula()
 
     def _begin(self) -> None:
         """Bound all labellings on finer meshes, and aim at the first target."""
-        self._begun = True
+        self._has_begun = True
         self._bound_finer()
-        self._left_open = self._bound
+        self._target_bound = self._bound
         self._join_promising()
         self._aim_formula()
 
@@ -366,22 +378,22 @@ class FieldExact(ProvingDriver):
 
     def _bound_by(self, meshes: CommonMeshes, case: int) -> None:
         """Bound all labellings on the next mesh of a load case; store a lower bound."""
-        start, nothing = time.perf_counter(), np.empty(0, dtype=np.int64)
-        found = meshes.step()
-        if found is not None and found.bound < self._bound:
-            mechanism = Mechanism(self.refuter.add_problem(case, found.mesh), found.found.velocity)
-            self._add([Conflict(nothing, nothing.astype(bool), found.bound, mechanism=mechanism)])
-            self._bound = found.bound
+        start, no_faces = time.perf_counter(), np.empty(0, dtype=np.int64)
+        result = meshes.step()
+        if result is not None and result.bound < self._bound:
+            mechanism = Mechanism(self.refuter.add_problem(case, result.mesh), result.found.velocity)
+            self._add_conflicts([Conflict(no_faces, no_faces.astype(bool), result.bound, mechanism=mechanism)])
+            self._bound = result.bound
         self._batch_seconds = time.perf_counter() - start
 
     def _bound_finer(self) -> None:
         """Bound all labellings on finer meshes in the time there is; refute labellings on some."""
         cases = [self.refuter.common(case) for case in range(self.refuter.cases)]
         while not self._reached and self._deadline.remaining() > _ROOT_CAUTION * self._batch_seconds:
-            left = [case for case, meshes in enumerate(cases) if not meshes.ended]
-            if not left:
+            unfinished = [case for case, meshes in enumerate(cases) if not meshes.ended]
+            if not unfinished:
                 break
-            for case in left:
+            for case in unfinished:
                 self._bound_by(cases[case], case)
         self.refuter.refute_on(cases)
 
@@ -394,18 +406,18 @@ class FieldExact(ProvingDriver):
         """Aim the formula at the next factor to refute, or end a target that is reached."""
         best = self.incumbents.best()
         goal = self._aim.goal(best)
-        if self._left_open <= max(goal, 0.0):
+        if self._target_bound <= max(goal, 0.0):
             self._end_target()
             return
-        following = self._schedule.next_target(self._left_open, goal) if self._aim.in_steps else goal
-        self._aimed, self._target = max(goal, following), self._aim.target(best)
-        self._began = len(self._state.conflicts)
-        self._formula = self._formula or self._stated()
-        self._formula.aim(self._aimed, self._target)
+        following = self._schedule.next_target(self._target_bound, goal) if self._aim.in_steps else goal
+        self._threshold, self._target = max(goal, following), self._aim.target(best)
+        self._conflicts_at_aim = len(self._state.conflicts)
+        self._formula = self._formula or self._make_formula()
+        self._formula.aim(self._threshold, self._target)
         for labels in [*self._waiting, *self.pool.labellings]:
             self._formula.set_aside(np.arange(len(labels)), labels)
 
-    def _stated(self) -> Formula:
+    def _make_formula(self) -> Formula:
         """Return the formula of the labellings that no conflict rules out."""
         formula = Formula(self.space, self._blocks)
         formula.learn(self._state.conflicts)
@@ -415,10 +427,10 @@ class FieldExact(ProvingDriver):
         """Return (k,) True for the labellings of the pool that belong to the target."""
         return holds(self._target, self.incumbents.counts)
 
-    def _open(self) -> Ints:
+    def _rows_to_refine(self) -> Ints:
         """Return rows of the pool to refine, not refuted: best lower and upper bounds in turns."""
         low, high = self.pool.low(), self.pool.high()
-        rows = np.flatnonzero((self._refuted > self._aimed) & ~self.pool.given_up & self._in_target())
+        rows = np.flatnonzero((self._conflict_bounds > self._threshold) & ~self.pool.given_up & self._in_target())
         by_high, by_low = rows[np.lexsort((-low[rows], -high[rows]))], rows[np.argsort(-low[rows], kind="stable")]
         turns = [int(row) for pair in zip(by_low, by_high, strict=True) for row in pair]
         return np.array(list(dict.fromkeys(turns)), dtype=np.int64)[:TOGETHER]
@@ -444,16 +456,16 @@ class FieldExact(ProvingDriver):
 
     def _refine(self, rows: Ints) -> None:
         """Refine `rows` of the pool by one mesh; add the conflicts that their fields prove."""
-        steps = self.pool.refine(rows.tolist(), self._enough(), refuting_step, (self.refuter.free, self._aimed))
+        steps = self.pool.refine(rows.tolist(), self._enough(), refuting_step, (self.refuter.free, self._threshold))
         for _, case, mesh, step in steps:
             conflict: Conflict | None = step.more
             if conflict is None or conflict.mechanism is None:
                 continue
             mechanism = replace(conflict.mechanism, case=self.refuter.add_problem(case, mesh))
-            self._add([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
+            self._add_conflicts([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
 
     def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
-        rows = np.flatnonzero(self._refuted > self._aimed)
+        rows = np.flatnonzero(self._conflict_bounds > self._threshold)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
         if not count:
             return []
@@ -463,7 +475,9 @@ class FieldExact(ProvingDriver):
             mechanism.case, velocities, labels, np.zeros_like(labels)
         ).tolist()
         pairs = zip(labels, bounds, strict=True)
-        return [Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._aimed]
+        return [
+            Conflict(faces, row[faces], bound, mechanism=mechanism) for row, bound in pairs if bound <= self._threshold
+        ]
 
     def _draw(self) -> bool:
         """Draw and refute a batch, or set `stopped` without time for it; False if none is left."""
@@ -472,8 +486,8 @@ class FieldExact(ProvingDriver):
             raise RuntimeError("the proof has no formula before its first aim")
         drawn: list[Bits] = []
         while len(drawn) < TOGETHER:
-            wish = self._rng.random(len(self.refuter.free)) < _DRY
-            labels = formula.next(preferred=wish)
+            preferred = self._rng.random(len(self.refuter.free)) < _DRY
+            labels = formula.next(preferred=preferred)
             if labels is None:
                 break
             formula.set_aside(np.arange(len(labels)), labels)
@@ -482,13 +496,13 @@ class FieldExact(ProvingDriver):
             self._stopped = True
             return True
         start = time.perf_counter()
-        found = self.refuter.refute(drawn, self._aimed, self.pool.tasks)
+        conflicts = self.refuter.refute(drawn, self._threshold, self.pool.tasks)
         self._batch_seconds = max(self._batch_seconds, time.perf_counter() - start)
-        for labels, conflict in zip(drawn, found, strict=True):
+        for labels, conflict in zip(drawn, conflicts, strict=True):
             if conflict is None:
                 self._hand_over(np.asarray(canonical(labels[None], self.space.group))[0])
             else:
-                self._add([conflict])
+                self._add_conflicts([conflict])
         return bool(drawn)
 
     def _hand_over(self, labels: Bits) -> None:
@@ -498,50 +512,50 @@ class FieldExact(ProvingDriver):
         else:
             self._waiting.append(labels)
 
-    def _add(self, conflicts: Sequence[Conflict]) -> None:
+    def _add_conflicts(self, conflicts: Sequence[Conflict]) -> None:
         self._state.add_conflicts(conflicts)
         if self._formula is not None:
             self._formula.learn(conflicts)
         for conflict in conflicts:
             matching = has_conflict(conflict, self.pool.labellings, self.space.group)
-            self._refuted[matching] = np.minimum(self._refuted[matching], conflict.bound)
+            self._conflict_bounds[matching] = np.minimum(self._conflict_bounds[matching], conflict.bound)
 
-    def _lower(self) -> None:
+    def _lower_bound(self) -> None:
         """Lower the bound to the factor aimed at, or to that of the worst unrefuted labelling."""
-        rest = float(self._refuted[self._in_target()].max(initial=-math.inf))
-        self._left_open = min(self._left_open, max(self._aimed, rest))
+        rest = float(self._conflict_bounds[self._in_target()].max(initial=-math.inf))
+        self._target_bound = min(self._target_bound, max(self._threshold, rest))
         if self._target is None:
-            self._bound = min(self._bound, self._left_open)
-        self._schedule.note_proven(len(self._state.conflicts) - self._began)
-        if self._left_open <= self._aimed and self._left_open > self._goal:
+            self._bound = min(self._bound, self._target_bound)
+        self._schedule.note_proven(len(self._state.conflicts) - self._conflicts_at_aim)
+        if self._target_bound <= self._threshold and self._target_bound > self._goal:
             self._aim_formula()
         else:
             self._end_target()
 
     def _end_target(self) -> None:
         """Record the bound of a target; begin the next that has a labelling, or end the proof."""
-        self._cut |= self.pool.late and self._left_open > self._goal
-        open_rows = (self._refuted > self._goal) & self._in_target() & (self._left_open > self._goal)
-        known = self._aim.next(self._left_open, self.incumbents.best(), self.incumbents.counts[open_rows])
-        while known is not None and not self._exists():
-            known = self._aim.next(-math.inf, {}, np.empty(0))
-        if known is None:
+        self._target_left_open |= self.pool.late and self._target_bound > self._goal
+        open_rows = (self._conflict_bounds > self._goal) & self._in_target() & (self._target_bound > self._goal)
+        bound = self._aim.next(self._target_bound, self.incumbents.best(), self.incumbents.counts[open_rows])
+        while bound is not None and not self._target_has_labelling():
+            bound = self._aim.next(-math.inf, {}, np.empty(0))
+        if bound is None:
             self._settle()
             return
-        self._left_open, self._aimed = known, math.inf
+        self._target_bound, self._threshold = bound, math.inf
         self._schedule = TargetSchedule(_PATIENCE)
         self._join_promising()
         self._aim_formula()
 
-    def _exists(self) -> bool:
+    def _target_has_labelling(self) -> bool:
         """Return whether the target has any labelling, however weak."""
-        self._formula = self._formula or self._stated()
+        self._formula = self._formula or self._make_formula()
         self._formula.aim(-math.inf, self._aim.target(self.incumbents.best()))
         return self._formula.next() is not None
 
     def _settle(self) -> None:
         """Check the ended proof, or set `stopped` if time left a target open."""
-        self._stopped, self._settled = self._cut, not self._cut
+        self._stopped, self._settled = self._target_left_open, not self._target_left_open
         if self._stopped:
             return
         claims = self._aim.claims()
