@@ -342,7 +342,7 @@ def _choose_driver(
     """Choose the driver of a search, and count the classes of its space if it is small."""
     # a search that goes on without a named driver keeps the one on record: what is small depends on the time limit
     fields = scene.cracks if isinstance(scene.cracks, FieldCracks) else None
-    choice = choose_driver(space, settings, deadline, without_proof=scene.cracks != "faces", cracks_by_fields=fields)
+    choice = choose_driver(space, settings, deadline, bounded=scene.cracks == "faces", cracks_by_fields=fields)
     if settings.resume and settings.driver is None:
         recorded_driver = str(recorded(folder / RECORDS_FILE).get("driver"))
         if recorded_driver in driver_kinds() and recorded_driver != choice[0].name:
@@ -353,20 +353,16 @@ def _choose_driver(
 def _space_of(scene: Scene, assembly: Assembly, settings: ExploreSettings) -> SearchSpace:
     """Return the space of the given driver, else that of the scene; InputError if they do not fit."""
     # An objective of the user may tell mirror images apart, unless its attribute `symmetric` is true.
-    objective, driver = settings.own_objective, settings.driver
-    why_apart = (
-        ""
-        if objective is None or getattr(objective, "symmetric", False)
-        else "an objective of your own may not have it"
-    )
+    own, driver = settings.own_objective, settings.driver
+    why = "" if own is None or getattr(own, "symmetric", False) else "an objective of your own may not have it"
     if not isinstance(driver, Driver):
-        return search_space(scene, assembly, tells_apart=why_apart)
+        return search_space(scene, assembly, tells_apart=why)
     space = driver.space
     if space.search != scene.search or space.assembly.elements.ids != assembly.elements.ids:
         raise ParameterError("driver", "it was made for the space of another scene", "search_space of this scene")
-    if why_apart and len(space.group) > 1:
+    if why and len(space.group) > 1:
         expected = 'search.symmetry "none", or an objective with the attribute symmetric = True'
-        raise ParameterError("driver", f"its space merges mirror images, and {why_apart}", expected)
+        raise ParameterError("driver", f"its space merges mirror images, and {why}", expected)
     return space
 
 
@@ -451,18 +447,18 @@ def _run_study(study: Study, deadline: Deadline) -> StopReason:
             solved_first = _solve_first(study)
             study.records.close()
         _bound_all(study, in_time=_BOUND_COST * cost_estimate(study.assembly).seconds < _STOPPING_SECONDS)
-        exploration = save_tables(
+        found = save_tables(
             write_tables(study, StopReason.INTERRUPTED, Deadline(_STOPPING_SECONDS)), csv=study.settings.csv
         )
         if study.settings.pictures:
-            part("views").write_report(exploration, patience=_STOPPING_SECONDS, deadline=Deadline(0.0))
+            part("views").write_report(found, patience=_STOPPING_SECONDS, deadline=Deadline(0.0))
         if solved_first:
             study.records = study.open_records()
             study.records.forget_evaluations()
             study.records.close()
         if isinstance(stop, Interrupted):
-            stop.done = exploration
-            if not len(exploration.results):
+            stop.done = found
+            if not len(found.results):
                 stop.words = "stopped before a layout was solved; --resume begins with the first"
         raise
     if not len(study.records) and reason is not StopReason.BUDGET:

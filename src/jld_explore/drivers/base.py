@@ -94,10 +94,8 @@ class Driver(ABC):
             def tell(self: Driver, labellings: Bits, evaluations: Sequence[Evaluation] | BatchResult) -> None:
                 rows, found = np.asarray(labellings), evaluations_of(evaluations)
                 if rows.dtype != np.bool_ or rows.ndim != 2 or len(rows) != len(found):
-                    arguments = f"they are of shape {rows.shape}, with {len(found)} evaluations"
-                    raise ParameterError(
-                        "labellings", arguments, "those that `ask` returned, one row for each evaluation"
-                    )
+                    problem = f"they are of shape {rows.shape}, with {len(found)} evaluations"
+                    raise ParameterError("labellings", problem, "those that `ask` returned, a row for each evaluation")
                 with plugins.guarded("jld.drivers", self.name):
                     original(self, rows, found)
 
@@ -106,13 +104,11 @@ class Driver(ABC):
     def _require_labellings(self, labellings: Any) -> None:
         """Raise InputError unless `ask` returned labellings (k, m), those of a driver of others in the space."""
         where, faces = f"driver {self.name!r}", len(self.space.fixed)
-        if not isinstance(labellings, np.ndarray) or labellings.dtype != np.bool_ or labellings.shape[1:] != (faces,):
-            kind = (
-                f"{labellings.dtype} of shape {labellings.shape}"
-                if isinstance(labellings, np.ndarray)
-                else type(labellings).__name__
-            )
-            raise InputError(where, f"it asks for {kind}", f"a bool array (k, {faces}), True = dry")
+        expected = f"a bool array (k, {faces}), True = dry"
+        if not isinstance(labellings, np.ndarray):
+            raise InputError(where, f"it asks for {type(labellings).__name__}", expected)
+        if labellings.dtype != np.bool_ or labellings.shape[1:] != (faces,):
+            raise InputError(where, f"it asks for {labellings.dtype} of shape {labellings.shape}", expected)
         if type(self).__module__.startswith("jld_explore."):  # they propose what the operators keep feasible
             return
         if not (admissible := feasible(self.space, labellings)).all():

@@ -48,7 +48,7 @@ def driver_kinds() -> dict[str, type[Driver]]:
     return DRIVERS | added
 
 
-def kinds_with_option(option: str) -> Iterator[type[Driver]]:
+def drivers_with(option: str) -> Iterator[type[Driver]]:
     return (kind for kind in driver_kinds().values() if option in kind.Options.model_fields)
 
 
@@ -87,9 +87,7 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
     values = {key: value for key, value in options.items() if value is not None}
     for key in values:
         if key not in kind.Options.model_fields:
-            others = (
-                " or ".join(f'`driver="{kind.name}"`' for kind in kinds_with_option(key)) or "an option that it has"
-            )
+            others = " or ".join(f'`driver="{kind.name}"`' for kind in drivers_with(key)) or "an option that it has"
             raise ParameterError(key, f"the driver {name} has no such option", others)
     if kind is Exact and space.search.require is not None:
         # with a required load factor the exact driver optimises a count
@@ -102,41 +100,29 @@ REACH: Final = 50  # most faces, dry or inner, for which the exact driver is the
 
 # labellings of the genetic driver, per face of two labels, before a proof by default (docs/notes/tried.md)
 STARTED: Final = 60
-
 BOUNDED: Final = 1500  # most faces for which a bound on all labellings is computed: about the time of a few evaluations
 
 
 def driver_for(
-    space: SearchSpace,
-    seed: int,
-    model: SolveOptions,
-    class_count: int | None,
-    options: Mapping[str, Any],
-    *,
-    without_proof: bool,
+    space: SearchSpace, seed: int, model: SolveOptions, size: int | None, options: Mapping[str, Any], *, bounded: bool
 ) -> Driver:
+    """Make the default driver; size: classes of a small space; bounded: mechanisms bound the objective."""
     # Small spaces are enumerated, those up to REACH faces go to the exact driver, which proves most of them, and larger
     # ones to the portfolio, or to the genetic driver where one mechanism says little about the objective
     # (docs/notes/tried.md).
-    if class_count is not None:
+    if size is not None:
         return make_driver("enumeration", space, seed, **options)
     set_options = {key for key, value in options.items() if value is not None}
-    all_of_exact = all(DRIVERS["exact"] in kinds_with_option(key) for key in set_options)
-    if (
-        int(space.candidates.sum()) <= REACH
-        and space.void is None
-        and all_of_exact
-        and not without_proof
-        and model.supports_bounds_over_labellings
-    ):
+    bounded &= space.void is None and model.supports_bounds_over_labellings
+    faces = int(space.candidates.sum())
+    if bounded and faces <= REACH and all(DRIVERS["exact"] in drivers_with(key) for key in set_options):
         exact = make_driver("exact", space, seed, **options)
         if isinstance(exact, Exact) and not exact.exhaustive:  # otherwise it would enumerate
             if exact.aim == "best":
-                exact.begin_with(Genetic(space, seed), STARTED * int(space.candidates.sum()))
+                exact.begin_with(Genetic(space, seed), STARTED * faces)
             return exact
-    by_portfolio = not without_proof and space.void is None and model.supports_bounds_over_labellings
-    by_portfolio &= len(space.search.front.axes) == 1
-    by_portfolio &= all(DRIVERS["portfolio"] in kinds_with_option(key) for key in set_options)
+    by_portfolio = bounded and len(space.search.front.axes) == 1
+    by_portfolio &= all(DRIVERS["portfolio"] in drivers_with(key) for key in set_options)
     return make_driver("portfolio" if by_portfolio else "genetic", space, seed, **options)
 
 
@@ -174,9 +160,8 @@ def what_would_prove(
     if reason == "exhausted" and whole:
         return "brackets of the best layouts overlap: another --solver may narrow them"
     if finite and reason != "exhausted":
-        progress = (
-            "" if summary["classes"] is None else f", {summary['evaluated']} of {summary['classes']} classes so far"
-        )
+        classes = summary["classes"]
+        progress = "" if classes is None else f", {summary['evaluated']} of {classes} classes so far"
         return f"--resume goes on to a proof{progress}"
     if space.void is not None:
         return "where cells may be left out, --driver enumeration proves, where it comes to its end"

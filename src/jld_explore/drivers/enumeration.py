@@ -53,12 +53,10 @@ def breadth_first(space: SearchSpace) -> Ints:
 Names = NDArray[np.unsignedinteger[Any]]
 
 PORTION: Final = 8192  # most labellings that one call of `ask` returns
-
 _BYTES: Final = 256 << 20  # memory for the stack of frontiers, bytes
 
 # Largest number of rows of a frontier. A frontier of this size stays in a cache level while a face is decided.
 _ROWS: Final = 1024
-
 _QUICK_ROWS: Final = 64  # number of rows of a frontier in a quick count of a space
 _QUICK_FRONTIERS: Final = 150  # number of frontiers in a quick count of a space
 # Largest number of frontiers times elements in a count of a space. A count of 2 000 frontiers of 300 elements takes

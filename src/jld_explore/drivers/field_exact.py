@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 
 
 CONFLICTS_FILE: Final = "conflicts.npz"  # name of the file of conflicts in the folder of a study
-
 _MESH: Final = [one.name for one in fields(Mesh)]  # arrays of a mesh
 
 
@@ -67,13 +66,13 @@ def save_conflicts(folder: Path, driver: FieldExact) -> None:
         "shared": np.array(shared),
         "case": np.array([number_of.get(mechanism.case, mechanism.case) for mechanism in mechanisms], dtype=np.int64),
         "load": np.array([driver.refuter.load_case(problems[case]) for case in extra_cases], dtype=np.int64),
-        **_join_arrays("faces", [conflict.faces for conflict in conflicts]),
-        **_join_arrays("labels", [conflict.labels for conflict in conflicts]),
-        **_join_arrays("velocity", [mechanism.velocity.ravel() for mechanism in mechanisms]),
+        **_join_all("faces", [conflict.faces for conflict in conflicts]),
+        **_join_all("labels", [conflict.labels for conflict in conflicts]),
+        **_join_all("velocity", [mechanism.velocity.ravel() for mechanism in mechanisms]),
     }
     for name in _MESH:
         arrays = [getattr(problems[case].mesh, name) for case in extra_cases]
-        content |= _join_arrays(f"mesh_{name}", [array.ravel() for array in arrays])
+        content |= _join_all(f"mesh_{name}", [array.ravel() for array in arrays])
     with whole_file(folder / CONFLICTS_FILE) as fresh, fresh.open("wb") as file:
         np.savez(file, **content)
 
@@ -99,18 +98,12 @@ def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]
     if int(content["shared"]) != driver.refuter.cases:
         return []
     cases = content["case"].tolist()
-    parts = {name: _split_arrays(content, f"mesh_{name}") for name in _MESH}
+    parts = {name: _split(content, f"mesh_{name}") for name in _MESH}
     for index, load in enumerate(content["load"].tolist()):
         shapes = {"points": (-1, 2), "simplices": (-1, 3), "tagged": (-1, 2)}
         arrays: dict[str, Any] = {name: parts[name][index].reshape(shapes.get(name, (-1,))) for name in _MESH}
         driver.refuter.add_problem(load, Mesh(**arrays))
-    triples = zip(
-        _split_arrays(content, "faces"),
-        _split_arrays(content, "labels"),
-        _split_arrays(content, "velocity"),
-        cases,
-        strict=True,
-    )
+    triples = zip(_split(content, "faces"), _split(content, "labels"), _split(content, "velocity"), cases, strict=True)
     conflicts = []
     for faces, labels, velocity, case in triples:
         mechanism = Mechanism(case, velocity.reshape(-1, 3, 2))
@@ -121,43 +114,33 @@ def _conflicts_in(content: dict[str, Any], driver: FieldExact) -> list[Conflict]
     return conflicts
 
 
-def _join_arrays(name: str, arrays: list[Any]) -> dict[str, Any]:
+def _join_all(name: str, arrays: list[Any]) -> dict[str, Any]:
     """Return arrays (j,) of different lengths as one array `name`, with lengths `name_sizes`."""
     sizes = np.array([len(array) for array in arrays], dtype=np.int64)
     return {name: np.concatenate(arrays) if arrays else np.empty(0), f"{name}_sizes": sizes}
 
 
-def _split_arrays(content: dict[str, Any], name: str) -> list[Floats]:
+def _split(content: dict[str, Any], name: str) -> list[Floats]:
     """Return the arrays that `_join_arrays` joined under a name."""
     return np.split(content[name], np.cumsum(content[f"{name}_sizes"])[:-1]) if len(content[f"{name}_sizes"]) else []
 
 
 _ANNEALED: Final = 0.25  # largest share of a time limit for the labellings evaluated before the proof
-
 _PATIENCE: Final = 300  # conflicts before the bound is lowered in smaller steps, about a minute
-
 _FIRST: Final = 8  # evaluated labellings of greatest lower bound that are refined before the proof begins
-
 _FIRST_OF_COUNT: Final = 2  # number as `_FIRST`, for each count of a front
 
 # Relative difference of lower bounds below which two evaluated labellings count as alike; one of them is refined
 _ALIKE: Final = 1e-4
-
 _DRY: Final = 0.5  # probability that a drawn labelling prefers a face dry
-
 _COMPARED: Final = 300  # number of the strongest labellings compared with all conflicts at the end of a proof
-
 _ROOT_CAUTION: Final = 4.0  # least time left for another mesh that bounds all labellings, over the time of the last one
 
 # Relative gap, over the gap asked for, down to which brackets of the best labellings are refined in a long proof
 _SHARP: Final = 0.4
-
 _LONG: Final = 40  # conflicts from which a proof counts as long
-
 _SHARPENED: Final = 2  # number of labellings refined together for a larger lower bound, in order of their lower bounds
-
 _SHARPENING: Final = 0.1  # largest share of the time left that one more mesh for a larger lower bound may take
-
 _CAUTION: Final = 1.5  # least time left for another batch of labellings, over the time of the longest batch
 
 
@@ -190,9 +173,9 @@ class FieldExact(ProvingDriver):
         self._restart()
 
     @classmethod
-    def to_gap(cls, gap: float, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> FieldExact:
+    def to_gap(cls, gap: float, space: SearchSpace, seed: int, values: Mapping[str, Any]) -> FieldExact:
         """Make a driver that proves to a gap; InputError for a wrong option."""
-        options = {key: value for key, value in given.items() if value is not None}
+        options = {key: value for key, value in values.items() if value is not None}
         for key in options:
             if key not in cls.Options.model_fields:
                 raise ParameterError(key, "the driver exact has no such option", "an option that it has")
@@ -208,16 +191,14 @@ class FieldExact(ProvingDriver):
         self._formula: Formula | None = None
         self._rng = np.random.default_rng([self.seed, 3])  # other drivers have streams 1 and 2
         self._schedule = TargetSchedule(_PATIENCE)
-        # λ that labellings are refuted above now; up to which the target is open; up to which any target is
-        self._threshold = self._target_bound = self._bound = math.inf
+        # λ above which labellings are refuted now; upper bounds on λ of the target, and of all labellings
+        self._threshold = self._upper = self._bound = math.inf
         self._target: int | Range | None = None
-        self._conflicts_at_aim = 0  # conflicts when the aim was set
+        self._known_conflicts = 0  # conflicts when the aim was set
         self._waiting: list[Bits] = []  # drawn, to be handed over
         # the first aim is set; time left a target open; ended with a proof of all targets; ended without
-        self._has_begun = self._target_left_open = self._settled = self._stopped = False
-        self._conflict_bounds = np.full(
-            len(self.pool), np.inf
-        )  # least bound of a conflict of each labelling of the pool
+        self._has_begun = self._left_open = self._settled = self._stopped = False
+        self._refuted_at = np.full(len(self.pool), np.inf)  # least bound of a conflict of each labelling of the pool
         self.pool.given_up[:] = False
         self._proof_check = None
 
@@ -234,9 +215,9 @@ class FieldExact(ProvingDriver):
 
     def bounds_above(self, labellings: Bits) -> Floats:
         """Return proven upper bounds (k,) on the governing factor of labellings (k, m)."""
-        return np.full(len(labellings), np.inf) if self.complaints else self._bounds_by_conflicts(labellings)
+        return np.full(len(labellings), np.inf) if self.complaints else self._conflict_bounds(labellings)
 
-    def _bounds_by_conflicts(self, labellings: Bits) -> Floats:
+    def _conflict_bounds(self, labellings: Bits) -> Floats:
         """Return upper bounds (k,) on the governing factor of labellings (k, m) by the conflicts."""
         bounds = np.full(len(labellings), self._bound)
         for conflict in self._state.conflicts:
@@ -322,9 +303,7 @@ class FieldExact(ProvingDriver):
             self._join(list(labellings))
 
     def _join(self, labellings: Sequence[Bits]) -> None:
-        self._conflict_bounds = np.concatenate(
-            [self._conflict_bounds, self._bounds_by_conflicts(self.incumbents.join(labellings))]
-        )
+        self._refuted_at = np.concatenate([self._refuted_at, self._conflict_bounds(self.incumbents.join(labellings))])
 
     # --- the proof --------------------------------------------------------------------------------------
 
@@ -341,26 +320,22 @@ class FieldExact(ProvingDriver):
             return
         best = self.incumbents.best()
         goal_rose = self._aim.goal(best) > self._threshold
-        if goal_rose or self._threshold >= self._target_bound or self._aim.target(best) != self._target:
+        if goal_rose or self._threshold >= self._upper or self._aim.target(best) != self._target:
             self._aim_formula()
-        elif (
-            rows := self._rows_to_refine()
-        ).size:  # evaluated labellings that neither a conflict nor their fields refute
+        elif (rows := self._open_rows()).size:  # evaluated labellings that nothing refutes yet
             self._refine(rows)
         elif (rows := self._wide_rows()).size:  # strong ones whose lower bounds may still rise
             self._refine_lower(rows)
         elif not self._draw():  # the formula has no labelling left
             self._lower_bound()
-        elif self._schedule.is_stuck(
-            len(self._state.conflicts) - self._conflicts_at_aim, self._target_bound, self._threshold
-        ):
+        elif self._schedule.is_stuck(len(self._state.conflicts) - self._known_conflicts, self._upper, self._threshold):
             self._aim_formula()
 
     def _begin(self) -> None:
         """Bound all labellings on finer meshes, and aim at the first target."""
         self._has_begun = True
         self._bound_finer()
-        self._target_bound = self._bound
+        self._upper = self._bound
         self._join_promising()
         self._aim_formula()
 
@@ -406,12 +381,12 @@ class FieldExact(ProvingDriver):
         """Aim the formula at the next factor to refute, or end a target that is reached."""
         best = self.incumbents.best()
         goal = self._aim.goal(best)
-        if self._target_bound <= max(goal, 0.0):
+        if self._upper <= max(goal, 0.0):
             self._end_target()
             return
-        following = self._schedule.next_target(self._target_bound, goal) if self._aim.in_steps else goal
+        following = self._schedule.next_target(self._upper, goal) if self._aim.in_steps else goal
         self._threshold, self._target = max(goal, following), self._aim.target(best)
-        self._conflicts_at_aim = len(self._state.conflicts)
+        self._known_conflicts = len(self._state.conflicts)
         self._formula = self._formula or self._make_formula()
         self._formula.aim(self._threshold, self._target)
         for labels in [*self._waiting, *self.pool.labellings]:
@@ -427,10 +402,10 @@ class FieldExact(ProvingDriver):
         """Return (k,) True for the labellings of the pool that belong to the target."""
         return holds(self._target, self.incumbents.counts)
 
-    def _rows_to_refine(self) -> Ints:
+    def _open_rows(self) -> Ints:
         """Return rows of the pool to refine, not refuted: best lower and upper bounds in turns."""
         low, high = self.pool.low(), self.pool.high()
-        rows = np.flatnonzero((self._conflict_bounds > self._threshold) & ~self.pool.given_up & self._in_target())
+        rows = np.flatnonzero((self._refuted_at > self._threshold) & ~self.pool.given_up & self._in_target())
         by_high, by_low = rows[np.lexsort((-low[rows], -high[rows]))], rows[np.argsort(-low[rows], kind="stable")]
         turns = [int(row) for pair in zip(by_low, by_high, strict=True) for row in pair]
         return np.array(list(dict.fromkeys(turns)), dtype=np.int64)[:TOGETHER]
@@ -465,7 +440,7 @@ class FieldExact(ProvingDriver):
             self._add_conflicts([replace(conflict, mechanism=mechanism), *self._conflicts_of_others(mechanism)])
 
     def _conflicts_of_others(self, mechanism: Mechanism) -> list[Conflict]:
-        rows = np.flatnonzero(self._conflict_bounds > self._threshold)
+        rows = np.flatnonzero(self._refuted_at > self._threshold)
         count, faces = len(rows), np.flatnonzero(self.refuter.free)
         if not count:
             return []
@@ -476,7 +451,7 @@ class FieldExact(ProvingDriver):
         ).tolist()
         pairs = zip(labels, bounds, strict=True)
         return [
-            Conflict(faces, row[faces], bound, mechanism=mechanism) for row, bound in pairs if bound <= self._threshold
+            Conflict(faces, own[faces], bound, mechanism=mechanism) for own, bound in pairs if bound <= self._threshold
         ]
 
     def _draw(self) -> bool:
@@ -518,31 +493,31 @@ class FieldExact(ProvingDriver):
             self._formula.learn(conflicts)
         for conflict in conflicts:
             matching = has_conflict(conflict, self.pool.labellings, self.space.group)
-            self._conflict_bounds[matching] = np.minimum(self._conflict_bounds[matching], conflict.bound)
+            self._refuted_at[matching] = np.minimum(self._refuted_at[matching], conflict.bound)
 
     def _lower_bound(self) -> None:
         """Lower the bound to the factor aimed at, or to that of the worst unrefuted labelling."""
-        rest = float(self._conflict_bounds[self._in_target()].max(initial=-math.inf))
-        self._target_bound = min(self._target_bound, max(self._threshold, rest))
+        largest = float(self._refuted_at[self._in_target()].max(initial=-math.inf))
+        self._upper = min(self._upper, max(self._threshold, largest))
         if self._target is None:
-            self._bound = min(self._bound, self._target_bound)
-        self._schedule.note_proven(len(self._state.conflicts) - self._conflicts_at_aim)
-        if self._target_bound <= self._threshold and self._target_bound > self._goal:
+            self._bound = min(self._bound, self._upper)
+        self._schedule.note_proven(len(self._state.conflicts) - self._known_conflicts)
+        if self._upper <= self._threshold and self._upper > self._goal:
             self._aim_formula()
         else:
             self._end_target()
 
     def _end_target(self) -> None:
         """Record the bound of a target; begin the next that has a labelling, or end the proof."""
-        self._target_left_open |= self.pool.late and self._target_bound > self._goal
-        open_rows = (self._conflict_bounds > self._goal) & self._in_target() & (self._target_bound > self._goal)
-        bound = self._aim.next(self._target_bound, self.incumbents.best(), self.incumbents.counts[open_rows])
+        self._left_open |= self.pool.late and self._upper > self._goal
+        open_rows = (self._refuted_at > self._goal) & self._in_target() & (self._upper > self._goal)
+        bound = self._aim.next(self._upper, self.incumbents.best(), self.incumbents.counts[open_rows])
         while bound is not None and not self._target_has_labelling():
             bound = self._aim.next(-math.inf, {}, np.empty(0))
         if bound is None:
             self._settle()
             return
-        self._target_bound, self._threshold = bound, math.inf
+        self._upper, self._threshold = bound, math.inf
         self._schedule = TargetSchedule(_PATIENCE)
         self._join_promising()
         self._aim_formula()
@@ -555,7 +530,7 @@ class FieldExact(ProvingDriver):
 
     def _settle(self) -> None:
         """Check the ended proof, or set `stopped` if time left a target open."""
-        self._stopped, self._settled = self._target_left_open, not self._target_left_open
+        self._stopped, self._settled = self._left_open, not self._left_open
         if self._stopped:
             return
         claims = self._aim.claims()

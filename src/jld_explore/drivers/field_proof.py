@@ -186,10 +186,8 @@ class FrontAim:
                 and count in self.bounds
                 and bound <= goal_of(self._no_worse(count, best), self.gap) * (1.0 + 2.0 * _BELOW)
             )
-            proven_bound = bound if sure and math.isfinite(bound) else None
-            rows.append(
-                {"count": count, "load_factor": low if low >= 0.0 else None, "bound": proven_bound, "proven": proven}
-            )
+            high = bound if sure and math.isfinite(bound) else None
+            rows.append({"count": count, "load_factor": low if low >= 0.0 else None, "bound": high, "proven": proven})
         return {"front": rows}
 
 
@@ -267,7 +265,6 @@ def aim_of(space: SearchSpace, aim: str, gap: float) -> ProofAim:
 
 # Relative amount by which bounds are raised on a change of units, so that they stay valid
 _ROUNDING: Final = 4.0 * float(np.finfo(float).eps)
-
 _MOST_WEIGHING: Final = 4  # meshes, beside those that refute, whose problems are kept in memory
 
 
@@ -348,13 +345,10 @@ class FieldRelaxation:
         if not 0 <= case < len(self.problems):
             raise ValueError(f"case: there is no problem {case}; expected 0 to {len(self.problems) - 1}")
         required = self.problems[case].required
-        mechanisms = [self.weighed(case, velocity) for velocity in velocities]
-        rows = zip(mechanisms, labellings, undecided, strict=True)
+        fields = [self.weighed(case, velocity) for velocity in velocities]
+        rows = zip(fields, labellings, undecided, strict=True)
         return np.array(
-            [
-                math.inf if mechanism is None else raised(mechanism.bound_of(*labelling) / required)
-                for mechanism, *labelling in rows
-            ]
+            [math.inf if field is None else raised(field.bound_of(*partial) / required) for field, *partial in rows]
         )
 
     def weighed(self, number: int, velocity: Floats) -> FieldMechanism | None:
@@ -401,7 +395,6 @@ class FieldProofContext:
 
 
 _MOST_TIMES: Final = 32  # triangles at which the refinement ends, over those of the coarsest mesh
-
 _MOST_TRIANGLES: Final = 6000  # triangles that no mesh exceeds: a program of more takes many seconds
 
 # Triangles of the meshes on which labellings are refuted beside the coarsest, over those of the coarsest. Of the 4 × 6
@@ -496,11 +489,11 @@ class FieldIncumbents:
         """Add labellings (m,) with stored bounds to the pool; return the new ones (k, m)."""
         new = [labels for labels in labellings if not self.in_pool(labels)]
         added = np.array(new, dtype=bool).reshape(len(new), len(self._space.fixed))
-        known = np.array([self._evaluated[labels.tobytes()] for labels in new]).reshape(-1, 3)
+        bounds = np.array([self._evaluated[labels.tobytes()] for labels in new]).reshape(-1, 3)
         for labels in new:
             self._rows[labels.tobytes()] = len(self._rows)
-        self.pool.add(added, known[:, 0], known[:, 1])
-        self.counts = np.concatenate([self.counts, known[:, 2]])
+        self.pool.add(added, bounds[:, 0], bounds[:, 1])
+        self.counts = np.concatenate([self.counts, bounds[:, 2]])
         return added
 
     def best(self) -> dict[int, float]:
@@ -541,7 +534,6 @@ _KEPT_RELAXATIONS: Final = 4  # number of meshes whose programs a process keeps
 # Single faces tried in vain on each mesh before a conflict is accepted. With three on the finest mesh alone the 4 × 6
 # wall of 20 kPa takes over 168 s of processor time instead of 131 s.
 _TRIES: Final = 1
-
 _SHORT: Final = 5  # number of faces of a conflict up to which finer meshes are not tried to shorten it
 
 
@@ -638,9 +630,7 @@ def _whole_conflict(fields: Fields, required: float, free: Bools) -> Conflict | 
 
 
 _FADING: Final = 0.1  # weight of the last labelling in the share of labellings that a mesh refutes
-
 _RARELY: Final = 0.1  # share of labellings refuted by a mesh below which it is left out
-
 _AGAIN: Final = 8  # A mesh that is left out is still tried once in this number of batches
 
 
@@ -697,8 +687,8 @@ class FieldRefuter:
 
     def refute_on(self, meshes: Sequence[CommonMeshes]) -> None:
         """Refute labellings on some finer meshes too from now on, beside the coarsest."""
-        positions = dict.fromkeys(zip(*(mesh.shared for mesh in meshes), strict=True))
-        levels = tuple(tuple(one.meshes[k] for one, k in zip(meshes, row, strict=True)) for row in positions)
+        positions = dict.fromkeys(zip(*(common.shared for common in meshes), strict=True))
+        levels = tuple(tuple(common.meshes[k] for common, k in zip(meshes, row, strict=True)) for row in positions)
         self._setup = replace(self._setup, levels=levels)
         self._share = [1.0] * len(levels)
         for level in range(1, len(levels)):
@@ -728,8 +718,8 @@ class FieldRefuter:
     def _levels(self) -> tuple[int, ...]:
         """Return the levels of meshes to try first; those that rarely refute only at intervals."""
         self._batches += 1
-        again = not self._batches % _AGAIN
-        return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or again)
+        try_all = not self._batches % _AGAIN
+        return tuple(level for level, share in enumerate(self._share) if share >= _RARELY or try_all)
 
     def context(self) -> FieldProofContext:
         """Return the data for the check of a proof, which weighs all mechanisms again."""

@@ -33,12 +33,10 @@ if TYPE_CHECKING:
 
 # default storage in the folder of a study: a journal; a database takes 58 ms a trial, this 4 ms
 FILE: Final = "optuna.journal"
-
 _RETRIES: Final = 4  # number of retries to open a database in which another search is creating its tables
 
 # Packages that some samplers need and that the project does not require
 _PACKAGES: Final = {"cmaes": "cmaes", "gp": "torch"}
-
 _SEED_BOUND: Final = 2**32  # bound on seeds of the library: each is below this number
 
 # Exceptions of the library for a journal file that is damaged or in another format

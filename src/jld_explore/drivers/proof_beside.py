@@ -30,7 +30,6 @@ from jld_explore.evaluation.protocol import Evaluation
 from jld_explore.space.search_space import SearchSpace
 
 LEAST_SECONDS: Final = 5.0  # shortest time of a search with a proof beside it; its process takes two seconds to start
-
 _SIDE_SECONDS: Final = 6e-4  # time of the program for each side of a block; 40 000 to 77 000 sides took 24 to 48 s
 _SIDE_MEMORY: Final = 16e3  # memory of the program for each side of a block, bytes
 _CAPPED: Final = 0.1  # share of the time left for the second program, of normal forces that are bounded
@@ -122,30 +121,25 @@ class _Proof:
 
     def at_root(self, deadline: Deadline) -> ProofStatus:
         """Solve the block relaxation of all possible blocks; below normal forces that no stronger layout exceeds."""
-        relaxation_of_faces = relaxation_of(self.space.assembly)
-        if self.blocks is None or relaxation_of_faces is None:
+        by_faces = relaxation_of(self.space.assembly)
+        if self.blocks is None or by_faces is None:
             return self.status
-        most = min(
-            relaxation_of_faces.bound(self.space.fixed, self.space.candidates),
-            self.status.bound / relaxation_of_faces.unit,
-        )
-        least = max(self.status.low / relaxation_of_faces.unit, 0.0)
+        most = min(by_faces.bound(self.space.fixed, self.space.candidates), self.status.bound / by_faces.unit)
+        least = max(self.status.low / by_faces.unit, 0.0)
         if least > 0.0 and _SIDE_SECONDS * sides_of(self.space, self.blocks.blocks) > _CAPPED * deadline.remaining():
             return self.status
-        caps = self._caps(relaxation_of_faces, least, most, deadline) if least > 0.0 else []
+        caps = self._caps(by_faces, least, most, deadline) if least > 0.0 else []
         if caps is not None:
             relaxation = self.blocks.relaxation((), deadline.remaining(), caps)
             every = np.ones(len(self.blocks.blocks), dtype=bool)
-            bound = float(relaxation.bound_all([(every, 0.0, most)])[0].bound * relaxation_of_faces.unit)
+            bound = float(relaxation.bound_all([(every, 0.0, most)])[0].bound * by_faces.unit)
             if math.isfinite(bound) and bound < self.status.bound:
                 self.status = self.status._replace(bound=max(bound, self.status.low), by="block by block")
         return self.status
 
-    def _caps(
-        self, relaxation_of_faces: AnyRelaxation, least: float, most: float, deadline: Deadline
-    ) -> list[Floats] | None:
+    def _caps(self, by_faces: AnyRelaxation, least: float, most: float, deadline: Deadline) -> list[Floats] | None:
         """Bound the normal forces (m,) of layouts from `least` to `most`, for each case; None where that gives none."""
-        caps_of_cases = []
+        limits = []
         for case, required in zip(self.space.assembly.by_case, self.space.assembly.required, strict=True):
             try:
                 caps = NormalCaps(LimitAnalysis(case), self.space.fixed, self.space.candidates)
@@ -153,12 +147,10 @@ class _Proof:
                 return None
             unit = caps.unit / (float(required) if self.space.assembly.cases else 1.0)
             caps.tighten(
-                least * relaxation_of_faces.unit / unit * (1.0 - 1e-12),
-                most * relaxation_of_faces.unit / unit * (1.0 + 1e-12),
-                deadline,
+                least * by_faces.unit / unit * (1.0 - 1e-12), most * by_faces.unit / unit * (1.0 + 1e-12), deadline
             )
-            caps_of_cases.append(caps.caps)
-        return caps_of_cases
+            limits.append(caps.caps)
+        return limits
 
     def prove(self, deadline: Deadline) -> None:
         """Run the exact driver until it ends or the deadline passes, in a thread that `_continue_proof` looks at."""

@@ -37,8 +37,8 @@ class StandingStart:
         self._space, self._search = space, search
         self._driver: Driver | None = None
         self._analyses: list[LimitAnalysis] = []
-        self._fallen, self._due, self._looked_at, self._share = 0, 0.0, 0, _LAYOUT_SHARES[1]
-        self._least_bond = self._previous_least = math.inf  # least bond, and that when success was judged last
+        self._fallen, self._due, self._looked, self._share = 0, 0.0, 0, _LAYOUT_SHARES[1]
+        self._least_bond = self._least_before = math.inf  # least bond, and that when success was judged last
         self._ended = False
 
     def watch(self, evaluations: Sequence[Evaluation]) -> None:
@@ -61,12 +61,12 @@ class StandingStart:
                 driver = None
                 break
             standing = self._tell_bonds(driver, labellings)
-            self._due, self._looked_at = self._due - len(labellings), self._looked_at + len(labellings)
-            if self._looked_at >= _JUDGED_AFTER or len(standing):  # what should stand and does not is no success
+            self._due, self._looked = self._due - len(labellings), self._looked + len(labellings)
+            if self._looked >= _JUDGED_AFTER or len(standing):  # what should stand and does not is no success
                 self._share = _LAYOUT_SHARES[
-                    self._least_bond < (1.0 - _GAIN) * self._previous_least and not len(standing)
+                    self._least_bond < (1.0 - _GAIN) * self._least_before and not len(standing)
                 ]
-                self._looked_at, self._previous_least = 0, self._least_bond
+                self._looked, self._least_before = 0, self._least_bond
         self._ended = driver is None
         return standing
 
@@ -82,17 +82,15 @@ class StandingStart:
         glued_space.__dict__.update(limits=self._space.limits, laying=self._space.laying)  # loads do not matter to them
         return self._search(glued_space)
 
-    def _tell_bonds(self, driver: Driver, labellings: Bits) -> Bits:
+    def _tell_bonds(self, driver: Driver, rows: Bits) -> Bits:
         """Tell the driver of labellings (k, m), better for less bond; return those that should stand."""
-        bond, cases = self._bonds(labellings)
+        bond, cases = self._bonds(rows)
         values = (1.0 / np.maximum(bond, _STANDS)).tolist()
-        governing = cases.tolist() if self._analyses[1:] else [-1] * len(labellings)
+        governing = cases.tolist() if self._analyses[1:] else [-1] * len(rows)
         pairs = zip(values, governing, strict=True)
-        driver.tell(
-            labellings, [Evaluation(Status.COLLAPSE, value, value, value, governing=case) for value, case in pairs]
-        )
+        driver.tell(rows, [Evaluation(Status.COLLAPSE, score, score, score, governing=case) for score, case in pairs])
         self._least_bond = min(self._least_bond, float(bond.min()))
-        return np.asarray(labellings[bond <= _STANDS])
+        return np.asarray(rows[bond <= _STANDS])
 
     def _bonds(self, labellings: Bits) -> tuple[Floats, Ints]:
         """Return the bond that labellings (k, m) lack, as `_LARGEST_BOND`, and the case that lacks most: (k,)."""

@@ -32,7 +32,6 @@ CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 """Term "classes" with its explanation, used where it first appears."""
 
 _STAGE_SECONDS: Final = 1.0  # longest time to find out which stage of laying falls first, for a message, s
-
 _MAKING_SECONDS: Final = 1.0  # time to make a driver once the time of a search is over, s
 
 # Share of the remaining time for counting the classes of a space; a slower count means that the space is large.
@@ -44,11 +43,11 @@ def choose_driver(
     settings: ExploreSettings,
     deadline: Deadline | None = None,
     *,
-    without_proof: bool = False,
+    bounded: bool = True,
     cracks_by_fields: FieldCracks | None = None,
 ) -> tuple[Driver, int | None]:
-    """Return the driver, and the number of classes of a small space; without_proof: none by faces unless named."""
-    # Mechanisms do not bound an objective of the user, an experiment or a reliability.
+    """Return the driver, and the number of classes of a small space; bounded: mechanisms bound the objective."""
+    # They bound no objective of the user, no experiment and no reliability.
     driver = settings.driver
     if isinstance(driver, str):
         driver_named(driver)
@@ -66,9 +65,9 @@ def choose_driver(
         return driver, class_count
     if driver is None:
         ranked_otherwise = settings.experiment is not None or settings.reliability is not None
-        without_proof |= settings.by_experiment or ranked_otherwise or settings.own_objective is not None
+        bounded &= not (settings.by_experiment or ranked_otherwise or settings.own_objective is not None)
         make: Callable[[], Driver] = partial(
-            driver_for, space, settings.seed, settings.model, class_count, settings.options, without_proof=without_proof
+            driver_for, space, settings.seed, settings.model, class_count, settings.options, bounded=bounded
         )
     elif driver == FieldExact.name and cracks_by_fields is not None:
         make = partial(FieldExact.to_gap, cracks_by_fields.gap, space, settings.seed, settings.options)

@@ -167,12 +167,9 @@ class FieldStudy(Study):
         requested = keys(labellings)
         bounds = np.array([bounds_of.get(key, unknown) for key in requested]).reshape(-1, 2)
         count = len(self.assembly.cases)
-        case_bounds_of = dict(zip(keys_of(rows), rows["cases"][:, :count], strict=True))
-        cases = (
-            np.array([case_bounds_of.get(key, np.full(count, np.nan)) for key in requested]).reshape(-1, count)
-            if count
-            else None
-        )
+        of_cases = dict(zip(keys_of(rows), rows["cases"][:, :count], strict=True))
+        unbounded = np.full(count, np.nan)
+        cases = np.array([of_cases.get(key, unbounded) for key in requested]).reshape(-1, count) if count else None
         pool = FieldPool(self.assembly, np.empty((0, labellings.shape[1]), dtype=bool), self.deadline)
         pool.tasks.jobs = self.settings.jobs
         pool.add(labellings, bounds[:, 0], bounds[:, 1], cases)

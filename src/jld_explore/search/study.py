@@ -45,10 +45,8 @@ if TYPE_CHECKING:
 _ROW: Final = 1e-4  # time reserved from a limit for tables and page, s per recorded labelling; 90 000 took 9 s
 PORTION: Final = 128  # largest number of labellings requested at a time if pruning thresholds can avoid solves
 
-
 # Multiple of the expected time of an evaluation after which workers without a result count as hung
 _HANGS: Final = 20.0
-
 
 # Expected time of an evaluation, s, up to which the first one of a search is finished although a signal arrived
 _SOON: Final = 1.6
@@ -82,7 +80,7 @@ class Study:
         # space may turn out to be empty.
         self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
         self.settings, self.total, self.report = settings or ExploreSettings(), total, report
-        self._make_evaluator, self._before_first_evaluation = make, before_first_evaluation
+        self._make, self._before_first_evaluation = make, before_first_evaluation
         self.deadline = Deadline(self.settings.seconds) if deadline is None else deadline
         self._search_end = self.deadline.end  # with the time for tables
         self._timed_out = self._space_is_empty = False
@@ -122,13 +120,10 @@ class Study:
         if self.space.void is not None:
             real = self.space.void.real
             return VoidStanding(lambda text: cut(real, text), self.space.void.texts, self.settings.model)
-        other_objective = self.settings.own_objective is not None or self.settings.by_experiment
-        options: dict[str, Any] = {
-            "by_load_factor": not other_objective,
-            "threads": min(self.settings.jobs, MOST_THREADS),
-        }
-        if isinstance(self._make_evaluator, MakeCellEvaluator):
-            cells = self._make_evaluator.cells
+        other = self.settings.own_objective is not None or self.settings.by_experiment
+        options: dict[str, Any] = {"by_load_factor": not other, "threads": min(self.settings.jobs, MOST_THREADS)}
+        if isinstance(self._make, MakeCellEvaluator):
+            cells = self._make.cells
             return Standing(cells.fine, self.settings.model, cells.labels, **options)
         return Standing(self.assembly, self.settings.model, **options)
 
@@ -270,10 +265,8 @@ class Study:
     def _start_proof(self) -> ProofBeside | None:
         """Start a proof beside the search, unless the driver proves or would end before it."""
         settings, driver = self.settings, self.driver
-        other_aim = (
-            settings.own_objective is not None or settings.by_experiment or self._make_evaluator is not evaluator_of
-        )
-        if other_aim or driver.modular or (driver.exhaustive and self.total is not None):
+        other = settings.own_objective is not None or settings.by_experiment or self._make is not evaluator_of
+        if other or driver.modular or (driver.exhaustive and self.total is not None):
             return None
         return ProofBeside.of(self.space, settings.model, self.deadline)
 
@@ -294,10 +287,8 @@ class Study:
         settings = self.settings
         if settings.own_objective is not None or not settings.model.supports_bounds_over_labellings:
             return math.inf
-        assembly = (
-            self._make_evaluator.cells.fine if isinstance(self._make_evaluator, MakeCellEvaluator) else self.assembly
-        )
-        return cost_estimate(assembly).seconds
+        cells = self._make.cells.fine if isinstance(self._make, MakeCellEvaluator) else self.assembly
+        return cost_estimate(cells).seconds
 
     def _workers(self) -> Workers:
         settings, spec = EvaluatorSettings(self.settings.model), self.worker_spec
@@ -306,14 +297,14 @@ class Study:
             self.settings.jobs,
             len(self.assembly.interfaces),
             hang_seconds=max(HANG_SECONDS, _HANGS * cost_estimate(self.assembly).seconds),
-            batch=self._make_evaluator is evaluator_of and settings.batched and spec.settles_nearly_all,
+            batch=self._make is evaluator_of and settings.batched and spec.settles_nearly_all,
             ahead=self.driver.ahead,
             then=None if self.space.void is not None else self.standing.foresee,
         )
 
     @property
     def worker_spec(self) -> WorkerSpec:
-        return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make_evaluator)
+        return WorkerSpec.of(self.assembly, EvaluatorSettings(self.settings.model), self._make)
 
     def _restore(self) -> None:
         rows = self.records.rows["labelling"]
